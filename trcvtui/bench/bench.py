@@ -49,30 +49,30 @@ NEVER: Final = 1 << 62
 
 
 def enter_own_network(kernel: str, sim: SimDecl = NO_ADDRESSES) -> None:
-    """Move this process into a fresh network with the addresses of [sim]; raise UserError where it cannot."""
+    """Move this process into a new network with the addresses of [sim]; raise UserError if that fails."""
     if kernel != "live":
-        raise mistake("--netns", f"--kernel {kernel}", "--kernel live, which has a network to be moved")
+        raise mistake("--netns", f"--kernel {kernel}", "--kernel live: only that one uses a real network")
     from trcvtui.net.os.network import enter_namespace
 
     wrong = enter_namespace(sim.addresses, sim.not_ethernet)
     if wrong:
-        raise mistake("--netns", wrong, "one that lets a program have a network of its own")
+        raise mistake("--netns", wrong, "a system that lets a program have its own network")
 
 
 def set_link(kernel: Kernel, connect: str, up: bool) -> tuple[str, str]:
-    """Cut the wire of a CONNECT or mend it; return what is wrong, or "", and by what means it was done."""
+    """Cut the wire of a CONNECT or mend it; return what is wrong, or "", and how it was done."""
     if isinstance(kernel, SimKernel):
         return kernel.set_link(connect, up), "simulated wire"
     from trcvtui.net.os.network import LOOPBACK_INTERFACE, has_own_network, set_loopback
 
-    if has_own_network():
+    if has_own_network():  # then no other program uses its loopback
         how = "up" if up else "down: it carries every CONNECT and peer"
         return set_loopback(up), f"interface {LOOPBACK_INTERFACE} {how}"
     return kernel.set_link(connect, up), "packets pass again" if up else "packets dropped at the sockets"
 
 
 def link_of(peer: PeerDecl, project: Project) -> str:
-    """Return the name that `link NAME down` needs for this peer, "" where no CONNECT leads to it."""
+    """Return the name that `link NAME down` needs for this peer, "" if no CONNECT leads to it."""
     end = peer.remote if peer.udp else peer.end
     if isinstance(end, str):
         return end.removeprefix("@")
@@ -93,7 +93,7 @@ def _connects_by_instance(project: Project) -> dict[str, str]:
 
 
 class TrafficCheck:
-    """One `check on`; it ends with the next one, or with `check off`."""
+    """One `check on`; it ends with the next `check on` or `check off`."""
 
     def __init__(self, peer: Peer, command: CheckOn) -> None:
         self._peer = peer
@@ -106,7 +106,7 @@ class TrafficCheck:
 
     @property
     def instance(self) -> str:
-        """Return the instance whose DATA is judged, "" where none is."""
+        """Return the instance whose DATA is checked, "" for none."""
         return self._command.instance
 
     def due_at(self, now: int) -> int | None:
@@ -135,7 +135,7 @@ KERNEL_NAMES: Final = ("sim", "live")
 
 
 def _network_of_this_machine() -> OsKernel:
-    from trcvtui.net.os.kernel import OsKernel  # with the sockets' library: a simulated bench waits for none
+    from trcvtui.net.os.kernel import OsKernel  # loads the socket library: a simulated bench needs none
 
     return OsKernel()
 
@@ -148,21 +148,21 @@ class Bench:
         self._works_on = _connects_by_instance(project)
         self.kernel_name = kernel
         self.lines: dict[str, SimSerialPort] = {}  # simulated ones by their ComBuffer, for a test's partners
-        self.on_tap: Callable[[words.Intervene], str] | None = None  # where a tap feeds this bench
-        self._seam = seam  # records what is asked, or answers it from a record
+        self.on_tap: Callable[[words.Intervene], str] | None = None  # set if a tap feeds this bench
+        self._seam = seam  # records each call and its result, or answers calls from a recording
         self._note_arrivals = _do_nothing
-        self._untold: tuple[StatusEdge, ...] = ()  # what the last scan has changed, not recorded yet
+        self._unrecorded: tuple[StatusEdge, ...] = ()  # changes of the last scan that are not recorded yet
         self.plan = FaultPlan()
         self.now = 0
-        self.late_ns = self.late_scans = 0  # by how much this scan began late, on real sockets; how many did
-        self._scan_at = NEVER  # when the next one is to begin, as long as there is no hold
+        self.late_ns = self.late_scans = 0  # on real sockets: how late this scan began; how many were late
+        self._scan_at = NEVER  # when the next scan shall begin; NEVER after a hold, which is no lateness
         self._is_replay = seam is not None and seam.has_answers
-        self._sim = _make_sim_kernel(project) if kernel == "sim" or self._is_replay else None
+        self._sim = _make_sim_kernel(project) if kernel == "sim" or self._is_replay else None  # no sockets
         self._kernel: SimKernel | OsKernel = self._sim or _network_of_this_machine()
         self._faulty = FaultyKernel(self._kernel, self.plan)
-        now_ns = clock.now_ns if self._sim is None else self._time  # what handshakes are measured by
+        now_ns = clock.now_ns if self._sim is None else self._time  # measures the handshakes of a scan
         self._work, self._peers_work = self._make_budget(now_ns), ScanBudget(now_ns)
-        self.reports: Path | None = None  # the folder for reports of internal errors, None: the platform's
+        self.reports: Path | None = None  # folder for reports of internal errors, None: the state folder
         is_due = getattr(seam, "has_failed", None)  # of a replay
         self.containment = Containment(self._record_exception, self._report, self._note, is_due, self._bypass)
         self._has_sessions = any(config.session is not None for config in project.connects)
@@ -191,7 +191,7 @@ class Bench:
         for peer in self.peers.values():
             if not peer.decl.active and (wrong := peer.listen()):
                 self.close()
-                raise mistake(f"{project.path}: peer {peer.decl.name}: local", wrong, "an end that is free")
+                raise mistake(f"{project.path}: peer {peer.decl.name}: local", wrong, "a free end")
         if seam is not None:
             seam.is_busy = False
 
@@ -226,17 +226,14 @@ class Bench:
 
     @staticmethod
     def _add_seam(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
-        from trcvtui.recording.seam import wrap_kernel  # a bench that is not recorded waits for none of it
+        from trcvtui.recording.seam import wrap_kernel  # only a recorded bench needs it
 
         return wrap_kernel(seam, label, make, is_noted)
 
     def _make_layer_kernel(self) -> LayerKernel:
-        """Return what stands between the PLC and its kernel where a CONNECT has a session.
-
-        One session of each is made for nothing, so that no scan has to load the library and the certificates.
-        """
+        """Return the layer between the PLC and its kernel that speaks the sessions of the CONNECTs."""
         for config in self.project.connects:
-            if config.session is not None:
+            if config.session is not None:  # made once now, so that no scan loads library and certificates
                 config.session.make_session(config.active)
         return LayerKernel(self._wire_kernel(), self._time, self._note_layer, self._on_error, work=self._work)
 
@@ -307,7 +304,7 @@ class Bench:
                 self._seam.is_busy = is_busy
 
     def _report(self, error: BaseException) -> ExceptionNote:
-        from trcvtui.bench.error_report import MOST_LEDGER_LINES, report_error  # read when first needed
+        from trcvtui.bench.error_report import MOST_LEDGER_LINES, report_error  # only after an error
 
         lines = self.runtime.ledger.lines_since(0, MOST_LEDGER_LINES)
         return report_error(error, self.project, lines, self.reports)
@@ -351,7 +348,7 @@ class Bench:
         return self._sim
 
     def quiet_until(self) -> int | None:
-        """Return when time alone changes something, as `Runtime.quiet_until`; a program waits for scans."""
+        """Return `Runtime.quiet_until`; `now` if a program, check, peer or session may act in any scan."""
         is_alone = self._program.is_over and not (self._checks or self.peers or self._has_sessions)
         return self.runtime.quiet_until() if is_alone else self.now
 
@@ -369,24 +366,24 @@ class Bench:
         self.record_outputs()
         self._seam.is_busy = True
         self._run_scan(self._seam.ask("bench", "step", (), lambda: due))
-        self._untold = self.runtime.changed
+        self._unrecorded = self.runtime.changed
         self._seam.is_busy = False
         if self._is_replay:
             self.record_outputs()
 
     def record_outputs(self) -> None:
-        """Record what has changed in the last scan: in the gap after it, before anything else is done."""
-        if self._seam is not None and self._untold:
+        """Record what the last scan changed; called in the gap after it, before anything else is done."""
+        if self._seam is not None and self._unrecorded:
             self._seam.is_busy = True
-            for edge in self._untold:
+            for edge in self._unrecorded:
                 works_on = self._works_on.get(edge.instance, "")
                 self._seam.ask(edge.instance, "shows", (works_on, *edge.outputs), _do_nothing)
-            self._untold = ()
+            self._unrecorded = ()
             self._seam.is_busy = False
 
     def _run_scan(self, now: int) -> None:
         late, interval = now - self._scan_at, self.runtime.interval_ns
-        self.late_ns = late if late > interval // 2 else 0
+        self.late_ns = late if late > interval // 2 else 0  # less is usual jitter
         self.late_scans += late > interval // 2
         self.now, self._scan_at = now, now + interval if self.kernel_name == "live" else NEVER
         if self._sim is not None and not self._is_replay:
@@ -430,7 +427,7 @@ class Bench:
     def _find_act_time(self, scan: int) -> object:
         """Return when peers act next before a scan: one is due, or the simulated network moves; None: never.
 
-        It is a multiple of the shortest interval that a task can have, so that there are only so many.
+        It is a multiple of the shortest interval of a task, which bounds the steps between two scans.
         """
         if self._is_replay:
             entry = cast("ReplaySeam", self._seam).peek_call()
@@ -445,7 +442,7 @@ class Bench:
         if self._sim is not None and not self._is_replay:
             self._sim.advance(at)
         self.step_peers()
-        if any(due <= at for due in self._due_times()):  # it is connected, or has nothing unsent, only now
+        if any(due <= at for due in self._due_times()):  # a peer connected, or sent its last byte, just now
             self.step_peers()
 
     def _due_times(self) -> Iterator[int]:
@@ -489,7 +486,7 @@ class Bench:
         if act is None:
             return f"{type(command).__name__} lets scans pass"
         line = "" if self._seam is None or self._seam.is_busy else row.write(command)
-        self.containment.restore_parts(("peer", getattr(command, "peer", "")))  # it is tried again
+        self.containment.restore_parts(("peer", getattr(command, "peer", "")))  # a failed peer gets a new try
         wrong = self._record_and_do(
             "do", line, lambda: self.containment.attempt(COMMAND, lambda: act(self, command))
         )
@@ -499,7 +496,7 @@ class Bench:
         self._program.filter_steps(left_of)
 
     def skip(self, scans: int) -> None:
-        """Count scans in which nothing happens; they are not run."""
+        """Count scans in which nothing happens, without running them."""
         if self._seam is not None:
             self._seam.is_busy = True
             self._seam.ask("bench", "skip", (scans,), _do_nothing)
@@ -507,7 +504,7 @@ class Bench:
         self.runtime.skip(scans)
 
     def record_line(self, line: str) -> None:
-        """Record a line of the screen that is not the bench's to carry out."""
+        """Record a line of the screen that the bench does not carry out."""
         self._record_and_do("do", line, _do_nothing)
 
     def submit(self, *orders: commands.Command) -> str:
@@ -520,7 +517,7 @@ class Bench:
         return self.submit(order)
 
     def replace_project(self, project: Project) -> None:
-        """Let the project be one with more parts, or other ones: the PLC has them from its next scan on."""
+        """Take over a project with added or changed parts; the PLC has them from its next scan on."""
         orders: list[commands.Command] = []
         for kind in ("connects", "udp_configs", "addrs", "combuffers", "data"):
             had = {each.name: each for each in getattr(self.project, kind)}
@@ -569,7 +566,7 @@ class Bench:
         if old is not None:
             old.end()
         wrong = self._add_peer(decl, edited) if decl is not None else ""
-        if wrong and old is not None:
+        if wrong and old is not None:  # the edit is refused: the old peer is needed again
             old.listen()
         if not wrong and before is not None:
             self.stop_check(words.CheckOff(before.name))
@@ -582,7 +579,7 @@ class Bench:
     def _renew_routines(self) -> None:
         routines = read_routines(self.project)
         for decl in self.project.peers:
-            if any(text.startswith("message ") for text in decl.says):
+            if any(text.startswith("message ") for text in decl.says):  # the library may have changed
                 self._self_acting[decl.name] = AutomaticPeer(self.peers[decl.name], routines[decl.name])
 
     def _enable_sessions(self, decl: object) -> None:
@@ -627,7 +624,7 @@ class Bench:
         return wrong
 
     def order_tap(self, command: words.Intervene) -> str:
-        """Hand it to the tap that feeds this bench; what it did, it tells."""
+        """Send the order to the tap that feeds this bench; the tap reports by events what it did."""
         return self.on_tap(command) if self.on_tap else f"no tap runs here: `trcvtui tap` runs {command.tap}"
 
     def arm_fault(self, command: words.FaultOn) -> str:
@@ -642,7 +639,7 @@ class Bench:
         return ""
 
     def note(self, subject: str, what: str, detail: str = "") -> None:
-        """Write into the ledger what came from outside of the PLC."""
+        """Write into the ledger something that happened outside of the PLC."""
         self.runtime.ledger.write(BenchNote(subject, what, detail))
 
     def close(self) -> None:
@@ -660,7 +657,7 @@ class Bench:
 
 
 def _do_nothing() -> None:
-    """Do nothing: what is recorded is that it was told."""
+    """Do nothing: only the call itself is recorded."""
 
 
 def _make_sim_kernel(project: Project) -> SimKernel:
@@ -670,10 +667,10 @@ def _make_sim_kernel(project: Project) -> SimKernel:
 
 
 def _make_plc_command(edit: Edit, edited: Project) -> commands.Command | None:
-    """Return what an edit changes in the PLC; None: nothing, it is of the library."""
+    """Return the order to the PLC for an edit, None if the PLC does not need to know of it."""
     before, decl = edit.before, edit.after
     if isinstance(decl, ComBufferDecl):
-        decl = edited.combuffer(decl.name)  # what writes and feeds it, its neighbours tell
+        decl = edited.combuffer(decl.name)  # with is_written and is_fed, which depend on other entries
     match before, decl:
         case (None, InstanceDecl()):
             return commands.CreateInstance(decl, edit.place)

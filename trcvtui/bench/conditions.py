@@ -1,4 +1,4 @@
-"""What `wait` and `expect` look at: whether a condition holds now, and what was found."""
+"""Conditions of `wait` and `expect`: whether one holds now, and what was found."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from trcvtui.udt.layout.values import decode_leaves
 
 
 class WatchedBench(Protocol):
-    """What a condition looks at of a bench."""
+    """The parts of a bench that a condition needs."""
 
     @property
     def project(self) -> Project: ...
@@ -69,7 +69,7 @@ def pin_now(bench: WatchedBench, instance: str, pin: str) -> PinValue:
     """Return the value of a pin, an input or an output, after the last finished scan."""
     if outcome_field(pin):
         return bench.runtime.outputs(instance).pin(pin)
-    # An instance that no scan has created yet has pins, and they are 0.
+    # An instance has its pins before the scan that creates it; they are 0.
     return bench.runtime.inputs(instance).get(pin, 0)
 
 
@@ -78,7 +78,7 @@ def _hex(payload: bytes) -> str:
 
 
 def _is_equal(found: Value | None, expected: Value) -> bool:
-    # NaN is expected by name and equals nothing, not even itself.
+    # NaN equals nothing, not even itself, but `expect` can ask for it.
     return bool(found == expected) or (found != found and expected != expected)
 
 

@@ -1,6 +1,6 @@
-"""The doctor of a bench: when it looks, what it has found, whose that is, which line waits for it.
+"""The doctor of a bench: when it looks, its findings by CONNECT, and the lines that wait for them.
 
-Rule: a process judges (diagnosis/doctor_process.py); its bounded answer is read in a gap between scans.
+Rule: another process judges (diagnosis/doctor_process.py); its bounded answer is read between two scans.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ if TYPE_CHECKING:
     from trcvtui.bench.bench import Bench
 
 LOOK_PAUSE_NS: Final = 3_000_000_000  # between two looks while the card is open
-REST_FACTOR: Final = 5  # it rests so many times as long as it looked
+REST_FACTOR: Final = 5  # between two looks it rests this many times the last look's duration
 HEALTHY: Final = "healthy"
-NOT_KEPT_TEXT: Final = "this run is not kept: [options] black_box on, or `--record`, lets it be judged"
+NOT_KEPT_TEXT: Final = "this run is not kept; the doctor needs black_box = on in [options], or `--record`"
 
 
 class Judge(Protocol):
-    """A process that looks at the run; `judged` has what it has found, as JSON."""
+    """A process that looks at the run; `result_json` has its findings."""
 
     result_json: bytes
-    progress: str  # in plain words, "": it has told nothing yet
-    looks_again: bool  # at a run that goes on
+    progress: str  # in plain words, "": none yet
+    looks_again: bool  # whether the run continues, so that a later look may find more
 
     @property
     def is_judging(self) -> bool: ...
 
     def start_judging(self) -> None:
-        """Let it look; raise UserError where there is nothing to look at."""
+        """Let it look; raise UserError if there is nothing to look at."""
 
     def advance(self) -> None:
         """Find out whether it has ended."""
@@ -57,7 +57,7 @@ class BenchDoctor:
         self._looks = False
 
     def ask(self, judge: Judge, bench: Bench, number: int, line: str, command: Doctor) -> str:
-        """Let the judge look, and answer the line when it has; return what to tell meanwhile."""
+        """Let the judge look, and answer the line when it has; return what to show meanwhile."""
         if judge.looks_again or not self.snapshot.looks:
             self._start_judging(judge, bench)
         self._waiting.append((number, line, command))
@@ -73,7 +73,7 @@ class BenchDoctor:
         self._began_ns, self._scan, self._looks = clock.now_ns(), bench.runtime.scans, True
 
     def _try_judging(self, judge: Judge, bench: Bench) -> None:
-        """Let it look; what stands in the way is `trouble` of the snapshot: no answer ever ends an engine."""
+        """Let it look; an error becomes `trouble` of the snapshot, so that it cannot end the engine."""
         try:
             self._start_judging(judge, bench)
         except UserError as refused:
@@ -82,7 +82,7 @@ class BenchDoctor:
             self._ended_ns = clock.now_ns()
 
     def advance(self, judge: Judge | None, bench: Bench, is_wanted: bool) -> Iterable[LineAnswer]:
-        """Take what is found; let the judge look again where that `is_wanted`; return what to answer."""
+        """Take a result, let the judge look again if that `is_wanted`, return answers to waiting lines."""
         if judge is None:
             if is_wanted:
                 self.snapshot = DoctorSnapshot(1, trouble=NOT_KEPT_TEXT)
@@ -99,7 +99,7 @@ class BenchDoctor:
             return ()
         seen, project = self.snapshot, bench.project
         answers = [
-            LineAnswer(number, line, *answer(asked, seen, project)) for number, line, asked in self._waiting
+            LineAnswer(number, line, *answer(each, seen, project)) for number, line, each in self._waiting
         ]
         self._waiting.clear()
         return answers
@@ -118,9 +118,9 @@ class BenchDoctor:
 def read_result(
     content: bytes, project: Project, connections: Sequence[ConnectionSnapshot], looks: int, scan: int
 ) -> DoctorSnapshot:
-    """Return what a judge has answered."""
+    """Return a judge's result, each finding with its CONNECT."""
     try:
-        told = msgspec.json.decode(content, type=DoctorSnapshot)
+        result = msgspec.json.decode(content, type=DoctorSnapshot)
     except msgspec.MsgspecError:
         return DoctorSnapshot(looks, scan, trouble="the doctor's process has ended")
 
@@ -129,8 +129,8 @@ def read_result(
         connect = decl.connect if decl is not None else _connect_of(one.ends, connections)
         return replace(one, connect=connect)
 
-    findings, remarks = (tuple(map(with_connect, some)) for some in (told.findings, told.remarks))
-    return replace(told, looks=looks, scan=scan, findings=findings, remarks=remarks)
+    findings, remarks = (tuple(map(with_connect, some)) for some in (result.findings, result.remarks))
+    return replace(result, looks=looks, scan=scan, findings=findings, remarks=remarks)
 
 
 def _connect_of(ends: Ends | None, connections: Sequence[ConnectionSnapshot]) -> str:
@@ -152,19 +152,19 @@ def _port(end: str) -> str:
 
 
 def answer(command: Doctor, seen: DoctorSnapshot, project: Project) -> tuple[str, str]:
-    """Return what is wrong, and what to tell: what was found of an instance, a CONNECT, of all."""
+    """Return what is wrong, or "", and the findings on an instance, a CONNECT or all, as text."""
     if seen.trouble:
         return seen.trouble, ""
     some = findings_of(command.name, seen.findings, project)
     texts = [text for one in some for text in finding_lines(one)]
-    told = "\n".join(texts) or f"{HEALTHY}: {count(seen.conversations, 'conversation')} looked at"
+    findings = "\n".join(texts) or f"{HEALTHY}: {count(seen.conversations, 'conversation')} looked at"
     first = some[0].cause if some else HEALTHY
     wrong = f"{first}, expected {command.cause}" if command.cause and first != command.cause else ""
-    return wrong, told
+    return wrong, findings
 
 
 def findings_of(name: str, findings: Iterable[Finding], project: Project) -> tuple[Finding, ...]:
-    """Return those of an instance or a CONNECT, "": of all; what belongs to none alone is told of all."""
+    """Return the findings of an instance or a CONNECT, "": all; one that belongs to none is always given."""
     decl = project.instance(name)
     connect = decl.connect if decl is not None else name
     return tuple(

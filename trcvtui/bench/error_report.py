@@ -1,6 +1,6 @@
 """The report of an internal error: trace, versions, the project without secrets, the newest ledger lines.
 
-Rule: no payload stands in it: no message of a peer, no words of an exception, no detail of a note.
+Rule: it has no payload: no message of a peer, no text of an exception, no detail of a note.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from trcvtui.project.project import Project
 
 CONNECTION_FOLDER: Final = Path(connection.__file__).parent
 MOST_LEDGER_LINES: Final = 100
-MOST_REPORTS: Final = 20  # of one process: an error that comes again and again fills no disk
-MOST_KEPT_REPORTS: Final = 100  # in the platform's folder
-MOST_NAMES_TRIED: Final = 1000  # that are tried in one second
+MOST_REPORTS: Final = 20  # of one process, so that a repeated error cannot fill the disk
+MOST_KEPT_REPORTS: Final = 100  # in the state folder
+MOST_NAMES_TRIED: Final = 1000  # for reports of the same second
 DECL_KINDS: Final = ("task", "data", "connect", "udp_config", "addr", "combuffer", "instance", "peer")
 MESSAGE_KEYS: Final = frozenset(("says", "replies"))  # keys with messages of a peer
 _written_reports: dict[tuple[str, Path | None], str] = {}
 
 
 def write_report(trace: str, project: Project | None, lines: Sequence[Line], folder: Path | None) -> str:
-    """Write a report into a folder, None: the platform's for such; return its name, or why there is none."""
+    """Write a report into a folder, None: the state folder; return its name, or why there is none."""
     key = trace, folder
-    if key in _written_reports and "\n" in trace:
+    if key in _written_reports and "\n" in trace:  # the same error again
         return _written_reports[key]
     if len(_written_reports) >= MOST_REPORTS:
         return f"no report: {MOST_REPORTS} are written"
@@ -50,6 +50,7 @@ def write_report(trace: str, project: Project | None, lines: Sequence[Line], fol
         names = (f"{stem}{f'-{number}' * (number > 1)}.txt" for number in range(1, MOST_NAMES_TRIED))
         path = next(folder / name for name in names if not (folder / name).exists())
         write_file(path, "\n".join((*_report_lines(trace, project, lines), "")), "report", is_new=True)
+        # Only in the state folder: a folder that the user named is never tidied.
         for old in sorted(folder.glob("trcvtui-error-*.txt"))[:-MOST_KEPT_REPORTS] if is_ours else ():
             old.unlink(missing_ok=True)
     except (OSError, UserError, StopIteration) as failed:
@@ -67,14 +68,14 @@ def report_error(
 
 
 def describe_error(error: BaseException) -> str:
-    """Return an exception and where it was raised, in one line: `KeyError in receive_job.py:292`."""
+    """Return an exception and its place in one line: `KeyError in receive_job.py:292`."""
     frames = traceback.extract_tb(error.__traceback__)
     place = f" in {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
     return f"{type(error).__name__}{place}"
 
 
 def trace_of(error: BaseException) -> str:
-    """Return the trace of an exception and of those before it, without their words; last it in one line."""
+    """Return the trace of an exception and its causes, without their texts; its last line describes it."""
     before = error.__cause__ or error.__context__
     earlier = f"{trace_of(before)}\n\n" if before is not None else ""
     return f"{earlier}{''.join(traceback.format_tb(error.__traceback__))}{describe_error(error)}"
@@ -85,7 +86,7 @@ def _report_lines(trace: str, project: Project | None, lines: Sequence[Line]) ->
     yield f"textual {_version('textual')}, rich {_version('rich')}, command {' '.join(sys.argv[1:2])}"
     yield from ("", "[trace]", trace, "", "[project]")
     if project is not None:
-        with suppress(Exception):  # the project may be what is wrong
+        with suppress(Exception):  # the project itself may be the cause of the error
             yield from _project_lines(project)
     yield from ("", f"[ledger] the newest {MOST_LEDGER_LINES} lines: scan, ns, event")
     for line in lines[-MOST_LEDGER_LINES:]:
@@ -101,7 +102,7 @@ def _project_lines(project: Project) -> Iterator[str]:
 
 
 def _strip_payload(event: Any) -> Any:
-    """Return an event without bytes on pins, and without what a program or a tap says of bytes."""
+    """Return an event without payload: no bytes on pins, no detail of a note, only BOOLs of inputs."""
     match event:
         case StatusEdge():
             return event.instance, event.outputs._replace(byte=None), event.condition, event.cause

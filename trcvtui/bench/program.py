@@ -1,6 +1,6 @@
-"""What the PLC's own program does while scans pass: `program` of a project, one course of bench commands.
+"""The PLC's program while scans pass: `program` of a project, a sequence of bench commands.
 
-Rule: it writes what a program can write, inputs and DATA; whatever else happens comes from peers and people.
+Rule: it writes only what a program can write, inputs and DATA; all else comes from peers and the user.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ def read_program(project: Project) -> tuple[words.Step, ...]:
 
 
 class Program:
-    """One course of steps on one bench; a `wait` that runs out ends it, and the ledger says so."""
+    """Runs steps on one bench, once; a `wait` that runs out ends it, and the ledger says so."""
 
     def __init__(self, steps: Sequence[words.Step], bench: ProgrammedBench) -> None:
         self._bench = bench
         self._steps = steps
-        self._at = 0  # the step that is next, or under way
-        self._left: int | None = None  # scans that the one under way lets pass yet
+        self._at = 0  # the next or running step
+        self._scans_to_pass: int | None = None  # in the running step
         self.is_over = False
 
     def filter_steps(self, left_of: Callable[[words.BenchCommand], words.BenchCommand | None]) -> None:
-        """Let each step be what is left of it; a step of which nothing is left keeps its place."""
+        """Replace each command by what `left_of` returns; None keeps the step's place without a command."""
         nothing = words.RunScans(0)
         self._steps = [replace(step, command=left_of(step.command) or nothing) for step in self._steps]
 
@@ -57,7 +57,7 @@ class Program:
         while self._at < len(self._steps):
             if self._run_step(self._steps[self._at]):
                 return
-            self._at, self._left = self._at + 1, None
+            self._at, self._scans_to_pass = self._at + 1, None
         self.is_over = True
 
     def _run_step(self, step: words.Step) -> bool:
@@ -74,11 +74,11 @@ class Program:
         awaited = step.command.condition if isinstance(step.command, words.Wait) else None
         if awaited is not None and holds(self._bench, awaited):
             return False
-        left = most if self._left is None else self._left
-        self._left = left - 1
-        if left <= 0 and awaited is not None:
+        scans = most if self._scans_to_pass is None else self._scans_to_pass
+        self._scans_to_pass = scans - 1
+        if scans <= 0 and awaited is not None:
             self._give_up(step, awaited)
-        return left > 0
+        return scans > 0
 
     def _give_up(self, step: words.Step, condition: words.Condition) -> None:
         self._bench.note("program", f"gave up at `{step.line}`", describe_now(self._bench, condition))

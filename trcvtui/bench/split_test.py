@@ -1,6 +1,6 @@
-"""Try every split: one message whole, then in two chunks, once for each place where it can be cut.
+"""Tries every split: one message whole, then in two chunks, once for each place where it can be cut.
 
-Rule: it lets no scan pass by itself. `run` asks for each one, so that a scenario and a screen can drive it.
+Rule: it lets no scan pass by itself. `run` yields for each scan, so that a scenario or a screen can drive it.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from trcvtui.commands.words import PeerSend, TrySplits
 from trcvtui.snapshots.scenario import SplitRow, TrialSnapshot
 from trcvtui.wording import format_columns
 
-GAP_SCANS: Final = 3  # the scans of a chunk and of the next one lie two scans apart
-SETTLE_SCANS: Final = 2  # after the last byte: DONE is over, the next job is armed
-PATIENCE_NS: Final = 2_000_000_000  # for bytes that are under way
+GAP_SCANS: Final = 3  # so that two whole scans pass between a chunk and the next one
+SETTLE_SCANS: Final = 2  # after the last byte: then DONE is 0 again, and the next job is armed
+PATIENCE_NS: Final = 2_000_000_000  # how long to wait for bytes on their way
 RUNNING, FINISHED, CANCELLED, FAILED = "running", "finished", "cancelled", "failed"
-MOST_LENGTHS: Final = 6  # RCVD_LENs that are written out
+MOST_LENGTHS: Final = 6  # RCVD_LENs that are shown
 
 
 class _RunResult(Struct):
-    """What one run has shown: its STATUS scan by scan, and each frame as (RCVD_LEN, DATA)."""
+    """The result of one run: (STATUS, ERROR) scan by scan, and each frame as (RCVD_LEN, DATA)."""
 
     scans: list[tuple[int, bool]] = field(default_factory=list)
     frames: list[tuple[int, bytes]] = field(default_factory=list)
@@ -47,7 +47,7 @@ class _RunResult(Struct):
 
 
 class SplitTest:
-    """One trial on one bench; `snapshot` is the table as far as it has come."""
+    """One trial on one bench; `snapshot` is its table so far."""
 
     def __init__(self, bench: Bench, command: TrySplits) -> None:
         self._bench = bench
@@ -64,7 +64,7 @@ class SplitTest:
     # -- the run ---------------------------------------------------------------------------------------
 
     def run(self) -> Iterator[None]:
-        """Try them all; each time this yields, one scan has to pass."""
+        """Try all splits; each time this yields, the caller lets one scan pass."""
         yield from self._wait_until_armed()
         for cut in range(len(self._command.payload)):
             if self._state != RUNNING:
@@ -82,7 +82,7 @@ class SplitTest:
         return self._state == RUNNING
 
     def verdict(self) -> str:
-        """Return what is wrong with the trial, "" when as many splits differ as the command says."""
+        """Return what is wrong with the trial, "" if as many splits differ as the command expects."""
         if self._problem:
             return self._problem
         wanted = self._command.differ
@@ -100,7 +100,7 @@ class SplitTest:
         self._fail(self._obstacle())
 
     def _obstacle(self) -> str:
-        """Return what keeps the instance from receiving a message from its first byte on."""
+        """Return why the instance cannot receive a message from its first byte on, or ""."""
         name, peer = self._command.instance, self._bench.peers[self._command.peer]
         runtime = self._bench.runtime
         if not peer.can_send:
@@ -114,7 +114,7 @@ class SplitTest:
         return f"the job of {name} already holds {held} bytes" if held else ""
 
     def _try_cut(self, cut: int) -> Iterator[None]:
-        """Send the message, cut there (0: whole), and see what the instance makes of it."""
+        """Send the message, cut there (0: whole), and record how the instance receives it."""
         command, seen = self._command, _RunResult()
         split = (cut,) if cut else ()
         wrong = self._bench.do(PeerSend(command.peer, command.payload, split, self._gap_ns))
@@ -168,7 +168,7 @@ class SplitTest:
     def _scans_in(self, ns: int) -> int:
         return max(1, ns // self._bench.runtime.interval_ns)
 
-    # -- what is told ----------------------------------------------------------------------------------
+    # -- the table -------------------------------------------------------------------------------------
 
     def snapshot(self) -> TrialSnapshot:
         return TrialSnapshot(
@@ -189,7 +189,7 @@ def row_text(row: SplitRow) -> str:
 
 
 def trial_text(trial: TrialSnapshot) -> str:
-    """Return the table as text, a line a row."""
+    """Return the table as text, one line for each row."""
     size = len(trial.payload)
     lines = [f"{trial.peer}: {size} bytes to {trial.instance}, every split · {trial.summary()}"]
     rows = [(row.span(), "same" if row.same else "differs", row_text(row)) for row in trial.rows]
@@ -197,7 +197,7 @@ def trial_text(trial: TrialSnapshot) -> str:
 
 
 class ScreenSplitTest:
-    """The trial of a screen, at most one at a time; it goes on with every scan that passes."""
+    """The trial of a screen, at most one at a time; `advance` continues it before each scan."""
 
     def __init__(self) -> None:
         self._trial: SplitTest | None = None
@@ -212,7 +212,7 @@ class ScreenSplitTest:
         return ""
 
     def stop(self) -> str:
-        """End the running trial; the table of one that is over is put away."""
+        """End the running trial; of one that has ended, close the table."""
         if self._trial is not None and self._trial.is_running:
             self._trial.cancel()
         else:

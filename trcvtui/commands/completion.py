@@ -1,4 +1,4 @@
-"""What may stand next in a bench command, from tables and from the names of the project."""
+"""Completion of bench commands: the words that may come next, from tables and the names of the project."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ def offer_none(words: list[str], project: Project) -> Iterable[str]:
 
 
 def offer_words(*choices: str) -> NextWords:
-    """Offer the same words, whatever stands there."""
+    """Return a function that offers always the same words."""
     return lambda words, project: choices
 
 
 def _offer(names: Callable[[Project], Iterable[str]], *then: str, is_last: bool = True) -> NextWords:
-    """Offer names of the project, after one of them `then`, and nothing further where that `is_last`."""
+    """Return a function that offers names of the project, after a name `then`; `is_last`: only once."""
 
     def offer(words: list[str], project: Project) -> Iterable[str]:
         if len(words) == 1:
@@ -86,7 +86,7 @@ def after_set(words: list[str], project: Project) -> Iterable[str]:
     keys = _missing_keys(kind, words, project, declared.block if declared else "") if kind else ()
     types = project.types.names() if kind == "data" else ()  # with `type=`, or alone
     keys = (*(f"type={name}" for name in types), *types, *keys)
-    return (*pins, *(key for key in keys if not key.endswith(f"={NEW}")))  # only `add` makes one
+    return (*pins, *(key for key in keys if not key.endswith(f"={NEW}")))  # only `add` takes `new`
 
 
 def after_remove(words: list[str], project: Project) -> Iterable[str]:

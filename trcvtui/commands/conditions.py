@@ -1,4 +1,4 @@
-"""DATA and conditions: `write`, `prefix`, `suffix`, and what `wait` and `expect` ask of pins, peers, DATA."""
+"""Reads `write`, `prefix`, `suffix`, and the conditions of `wait` and `expect` on pins, peers and DATA."""
 
 from __future__ import annotations
 
@@ -58,15 +58,15 @@ class Target(Struct, frozen=True):
     is_raw: bool  # named by a byte offset
 
     def leaf(self, words: Words) -> Leaf:
-        """Return the one value that it stands for; raise UserError when it is none."""
+        """Return the value at this target; raise UserError if it is not a single value."""
         if not self.is_raw:
             try:
                 return self.decl.layout.leaf(self.decl.layout.leaf_number(self.path))
             except UserError:
                 pass
         name = f"{self.decl.name}{'+' + str(self.offset) if self.is_raw else ''}"
-        found = f"'{name}{'.' * bool(self.path) + self.path}', which is not one value"
-        raise words.error(found, "the path of one, or hex and bytes")
+        found = f"'{name}{'.' * bool(self.path) + self.path}', which is not a single value"
+        raise words.error(found, "the path of one value, or hex and bytes")
 
 
 def base_name(word: str) -> str:
@@ -75,7 +75,7 @@ def base_name(word: str) -> str:
 
 
 def parse_target(words: Words, project: Project) -> Target:
-    """Return what the next word stands for; raise UserError when it is no part of a variable."""
+    """Return the target that the next word names; raise UserError if it is no part of a variable."""
     word = words.next("the name of a DATA variable")
     decl = project.data_decl(base_name(word))
     if decl is None:
@@ -121,7 +121,7 @@ def _parse_write_bytes(target: Target, words: Words, project: Project) -> bytes:
     value = words.next(VALUE_FORM)
     words.expect_end()
     leaf = target.leaf(words)
-    if leaf.bit is not None:  # a write has whole bytes, and the other bits of this one are not known here
+    if leaf.bit is not None:  # a write has whole bytes, and the other bits of this byte are not known here
         found = f"'{leaf.path}', bit {leaf.bit} of byte {leaf.offset}"
         raise words.error(found, f"the whole byte, such as: write {target.decl.name}+{leaf.offset} hex 01")
     return leaf_bytes(target.decl.layout, leaf, value, words.where)
@@ -129,7 +129,7 @@ def _parse_write_bytes(target: Target, words: Words, project: Project) -> bytes:
 
 def _check_fits(target: Target, payload: bytes, words: Words) -> bytes:
     if len(payload) > target.size:
-        raise words.error(f"{len(payload)} bytes", f"at most {target.size}, which is what there is")
+        raise words.error(f"{len(payload)} bytes", f"at most {target.size} at this place")
     return payload
 
 
@@ -267,7 +267,7 @@ def parse_mark(mark: str, words: Words, project: Project) -> SetMark:
         given = parse_payload(words, project)
         payload, text = given.content, given.text
     lengths = block_row(instance.block).mark_lengths
-    pin = lengths[MARK_NAMES.index(mark)] if lengths else ""  # a STRING tells its own length
+    pin = lengths[MARK_NAMES.index(mark)] if lengths else ""  # a STRING has its own length
     room = min(decl.size, LONGEST_MARK) if pin else decl.size - 1
     if len(payload) > room:
         found = count(len(payload), "byte")
@@ -276,11 +276,11 @@ def parse_mark(mark: str, words: Words, project: Project) -> SetMark:
 
 
 def _find_mark_variable(instance: InstanceDecl, mark: str, words: Words) -> str:
-    """Return the variable that holds a mark; raise UserError where the pointer is 0."""
+    """Return the variable that holds a mark; raise UserError if the pointer is 0."""
     number = MARK_NAMES.index(mark)
     pointer = block_row(instance.block).pointers[number]
     name = instance.pointers[number] if number < len(instance.pointers) else ""
     if not name:
         found = f"{pointer} of '{instance.name}', which is 0"
-        raise words.error(found, f"`{pointer}` naming a variable in the project, or at `create`")
+        raise words.error(found, f"`{pointer}` with a variable, in the project or at `create`")
     return name

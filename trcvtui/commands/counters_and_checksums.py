@@ -1,4 +1,4 @@
-"""What is filled into a message each time it is sent: a number, a checksum; frames of self-checking traffic.
+"""Numbers and checksums that are filled into a message each time it is sent; frames of self-checking traffic.
 
 Rule: the number first, then the checksums in the order of their offsets, so that one may cover another.
 """
@@ -40,7 +40,7 @@ class FrameChecker:
         self._frames = self._lost = self._doubled = self._shifts = self._strange = 0
 
     def begin(self) -> None:
-        """Begin with a new stream: half a frame of the old one does not go on."""
+        """Begin with a new stream: half a frame of the old one is dropped."""
         self._kept.clear()
         self._is_shifted = False
 
@@ -52,7 +52,7 @@ class FrameChecker:
                 self._count_frame(int.from_bytes(self._kept[at + len(FRAME_MARK) : at + NUMBER_END], "big"))
                 at, self._is_shifted = at + self._size, False
                 continue
-            place = self._kept.find(FRAME_MARK, at + 1)
+            place = self._kept.find(FRAME_MARK, at + 1)  # no frame here: look for the next mark
             then = place if place >= 0 else max(at + 1, len(self._kept) - len(FRAME_MARK) + 1)
             self._shifts += not self._is_shifted
             self._strange += then - at
@@ -88,7 +88,7 @@ FILL_KINDS: Final = (*NUMBER_KINDS, *CHECKSUMS)
 class Fill:
     """`width` bytes at `offset`: n (binary), digits (decimal) or a checksum of all bytes before.
 
-    `hole`: it stands as {n} in the payload's text, not as an option after it.
+    `hole`: the payload's text has it as {n}, not as an option at its end.
     """
 
     kind: str
@@ -107,7 +107,7 @@ class Fill:
 
 
 def fill_message(payload: bytes, fills: Sequence[Fill], number: int) -> bytes:
-    """Return a message with everything filled in; what stands at its end makes it longer."""
+    """Return a message with everything filled in; a fill at its end makes it longer."""
     if not fills:
         return payload
     content = bytearray(payload)

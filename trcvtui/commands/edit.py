@@ -1,8 +1,8 @@
 """Lines that edit the project: `add connect C3 LocalPort=2001`, `set C3 LocalPort=2002`, `remove C3`, `undo`.
 
-The keys are those of the project file, and its readers judge them. A type, a message and the steps of a
-sequence stand as they are: `add data rx2 INT`, `set message m hex 01`.
-Rule: a line is carried out whole, or nothing is changed; what is in use is not taken away.
+The keys are those of the project file, and its readers check them. A type, a message and the steps of a
+sequence are written without a key: `add data rx2 INT`, `set message m hex 01`.
+Rule: a line changes everything that it says, or nothing; an entry in use is not removed.
 """
 
 from __future__ import annotations
@@ -63,14 +63,13 @@ from trcvtui.udt.literals import quote_text
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.wording import count
 
-# What an instance lacks. Rule: only what the line leaves out, or calls `new`, is made. CONNECT: passive,
-# 127.0.0.1, the first port from 2000 on that no part of the project has; keys of a CONNECT in the line
-# (LocalPort=2500) are its.
-# DATA: 1024 bytes to receive into, 16 to send. A receiver of a stream is ad hoc, so that the first bytes of
-# anybody are a DONE.
+# Parts that `add instance` creates. Rule: only what the line leaves out, or calls `new`, is created.
+# CONNECT: passive, 127.0.0.1, the first port from 2000 on that no part of the project has; the line may have
+# keys of it (LocalPort=2500). DATA: 1024 bytes to receive into, 16 to send. A receiver of a stream is ad hoc,
+# so that the first bytes from any partner give a DONE.
 
 FIRST_PORT: Final = 2000
-LAST_PORT: Final = 49_151  # after them the system's own, for active ends
+LAST_PORT: Final = 49_151  # the system gives later ports to active ends
 HOST: Final = "127.0.0.1"
 CONNECT_KEYS: Final = ("ActiveEstablished", "LocalAddress", "LocalPort", "RemoteAddress", "RemotePort")
 RECEIVE_TYPE: Final = "ARRAY[0..1023] OF BYTE"
@@ -89,7 +88,7 @@ def free_port(project: Project, after: int = FIRST_PORT - 1) -> int:
 
 
 def link_keys(block: str, content: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
-    """Return the keys of what a block works on, each with its kind."""
+    """Return the keys that name the parts of a block (CONNECT, ADDR ..), each with its kind."""
     row = block_row(block)
     if row.has_buffer:
         return ((row.buffer_pin, "combuffer"),)
@@ -101,7 +100,7 @@ def link_keys(block: str, content: Mapping[str, Any]) -> tuple[tuple[str, str], 
 def complete_instance(
     content: Mapping[str, Any], project: Project, where: str
 ) -> tuple[dict[str, Any], tuple[Declaration, ...]]:
-    """Return the keys of an instance with those that it lacks, and what is made for them."""
+    """Return all keys of an instance, also those that were missing, and the parts created for them."""
     made, block = list[Declaration](), _word_text(content.get("block"))
     is_known, row = block in project.dialect.blocks, block_row(block)
     keys = link_keys(block, content) if is_known else ()
@@ -136,7 +135,7 @@ def _word_text(value: object) -> str:
 
 
 def listening_ends(made: tuple[Declaration, ...]) -> tuple[Endpoint, ...]:
-    """Return the ends at which what was made will listen."""
+    """Return the ends where the created parts will listen."""
     listening = [decl.local for decl in made if isinstance(decl, ConnectConfig | UdpConfig)]
     return tuple([end for end in listening if end.port])
 
@@ -145,6 +144,7 @@ PART_KINDS: Final = EDITED
 CERTIFICATE: Final = "certificate"
 INSTANCE: Final = "instance"
 PAIRS_FORM: Final = "KEY=VALUE, once each, such as LocalPort=2000"
+NOT_IN_USE_TEXT: Final = "that no other part needs it as it is"
 
 
 def parse_add(words: Words, project: Project) -> Add | AddData:
@@ -154,7 +154,7 @@ def parse_add(words: Words, project: Project) -> Add | AddData:
     start = words.place
     name = words.next(f"a name for the new {kind}")
     where = f"{words.where}: {kind} {name}"
-    if kind == CERTIFICATE:  # its number is its name; `number=1` says so, too
+    if kind == CERTIFICATE:  # it has a number as its name, also written as `number=1`
         called: dict[str, Any] = {"number": SetOverride("number", name.removeprefix("number="))}
     else:
         called = {"name": name}
@@ -172,13 +172,13 @@ def parse_add(words: Words, project: Project) -> Add | AddData:
 
 
 UDT: Final = "udt"
-MOST_TYPES_SHOWN: Final = 8  # that are told
+MOST_TYPES_SHOWN: Final = 8
 
 
 def _read_udt_file(name: str, project: Project, where: str) -> UdtFile:
-    """Return a file with types for the project; raise UserError where it has none, or hides one."""
+    """Return a file with types for the project; raise UserError if it has none, or hides a known one."""
     path = os.path.expanduser(name)
-    if not is_disk_replaced():  # each file has one name; a link keeps its own
+    if not is_disk_replaced():  # each file by one name, from the project's folder on; a link keeps its name
         is_here = os.path.exists(path) and not os.path.exists(project.base / path)
         folder, file = os.path.split(path if is_here else project.base / path)
         path = f"{relocate(os.path.relpath(folder or '.'), Path(), project.base)}/{file}".removeprefix("./")
@@ -190,14 +190,14 @@ def _read_udt_file(name: str, project: Project, where: str) -> UdtFile:
         lost = [name for key, (name, _) in project.types.types.items() if key not in types.types]
         if not names or lost or not of_types.issuperset(wrong):
             found = (
-                f"a second file of this name, so that {lost[0]} is called otherwise" if lost else "no type"
+                f"a second file of this name, which would rename the type {lost[0]}" if lost else "no type"
             )
             raise UserError(wrong or mistake(path, found, "a file with a TYPE of its own").problems)
     return decl
 
 
 def _types_with_file(decl: UdtFile, project: Project) -> tuple[TypeSet, list[str], list[Problem]]:
-    """Return all types with those of one more file, the names of its own, and what is wrong in it."""
+    """Return all types with those of one more file, the names of the new ones, and the file's mistakes."""
     types = append_entry(project, decl).types
     own = types.senders.keys() - project.types.senders.keys()
     names = [name for key, (name, _) in types.types.items() if key in own]
@@ -207,8 +207,8 @@ def _types_with_file(decl: UdtFile, project: Project) -> tuple[TypeSet, list[str
 def _describe_types(decl: UdtFile, project: Project) -> str:
     types, names, wrong = _types_with_file(decl, project)
     sender, here = types.sender(names[0]), project.layout
-    theirs = f"sender's {sender.source} {sender.layout}" if sender.layout else "sender's layout not known"
-    lines = [f"{count(len(names), 'type')}, here {here.name} {here.byte_order}, {theirs}"]
+    of_sender = f"sender's {sender.source} {sender.layout}" if sender.layout else "sender's layout not known"
+    lines = [f"{count(len(names), 'type')}, here {here.name} {here.byte_order}, {of_sender}"]
     for name in names[:MOST_TYPES_SHOWN]:
         every = (here, LAYOUTS[sender.layout]) if sender.layout else (here,)
         try:
@@ -232,7 +232,7 @@ def _add_with_parts(content: dict[str, Any], project: Project, where: str, writt
 
 
 def _check_messages(decl: Declaration, project: Project, where: str) -> None:
-    """Raise UserError for what no table can say of its own: messages, their steps, what a peer does."""
+    """Raise UserError for mistakes that the table's reader cannot find: in messages, steps, peer routines."""
     match decl:
         case MessageDecl():
             check_message(decl, project, where)
@@ -255,7 +255,7 @@ def _check_cuts(decl: MessageDecl, project: Project, where: str) -> None:
 
 
 def _read_pairs(words: Words, runs_on: bool = False) -> dict[str, Any]:
-    """Return KEY=VALUE; where a value `runs_on`, words without a key belong to the one before."""
+    """Return KEY=VALUE; with `runs_on`, words without a key belong to the value before them."""
     pairs: dict[str, str] = {}
     lists: dict[str, list[str]] = {}
     key, severals = "", array_keys()
@@ -280,7 +280,7 @@ def _read_data(words: Words) -> dict[str, Any]:
 
 def _read_message(words: Words) -> dict[str, Any]:
     peer = words.next("").partition("=")[2] if words.peek().startswith("peer=") else ""
-    text = words.take_rest_text("what stands after `peer P1 send`, such as hex 01 02")
+    text = words.take_rest_text("a payload as after `peer P1 send`, such as hex 01 02")
     return {"text": text, **({"peer": peer} if peer else {})}
 
 
@@ -297,7 +297,7 @@ _CONTENT_READERS: Final[dict[str, Callable[[Words], dict[str, Any]]]] = {
 
 
 def parse_change(words: Words, project: Project) -> Change | None:
-    """Return `set [KIND] NAME KEY=VALUE ...`, None where pins of an instance are set; raise UserError."""
+    """Return `set [KIND] NAME KEY=VALUE ...`, None if it sets pins of an instance; raise UserError."""
     kind, name = _read_kind_and_name(words, project)
     if not kind or (kind == INSTANCE and not _changes_declaration(words, name, project)):
         return None
@@ -314,7 +314,7 @@ def parse_change(words: Words, project: Project) -> Change | None:
 
 
 def _read_kind_and_name(words: Words, project: Project) -> tuple[str, str]:
-    """Return which kind `set` and `remove` are about, "" for none known, and the name; take the kind."""
+    """Return the kind, taken from the words, and the name after `set` or `remove`; kind "": none has it."""
     if words.peek() in PART_KINDS and words.peek(1) and "=" not in words.peek(1):
         return words.next(""), words.peek()
     name = words.peek()
@@ -328,7 +328,6 @@ def _read_kind_and_name(words: Words, project: Project) -> tuple[str, str]:
 
 
 def kind_text(kind: str) -> str:
-    """Return what a kind is called in a sentence."""
     return TABLES[kind].what
 
 
@@ -337,7 +336,7 @@ def _join_kinds(texts: list[str]) -> str:
 
 
 def _changes_declaration(words: Words, name: str, project: Project) -> bool:
-    """Return whether a key is none of an input, but of the instance: its CONNECT, its DATA, its task."""
+    """Return whether a key is no input, but belongs to the instance: its CONNECT, its DATA, its task."""
     decl = project.instance(name)
     if decl is None:
         return False
@@ -356,7 +355,7 @@ def _read_changes(kind: str, words: Words) -> dict[str, Any]:
     if not content:
         raise words.error("nothing more", PAIRS_FORM)
     if "name" in content or TABLES[kind].called in content:
-        raise words.error("another name", "keys of what it is; a name stays: remove and add")
+        raise words.error("another name", "other keys: to change a name, remove it and add it anew")
     return {
         key: None if isinstance(each, SetOverride) and not each.text else each
         for key, each in content.items()
@@ -364,9 +363,9 @@ def _read_changes(kind: str, words: Words) -> dict[str, Any]:
 
 
 def parse_remove(words: Words, project: Project) -> Remove:
-    """Return `remove [KIND] NAME`; raise UserError where it is not there, or in use."""
+    """Return `remove [KIND] NAME`; raise UserError if it does not exist, or is in use."""
     kind, name = _read_kind_and_name(words, project)
-    missing = "the name of what is to be removed"
+    missing = "the name of what to remove"
     name = unquote(words.take_rest_text(missing)) if kind == UDT else words.next(missing)
     decl = find_entry(kind, name, project) if kind else None
     if decl is None:
@@ -377,7 +376,7 @@ def parse_remove(words: Words, project: Project) -> Remove:
 
 
 def parse_undo(words: Words, project: Project) -> Undo:
-    """Return `undo`; raise UserError where there is nothing to take back."""
+    """Return `undo`; raise UserError if there is nothing to take back."""
     edits = undo_edits(project)
     if not edits:
         raise words.error("undo without an edit", "add, set or remove of a part of the project before it")
@@ -386,20 +385,20 @@ def parse_undo(words: Words, project: Project) -> Undo:
 
 
 def _check_users(edits: Edits, project: Project, where: str) -> None:
-    """Raise UserError where these edits would take away what is in use."""
+    """Raise UserError if these edits would make an entry invalid that is not part of them."""
     users = find_broken_users(edits, project)
     if users:
         names = [f"{kind_text(kind_name(decl))} {decl.name}" for decl, _ in users]
         changed = next((edit for edit in edits if edit.after is not None), None)
         wrong = users[0][1].problems[0]
-        said = f" ({wrong.where.lstrip(': ')}: expected {wrong.expected})" if changed else ""
-        raise mistake(where, f"in use by {', '.join(names)}{said}", "nobody who needs it as it is")
+        reason = f" ({wrong.where.lstrip(': ')}: expected {wrong.expected})" if changed else ""
+        raise mistake(where, f"in use by {', '.join(names)}{reason}", NOT_IN_USE_TEXT)
     after = apply_edits(project, edits)
     for check in (read_routines, read_replies, check_library):
         try:
             check(after)
         except UserError as wrong:
-            raise mistake(where, f"in use: {wrong.lines()[0]}", "nobody who needs it as it is") from None
+            raise mistake(where, f"in use: {wrong.lines()[0]}", NOT_IN_USE_TEXT) from None
 
 
 # -- what a line does to a project ------------------------------------------------------------------------
@@ -421,20 +420,20 @@ def make_edits(command: EditCommand, project: Project) -> Edits:
 
 
 def describe_edit(command: EditCommand, project: Project) -> str:
-    """Return what a line has done to this project: what was before it, what is now, what begins anew."""
+    """Return what a line changes in this project: values before and now, and what restarts."""
     if isinstance(command, Add) and isinstance(command.decl, UdtFile):
         return _describe_types(command.decl, project)
     if isinstance(command, Add | AddData):
         made = command.with_it if isinstance(command, Add) else ()
         return f"with {', '.join(map(_describe_made_part, made))}" if made else ""
-    said = [_describe_entry_edit(edit) for edit in make_edits(command, project)]
+    changes = [_describe_entry_edit(edit) for edit in make_edits(command, project)]
     anew = dict.fromkeys(what for edit in make_edits(command, project) for what in _restarts(edit, project))
     back = "taken back: " if isinstance(command, Undo) else ""
-    return back + ", ".join(said) + (f"; begins anew: {', '.join(anew)}" if anew else "")
+    return back + ", ".join(changes) + (f"; begins anew: {', '.join(anew)}" if anew else "")
 
 
 def port_text(port: int) -> str:
-    """Return the words that a chosen port has at the end of a line."""
+    """Return the port that was chosen, as the last words of a line."""
     return f" LocalPort={port}"
 
 
@@ -487,7 +486,7 @@ def _restarts(edit: Edit, project: Project) -> list[str]:
 
 
 def add_line(command: Add | AddData) -> str:
-    """Return the line that `read_add` reads as this command."""
+    """Return the line that `parse_add` reads as this command."""
     if isinstance(command, Add) and command.text:
         return command.text
     decl = command.decl

@@ -10,12 +10,11 @@ from msgspec import Struct
 
 from trcvtui.errors import mistake
 
-# A trace comes as runs of equal scans. Rule: work grows with atoms x scans / 64. The places that the first
-# atoms can reach are the bits of one number, and each atom moves all of them at once, so no pattern can make
-# the match backtrack.
+# A trace has runs of equal scans. Rule: work grows with atoms x scans / 64. The places that the first atoms
+# can reach are the bits of one number, and each atom moves all of them at once: no pattern backtracks.
 
 Scan = tuple[int, bool]  # STATUS, ERROR
-ScanRun = tuple[Scan, int]  # and how many scans of it follow each other
+ScanRun = tuple[Scan, int]  # and how many equal scans follow each other
 
 MOST_REPEATS: Final = 1_000_000
 NOTATION: Final = "0001 7002+ 7006* 7006{3} 80A1! 80C3!+ ..."
@@ -23,7 +22,7 @@ _ATOM_PATTERN: Final = re.compile(r"(?:16#)?([0-9A-Fa-f]{4})(!?)(\+|\*|\{[0-9]{1
 
 
 class Atom(Struct, frozen=True):
-    """One word of a pattern: a scan (None: any) that comes `least` times, and more often when `more`."""
+    """One word of a pattern: a scan (None: any) that comes `least` times, with `more` also more often."""
 
     scan: Scan | None
     least: int = 1

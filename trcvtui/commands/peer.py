@@ -1,4 +1,4 @@
-"""The `peer` commands: the connection and its trouble, what is sent, what is answered, what is tried."""
+"""Reads the `peer` commands: connection verbs, `send`, `play`, `reply`, `check` and `try-splits`."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ _HOLE_PATTERN: Final = re.compile(r"\{([^{}]*)\}")
 
 
 def parse_send(words: Words, project: Project, peer: str, holes_in_text: bool = False) -> PeerSend:
-    """Return what stands after `peer P1 send`; `holes_in_text`: {n} in a text is a number."""
+    """Return the message after `peer P1 send`; `holes_in_text`: {n} in a text is a number."""
     project = project.with_peer_layout(peer)
     options = words.cut_tail_words(lambda word: _OPTION_PATTERN.fullmatch(word) is not None)
     payload, fills = _read_message(words, project, holes_in_text)
@@ -211,7 +211,7 @@ MESSAGE_WORD: Final = "message"
 
 
 def parse_any_send(words: Words, project: Project, peer: str) -> PeerSend:
-    """Return `send message NAME`, or what a payload and its options say; raise UserError."""
+    """Return `send message NAME`, or a payload with its options; raise UserError."""
     if words.peek() != MESSAGE_WORD:
         return parse_send(words, project, peer)
     words.next("")
@@ -272,13 +272,13 @@ def check_library(project: Project) -> None:
 
 
 def check_message(message: MessageDecl, project: Project, where: str) -> None:
-    """Raise UserError when a message says nothing that can be sent."""
+    """Raise UserError if a message cannot be sent."""
     first = project.peers[0].name if project.peers else ""
     _parse_send(message, message.peer or first, project, where)
 
 
 def check_sequence(sequence: SequenceDecl, project: Project, where: str) -> None:
-    """Raise UserError with every step that is no message and no pause."""
+    """Raise UserError with every step that is neither a message nor a pause."""
     names = [message.name for message in project.messages]
     with raise_all_problems() as problems:
         for number, step in enumerate(sequence.steps, 1):
@@ -355,7 +355,7 @@ def _read_receiver(words: Words, project: Project) -> str:
 # -- what is answered ----------------------------------------------------------------------------------------
 
 MOST_RULES: Final = 64  # of one peer
-LONGEST_MATCH: Final = 4096  # of what is looked for
+LONGEST_MATCH: Final = 4096  # bytes to look for
 LONGEST_ANSWER: Final = 65536
 RULE_NUMBER_KIND: Final = integer(1, MOST_RULES)
 SEND_WORD: Final = "send"
@@ -370,7 +370,7 @@ def parse_reply(words: Words, project: Project, peer: str) -> ReplyOn | ReplyOff
 
 
 def parse_rule(words: Words, project: Project, peer: str) -> ReplyOn:
-    """Return `MATCH send PAYLOAD`, as a project file has it in `replies`; raise UserError."""
+    """Return `MATCH send PAYLOAD`, as in `replies` of a project file; raise UserError."""
     project = project.with_peer_layout(peer)
     answer = words.cut_tail(lambda word: word == SEND_WORD)
     kind = words.next(", ".join(MATCH_READERS))
@@ -381,7 +381,7 @@ def parse_rule(words: Words, project: Project, peer: str) -> ReplyOn:
     answer.next("send and a payload")
     send = parse_send(answer, project, peer, holes_in_text=True)
     if len(send.payload) > LONGEST_ANSWER:
-        raise words.error(f"{len(send.payload)} bytes", f"at most {LONGEST_ANSWER} of an answer")
+        raise words.error(f"{len(send.payload)} bytes", f"at most {LONGEST_ANSWER} in an answer")
     return ReplyOn(peer, match, send)
 
 
@@ -407,7 +407,7 @@ def _read_field_match(words: Words, project: Project) -> FieldIs:
     try:
         leaf = layout.leaf(layout.leaf_number(path))
     except UserError:
-        raise words.error(f"'{target}', which is not one value", f"a member of {name}") from None
+        raise words.error(f"'{target}', which is not a single value", f"a member of {name}") from None
     content = leaf_bytes(layout, leaf, value, words.where)
     return FieldIs(name, leaf.path, decode_leaf(layout, leaf, content), layout)
 
@@ -431,7 +431,7 @@ class PeerRoutine(Struct, frozen=True):
 
 
 def read_replies(project: Project) -> tuple[ReplyOn, ...]:
-    """Return the reply rules that the peers of a project begin with; raise UserError with all mistakes."""
+    """Return the reply rules in the `replies` of all peers; raise UserError with all mistakes."""
     rules: list[ReplyOn] = []
     with raise_all_problems() as problems:
         for decl in project.peers:
@@ -440,7 +440,7 @@ def read_replies(project: Project) -> tuple[ReplyOn, ...]:
 
 
 def read_routines(project: Project) -> dict[str, PeerRoutine]:
-    """Return what the peers of a project do by themselves; raise UserError with every wrong message."""
+    """Return what each peer does by itself; raise UserError with every wrong message."""
     routines: dict[str, PeerRoutine] = {}
     with raise_all_problems() as problems:
         for decl in project.peers:
@@ -482,7 +482,7 @@ def _read_says(decl: PeerDecl, project: Project, where: str, problems: list[Prob
 
 
 class PeerActions(Protocol):
-    """What the rows ask of a peer; each answers what is wrong, or ""."""
+    """The methods of a peer that the rows use; each returns what is wrong, or ""."""
 
     @property
     def replies(self) -> ReplyActions: ...
@@ -507,17 +507,17 @@ class PeerActions(Protocol):
 
 
 class ReplyActions(Protocol):
-    """What the rows ask of the rules by which a peer answers."""
+    """The methods of a peer's reply rules that the rows use."""
 
     def add(self, rule: ReplyOn) -> str: ...
 
     def remove(self, number: int, peer: str) -> str: ...
 
 
-# The words of a peer with nothing after them, and what it does at a time in ns.
+# The verbs of a peer without arguments, and what it does then; `now` in ns.
 SIMPLE_VERBS: Final[dict[str, Callable[[PeerActions, int], str]]] = {
     "connect": lambda peer, now: peer.connect(now),  # one attempt of an active peer
-    "listen": lambda peer, now: peer.listen(),  # a passive one opens its listener, where it has none
+    "listen": lambda peer, now: peer.listen(),  # a passive one opens its listener if it has none
     "close": lambda peer, now: peer.close(),  # FIN
     "rst": lambda peer, now: peer.rst(),  # RST
     "shutdown": lambda peer, now: peer.shutdown(),  # FIN, but it keeps reading (half-close)

@@ -1,4 +1,4 @@
-"""Lines of inputs, the running program, the PLC, the wire, faults and time, read into frozen commands."""
+"""Reads lines on inputs, the running program, the PLC, the wire, faults and time into frozen commands."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import NO_CHOICE
 from trcvtui.udt.sources import parse_type
 
-# Later lines are read against the project as these commands leave it: `after` says how that is.
+# Later lines are read with the project as these commands leave it: see `project_after`.
 
 
 def parse_create(words: Words, project: Project) -> Create:
@@ -82,7 +82,7 @@ def parse_create(words: Words, project: Project) -> Create:
 
 
 class _Link(NamedTuple):
-    """What a block works on: a CONNECT, a UDP_CONFIG or a ComBuffer, and an ADDR where it has one."""
+    """What a block works on: a CONNECT, a UDP_CONFIG or a ComBuffer, and its ADDR if it has one."""
 
     name: str
     addr: str | None = None
@@ -168,7 +168,7 @@ def parse_resize(words: Words, project: Project) -> Resize:
 
 
 def declare_data(name: str, type_name: str, project: Project, where: str) -> DataDecl:
-    """Return a global variable of this type, laid out as it or the project says; raise UserError."""
+    """Return a global variable of this type, with its own layout or the project's; raise UserError."""
     type_ = parse_type(type_name, project.types, where)
     known = project.data_decl(name)
     choice = known.choice if known is not None else NO_CHOICE
@@ -197,7 +197,7 @@ BREAK_WORD: Final = "break"
 
 
 def can_be_fed(buffer: ComBufferDecl) -> bool:
-    """Return whether bench commands may let bytes arrive in a ComBuffer: a line of its own, no way out."""
+    """Return whether `feed` may let bytes arrive in a ComBuffer: it has its own line, and is not sent."""
     return buffer.source in (SIMULATED, SERIAL) and not buffer.line
 
 
@@ -272,7 +272,7 @@ def parse_link(words: Words, project: Project) -> Link:
 
 
 def parse_doctor(words: Words, project: Project) -> Doctor:
-    """Read an instance or a CONNECT, then a cause; a word that is neither name is a cause."""
+    """Return `doctor [NAME] [CAUSE]`; a word that names no instance or CONNECT is a cause."""
     names = {each.name for each in project.instances} | set(project.links())
     name = words.next("") if words and words.peek() in names else ""
     cause = words.next("") if words else ""
@@ -282,10 +282,10 @@ def parse_doctor(words: Words, project: Project) -> Doctor:
 
 
 _CAUSE_PATTERN: Final = re.compile("[a-z-]*")
-MOST_INSERTED: Final = 1 << 20  # bytes: what a tap holds at most
+MOST_INSERTED: Final = 1 << 20  # bytes: a tap holds no more
 HELD_OFFSET_KIND: Final = integer(0, MOST_INSERTED)
 CONVERSATION_KIND: Final = integer(1, (1 << 32) - 1)
-# What follows each verb: sizes (their mark and how many), or bytes.
+# What follows each verb: sizes in this form, and "bytes" for a payload.
 TAP_VERBS: Final[dict[str, tuple[str, str]]] = {
     "hold": ("", ""),
     "go": ("", ""),

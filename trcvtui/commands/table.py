@@ -1,6 +1,6 @@
-"""One row a bench command: how its line is read, written and completed, and what it does.
+"""One row for each bench command: how its line is read, written and completed, and what it does.
 
-What reads, writes, completes or carries out a line asks these rows; nothing else lists commands.
+Reading, writing, completing and carrying out a line all use these rows; no other list of commands exists.
 """
 
 from __future__ import annotations
@@ -65,9 +65,9 @@ def feed_line(c: words.FeedLine) -> str:
 
 
 def message_text(c: words.PeerSend) -> str:
-    """Return what stands after `peer P1 send`."""
+    """Return the message as after `peer P1 send`."""
     if c.text.startswith("message "):
-        return c.text  # the library has the rest
+        return c.text  # its options are in the library
     parts = [c.text or f"hex {c.payload.hex(' ')}"]
     parts += [_fill_text(fill) for fill in c.fills if not (fill.hole and c.text)]
     if c.split:
@@ -89,7 +89,7 @@ def _fill_text(fill: Fill) -> str:
 
 
 def rule_text(c: words.ReplyOn) -> str:
-    """Return a rule as a project file has it in `replies`."""
+    """Return a rule as in `replies` of a project file."""
     return f"{match_text(c.match)} send {message_text(c.send)}"
 
 
@@ -181,7 +181,7 @@ NO_UDT_FILE: Final = "no UDT file in this project: A adds one"
 
 
 class BenchActions(Protocol):
-    """What the rows ask of the bench; each answers what is wrong, or ""."""
+    """The methods of the bench that the rows use; each returns what is wrong, or ""."""
 
     now: int
 
@@ -190,13 +190,13 @@ class BenchActions(Protocol):
         """Return the peers by name."""
 
     def submit(self, *orders: commands.Command) -> str:
-        """Tell the PLC what to do in its next scan."""
+        """Queue orders for the PLC's next scan."""
 
     def apply_change(self, command: BenchCommand, order: commands.Command) -> str:
-        """Change the project, and tell the PLC."""
+        """Change the project, and queue the order for the PLC."""
 
     def edit_project(self, command: EditCommand) -> str:
-        """Let the project be another one, and what runs with it."""
+        """Edit the project, and change what runs with it."""
 
     def start_check(self, command: words.CheckOn) -> str:
         """Let a peer send self-checking traffic."""
@@ -205,20 +205,19 @@ class BenchActions(Protocol):
         """End the self-checking traffic of a peer."""
 
     def set_link(self, command: words.Link) -> str:
-        """Let the wire go silent, or speak again."""
+        """Cut the wire, or mend it."""
 
     def order_tap(self, command: words.Intervene) -> str:
-        """Let a tap do something with the bytes of a direction."""
+        """Let a tap act on the bytes of one direction."""
 
     def arm_fault(self, command: words.FaultOn) -> str:
         """Let a kernel call fail."""
 
-    def clear_faults(self) -> str:
-        """Forget all faults."""
+    def clear_faults(self) -> str: ...
 
 
 class RecordRow(Struct, frozen=True):
-    """One frozen command: the line of it, and what it does; `act` None: scans pass, and a runner takes it."""
+    """One frozen command: its line, and what it does; `act` None: scans pass, and a runner carries it out."""
 
     record: type
     write: Callable[[Any], str]
@@ -226,7 +225,7 @@ class RecordRow(Struct, frozen=True):
 
 
 class CommandRow(Struct, frozen=True):
-    """What begins with one verb. `next_words` are those that may stand after the words of a line."""
+    """All commands of one verb. `next_words` offers the words that may come next in a line."""
 
     verb: str
     read: Callable[[Words, Project], BenchCommand]
@@ -452,7 +451,7 @@ def find_record_row(record: type) -> RecordRow:
 def parse_line(text: str, project: Project, where: str) -> BenchCommand | None:
     """Return the command of one line, None for a blank line or a comment; raise UserError.
 
-    `where` stands at the beginning of each message.
+    Each message begins with `where`.
     """
     if len(text) > LONGEST_LINE:
         raise UserError(Problem(where, f"{len(text)} characters", f"at most {LONGEST_LINE} in a line"))
@@ -460,7 +459,7 @@ def parse_line(text: str, project: Project, where: str) -> BenchCommand | None:
 
 
 def parse_unbounded_line(text: str, project: Project, where: str) -> BenchCommand | None:
-    """Return the command of a line that may be as long as a command in words is."""
+    """Return the command of a line of any length, such as one that `format_command` wrote."""
     tokens = Words(text, where)
     if not tokens:
         return None
@@ -484,7 +483,7 @@ def parse_script(text: str, project: Project, where: str) -> list[Step]:
     steps: list[Step] = []
     number = 0
     with raise_all_problems() as problems:
-        for line in map(str.strip, text.split("\n")):  # \r\n too; U+2028 and the like stand inside a command
+        for line in map(str.strip, text.split("\n")):  # \r\n too; U+2028 and the like do not end a command
             if not line or line.startswith("#"):
                 continue
             number += 1
@@ -498,7 +497,7 @@ def parse_script(text: str, project: Project, where: str) -> list[Step]:
 
 
 def collect_written_data(steps: Iterable[Step], project: Project) -> dict[str, bytes]:
-    """Return the variables of a project that commands write, each as it is after them."""
+    """Return the variables that `write` commands change, each with its bytes after all steps."""
     found = {decl.name: bytearray(decl.size) for decl in project.data}
     writes = [
         write for step in steps if isinstance(write := step.command, words.Write) and write.data in found

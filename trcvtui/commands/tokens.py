@@ -1,4 +1,4 @@
-"""A bench command cut into words, and what words give: pins, times, members, bytes (hex, text, udt ..).
+"""Cuts a bench command into words, and reads them: pins, times, members, bytes (hex, text, udt ..).
 
 Rule: quotes and braces keep a word together; `#` after a blank begins a comment (in T#1s it does not).
 """
@@ -60,7 +60,7 @@ def _unescape(letter: str, digits: str) -> str:
 
 
 def struct_bytes(layout: Layout, braces: str, where: str) -> bytes:
-    """Return the bytes of `{speed=1.5, st={x=1}}`, 0 where nothing is named; raise UserError."""
+    """Return the bytes of `{speed=1.5, st={x=1}}`, 0 for other members; raise UserError."""
     values = dict(parse_members(braces, where))
     with prefix_problems(where):
         return encode(layout, values)
@@ -115,7 +115,7 @@ def leaf_bytes(layout: Layout, leaf: Leaf, text: str, where: str) -> bytes:
 
 @contextmanager
 def prefix_problems(where: str) -> Iterator[None]:
-    """Let the mistakes inside begin with where they stand."""
+    """Put `where` before the place of each mistake in the block."""
     try:
         yield
     except UserError as refused:
@@ -125,7 +125,7 @@ def prefix_problems(where: str) -> Iterator[None]:
 
 
 MOST_BYTES: Final = 16 * 1024 * 1024
-KEPT_BYTES: Final = 65536  # of what a peer has received: one job of the largest LEN
+KEPT_BYTES: Final = 65536  # a peer keeps so many received bytes: one job of the largest LEN
 TEXT_ESCAPES: Final = {"r": b"\r", "n": b"\n", "t": b"\t", "0": b"\0", "\\": b"\\", '"': b'"', "'": b"'"}
 _TEXT_PIECE: Final = re.compile(r"\\(?:x([0-9A-Fa-f]{2})|(.?))|([^\\]+)", re.DOTALL)
 
@@ -152,13 +152,13 @@ def random_bytes(count: int, seed: int) -> bytes:
 
 
 def file_bytes(path: Path, where: str) -> bytes:
-    """Return the bytes of a file of at most 16 MiB; raise UserError when it cannot be read or is empty."""
+    """Return the bytes of a file of at most 16 MiB; raise UserError if it cannot be read or is empty."""
     try:
         content = read_bytes(path, MOST_BYTES)
     except (OSError, ValueError) as failed:
         raise mistake(where, f"{reason_of(failed)}: '{path}'", EXPECTED_READABLE, "file") from None
     if len(content) > MOST_BYTES:
-        raise mistake(where, f"'{path}' with more than that", f"at most {MOST_BYTES} bytes")
+        raise mistake(where, f"'{path}', which is larger", f"at most {MOST_BYTES} bytes")
     if not content:
         raise mistake(where, f"'{path}', which is empty", "at least one byte")
     return content
@@ -195,7 +195,7 @@ def parse_pin_value(pin: Pin, text: str, where: str) -> PinValue:
 
 
 def parse_value(kind: Kind[T], text: str, before: str, where: str) -> T:
-    """Return a text read as a kind; `before` is what stands in front of it, such as `gap=`."""
+    """Return a text read as a kind; `before` is the text before it in the line, such as `gap=`."""
     found = kind.from_text(text)
     if found is None:
         raise mistake(where, f"{before}{quote(text)}", kind.expected_for(text))
@@ -219,7 +219,7 @@ class Token(Struct, frozen=True):
 
 
 def split_tokens(line: str, where: str) -> list[Token]:
-    """Return the words of a line; raise UserError for a quote or brace that is not closed."""
+    """Return the words of a line; raise UserError for a quote or brace without its end."""
     found: list[Token] = []
     at = 0
     while at < len(line):
@@ -267,19 +267,19 @@ class Words:
         return self.place < len(self._tokens)
 
     def next(self, expected: str) -> str:
-        """Take the next word; raise UserError when there is none."""
+        """Take the next word; raise UserError if there is none."""
         if not self:
             raise self.error("nothing more", expected, "missing")
         self.place += 1
         return self._tokens[self.place - 1].text
 
     def peek(self, ahead: int = 0) -> str:
-        """Return a word further on without taking it, "" where there is none."""
+        """Return a later word without taking it, "" if there is none."""
         at = self.place + ahead
         return self._tokens[at].text if at < len(self._tokens) else ""
 
     def remaining_words(self) -> list[str]:
-        """Return all words that are left, without taking them."""
+        """Return the remaining words without taking them."""
         return [token.text for token in self._tokens[self.place :]]
 
     @property
@@ -287,32 +287,32 @@ class Words:
         return self._tokens[0].text if self._tokens else ""
 
     def take_rest(self) -> list[str]:
-        left = self.remaining_words()
+        rest = self.remaining_words()
         self.place = len(self._tokens)
-        return left
+        return rest
 
     def take_rest_text(self, expected: str) -> str:
-        """Take what is left, as it is written; raise UserError when there is nothing."""
+        """Take the rest as it is written; raise UserError if there is nothing."""
         start = self.place
         self.next(expected)
         self.take_rest()
         return self.text_since(start)
 
     def remaining_text(self) -> str:
-        """Return what is left as it is written, without taking it."""
-        left = self._tokens[self.place :]
-        return self._line[left[0].start : left[-1].end] if left else ""
+        """Return the rest as it is written, without taking it."""
+        rest = self._tokens[self.place :]
+        return self._line[rest[0].start : rest[-1].end] if rest else ""
 
     def text_since(self, start: int) -> str:
         """Return the taken words from number `start` on, as they are written."""
         return self._line[self._tokens[start].start : self._tokens[self.place - 1].end]
 
     def cut_tail_words(self, begins: Callable[[str], bool]) -> list[str]:
-        """Take the words from the first one to come that `begins` away from the end, and return them."""
+        """Cut off and return the tail: from the first remaining word that `begins` on."""
         return self.cut_tail(begins).remaining_words()
 
     def cut_tail(self, begins: Callable[[str], bool]) -> Words:
-        """Take the words from the first one to come that `begins` away from the end, as words apart."""
+        """Cut off the tail, from the first remaining word that `begins` on; return it as Words."""
         after = range(self.place, len(self._tokens))
         number = next((n for n in after if begins(self._tokens[n].text)), len(self._tokens))
         tail = copy(self)
@@ -321,7 +321,7 @@ class Words:
         return tail
 
     def expect_end(self) -> None:
-        """Raise UserError when words are left."""
+        """Raise UserError if words remain."""
         if self:
             raise self.error(quote(self.peek()), "the end of the command", "surplus")
 
@@ -329,21 +329,21 @@ class Words:
         return mistake(self.where, found, expected, kind)
 
     def next_known(self, known: Collection[str], what: str, expected: str = "") -> str:
-        """Take the next word, which is one of those that are known; raise UserError."""
+        """Take the next word; raise UserError if it is none of the known ones."""
         word = self.next(expected or f"the name of {with_article(what)}")
         if word not in known:
             raise self.make_unknown_error(word, known, what)
         return word
 
     def next_choice(self, *known: str) -> str:
-        """Take the next word, which is one of a few; raise UserError."""
+        """Take the next word; raise UserError if it is none of these few."""
         word = self.next(" or ".join(known))
         if word not in known:
             raise self.error(quote(word), " or ".join(known))
         return word
 
     def make_unknown_error(self, name: str, known: Iterable[str], what: str) -> UserError:
-        """Return the mistake that a name is none of those that are known; `what` says what they are."""
+        """Return the mistake of an unknown name; `what` says what the known ones are."""
         return self.error(quote(name), expected_name(name, known, what), "unknown")
 
 
@@ -359,7 +359,7 @@ class Payload(Struct, frozen=True):
 
 
 def parse_payload(words: Words, project: Project) -> Payload:
-    """Return the payload that the words from here to the last one give; raise UserError."""
+    """Return the payload of all remaining words; raise UserError."""
     start = words.place
     form = words.next("hex, text, udt, file or random")
     if form not in FORMS:
@@ -377,7 +377,7 @@ def _read_hex(words: Words, project: Project) -> bytes:
 
 
 def read_quoted_text(words: Words) -> str:
-    """Take the last word, and return what is in its double quotes; raise UserError."""
+    """Take the last word, and return the text in its double quotes; raise UserError."""
     written = words.next('a text such as "abc"')
     words.expect_end()
     if len(written) < 2 or written[0] != '"' or written[-1] != '"':

@@ -1,6 +1,6 @@
-"""The bench commands as frozen values: one class a command, one a condition.
+"""The bench commands as frozen values: one class for each command and each condition.
 
-What a command was resolved from (`text`) is kept for display and saving; equality is decided by the rest.
+`text` is what was written: it is kept for display and saving, and does not count for equality.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ class Add:
     """`add connect C3 LocalPort=2001`, `add peer P2 remote=@C1`: one more entry of the project."""
 
     decl: Declaration
-    with_it: tuple[Declaration, ...] = field(default=(), compare=False)  # made before it, on the way
-    text: str = field(default="", compare=False)  # as it was written, where more is made on the way
-    port: int = field(default=0, compare=False)  # that was chosen for it; it stands at the end of `text`
+    with_it: tuple[Declaration, ...] = field(default=(), compare=False)  # parts created for it, before it
+    text: str = field(default="", compare=False)  # the line as written, if parts are created
+    port: int = field(default=0, compare=False)  # that was chosen for it; `text` ends with it
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class AddData:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """`set connect C2 LocalPort=2500`: other keys of an entry; what runs on it is built anew."""
+    """`set connect C2 LocalPort=2500`: other values in an entry; what runs on it is built anew."""
 
     kind: str
     name: str
@@ -51,7 +51,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Remove:
-    """`remove connect C2`: an entry that nobody uses is there no more."""
+    """`remove connect C2`: removes an entry that is not in use."""
 
     kind: str
     name: str
@@ -59,7 +59,7 @@ class Remove:
 
 
 class Undo(Struct, frozen=True):
-    """`undo`: the newest edit of the project is taken back."""
+    """`undo`: takes the newest edit of the project back."""
 
 
 EditCommand = Add | AddData | Change | Remove | Undo
@@ -84,7 +84,7 @@ class Starts:
 
 @dataclass(frozen=True, slots=True)
 class FieldIs:
-    """`field Telegram.id = 7`: the stream cut into Telegrams from its beginning, and a member of one."""
+    """`field Telegram.id = 7`: the stream, cut into Telegrams from its beginning, has one with this value."""
 
     type_name: str
     path: str
@@ -111,7 +111,7 @@ class SetMark:
     text: str = field(default="", compare=False)
 
     def orders(self) -> tuple[commands.Command, ...]:
-        """Return what the PLC is told; all of it takes effect in the same scan."""
+        """Return the orders for the PLC; all take effect in the same scan."""
         content = self.payload if self.pin else (self.payload + b"\0")[: self.size]
         write = (commands.WriteData(self.data, 0, content),) if content else ()
         length = (commands.SetInput(self.instance, self.pin, len(self.payload)),) if self.pin else ()
@@ -160,7 +160,7 @@ class Create(Struct, frozen=True):
 
 
 class Delete(Struct, frozen=True):
-    """`delete TRCV_C_1`: the instance is gone; its connection and the lock of a running job stay."""
+    """`delete TRCV_C_1`: removes the instance; its connection and the lock of a running job stay."""
 
     instance: str
 
@@ -189,7 +189,7 @@ class PlcRun(Struct, frozen=True):
 
 
 class PeerAction(Struct, frozen=True):
-    """`peer P1 connect`: a verb with nothing after it, see `SIMPLE` in commands/peer.py."""
+    """`peer P1 connect`: a verb without arguments, see `SIMPLE_VERBS` in commands/peer.py."""
 
     peer: str
     verb: str
@@ -200,8 +200,8 @@ class PeerSend:
     """`peer P1 send hex 01 02 split=1 gap=T#20ms repeat=10 every=T#50ms`.
 
     `split` are the sizes of the first chunks in bytes; times in ns, 0 = at once. `text` is `hex 01 02`.
-    `gaps_ns` are the pauses of the single cuts, where they differ; the last, which is `gap_ns`, goes on.
-    `fills` is what each message gets anew.
+    `gaps_ns` are the pauses after each chunk, if they differ; the last one, `gap_ns`, is used for all further
+    chunks. `fills` are filled in anew for each message.
     """
 
     peer: str
@@ -225,7 +225,7 @@ class PeerPlay:
 
 
 class CheckOn(Struct, frozen=True):
-    """`peer P1 check on size=64 every=T#100ms on TRCV_C_1`: numbered frames, judged where they arrive."""
+    """`peer P1 check on size=64 every=T#100ms on TRCV_C_1`: numbered frames, checked where they arrive."""
 
     peer: str
     size: int = DEFAULT_CHECK_SIZE
@@ -240,7 +240,7 @@ class CheckOff(Struct, frozen=True):
 
 
 class ReplyOn(Struct, frozen=True):
-    """`peer P1 reply on contains hex 05 send hex 06`: one more rule of what a peer answers."""
+    """`peer P1 reply on contains hex 05 send hex 06`: one more rule by which a peer answers."""
 
     peer: str
     match: Match
@@ -248,7 +248,7 @@ class ReplyOn(Struct, frozen=True):
 
 
 class ReplyOff(Struct, frozen=True):
-    """`peer P1 reply off`: no more replies; `reply off 2`: without rule 2 (`number` 0: all of them)."""
+    """`peer P1 reply off`: removes all rules; `reply off 2`: rule 2 (`number` 0: all)."""
 
     peer: str
     number: int = 0
@@ -256,10 +256,10 @@ class ReplyOff(Struct, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class TrySplits:
-    """`peer P1 try-splits hex 01 02 03 on TRCV_C_1`: the message whole, then in two chunks, each cut once.
+    """`peer P1 try-splits hex 01 02 03 on TRCV_C_1`: the message whole, then in two chunks for each cut.
 
-    `gap_ns` 0: three intervals of the fastest task. `differ` splits shall end otherwise than the whole
-    message; None: any number.
+    `gap_ns` 0: three intervals of the fastest task. `differ`: how many splits are expected to give another
+    result than the whole message, None: any number.
     """
 
     peer: str
@@ -271,14 +271,14 @@ class TrySplits:
 
 
 class TryStop(Struct, frozen=True):
-    """`peer P1 try-splits stop`: end the running trial, or put the table of the last one away."""
+    """`peer P1 try-splits stop`: ends the running trial, or closes the table of the last one."""
 
     peer: str
 
 
 @dataclass(frozen=True, slots=True)
 class FeedLine:
-    """`feed RX hex 01 02`: bytes arrive on the simulated line of a ComBuffer; `feed RX break`: it is cut."""
+    """`feed RX hex 01 02`: bytes arrive on a ComBuffer's simulated line; `feed RX break`: the line is cut."""
 
     buffer: str
     payload: bytes | None
@@ -293,7 +293,7 @@ class Link(Struct, frozen=True):
 
 
 class Intervene(Struct, frozen=True):
-    """`tap T to-plc edit 3 hex 0A conversation 2`: what the tap does with bytes in one direction.
+    """`tap T to-plc edit 3 hex 0A conversation 2`: a tap acts on the bytes of one direction.
 
     `sizes`: of drop, edit (offset), delay (ns), split (pieces); `conversation` 0: the newest.
     """
@@ -308,9 +308,9 @@ class Intervene(Struct, frozen=True):
 
 
 class Doctor(Struct, frozen=True):
-    """`doctor TRCV_C_1 frame-short`: what is wrong with an instance or a CONNECT ("": with anyone).
+    """`doctor TRCV_C_1 frame-short`: what is wrong with an instance or a CONNECT ("": with all of them).
 
-    `cause`: what has to be found first, or `healthy`; "": whatever it is.
+    `cause`: the expected first finding, or `healthy`; "": any.
     """
 
     name: str = ""
@@ -320,7 +320,7 @@ class Doctor(Struct, frozen=True):
 class FaultOn(Struct, frozen=True):
     """`fault bind EADDRINUSE on C1 nth=1 times=1`: a kernel call fails.
 
-    `error` None: the usual error of that call. `on` None: any CONNECT. `times` FOREVER (0): until cleared.
+    `error` None: the call's usual error. `on` None: any CONNECT. `times` TIMES_FOREVER (0): until cleared.
     """
 
     call: str

@@ -94,7 +94,7 @@ def test_a_message_is_one_datagram_and_split_makes_several(air: Air) -> None:
 
 def test_without_a_remote_it_answers_whoever_was_heard_last(air: Air) -> None:
     peer = air.listening()
-    line = "P1 has nobody to send to: no remote that is open, and nobody was heard"
+    line = "P1 has no partner to send to: no open remote, and no datagram came yet"
     assert (peer.can_send, peer.send(PeerSend("P1", b"x"), air.now)) == (False, line)
     other = air.socket()
     for sender, question in ((air.plc, b"one"), (other, b"two")):

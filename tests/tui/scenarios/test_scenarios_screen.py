@@ -167,7 +167,7 @@ async def test_k_chooses_real_sockets_for_the_next_one() -> None:
 
 
 async def test_what_the_engine_refuses_is_said_whole() -> None:
-    error = "scenarios/frame.toml: peer P1: local: found Address already in use, expected an end that is free"
+    error = "scenarios/frame.toml: peer P1: local: found Address already in use, expected a free end"
     async with looking_at_scenarios(SMALL) as (app, driver, pilot):
         await pilot.press("slash", *"frame", "enter", "enter", "y")
         driver.waiting.append(picture(answers=[LineAnswer(1, driver.lines[-1], error)]))

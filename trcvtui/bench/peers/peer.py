@@ -1,4 +1,4 @@
-"""The partner of the PLC, over TCP or UDP: commanded, stepped when it is due; and what it does by itself."""
+"""A partner of the PLC, over TCP or UDP: its commands, its steps between scans, and its routine."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ MOST_SHOWN_BYTES: Final = 4096  # received bytes in a snapshot
 
 
 class Peer:
-    """One peer: its queues and its transport. Commands answer "" or what is wrong.
+    """One peer: its queues and its transport. Commands return "" or what is wrong.
 
-    `policy`: of the PLC's CONNECTs, for the size of buffers and for broadcasts.
+    `policy`: the PLC's for its CONNECTs; it decides the size of buffers and about broadcasts.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Peer:
         )
         self.transport.broadcasts = policy.broadcasts
         self.due_at = self.queues.outbox.next_due
-        # What the transport does alone.
+        # Methods of the transport alone.
         self.listen = self.transport.listen
         self.connect = self.transport.connect
         self.close = self.transport.close
@@ -56,7 +56,7 @@ class Peer:
         self.is_in = self.transport.is_in_state
         self.end = self.transport.free_sockets
 
-    # -- what others ask -----------------------------------------------------------------------------
+    # -- state ---------------------------------------------------------------------------------------
 
     @property
     def state(self) -> str:
@@ -73,11 +73,11 @@ class Peer:
 
     @property
     def unsent(self) -> int:
-        """Return how many bytes are still to come, those of all repetitions included."""
+        """Return how many bytes are not sent yet, those of all repetitions included."""
         return self.queues.outbox.unsent
 
     def has_received(self, payload: bytes) -> bool:
-        """Return whether exactly these bytes came on this connection, or since this last was true."""
+        """Return whether exactly these bytes came on this connection, or since this was last true."""
         return self.queues.inbox.is_exactly(payload)
 
     def snapshot(self) -> PeerSnapshot:
@@ -102,7 +102,7 @@ class Peer:
     # -- commands ------------------------------------------------------------------------------------
 
     def stall(self) -> str:
-        """Stop reading: a window closes, or the stack's queue fills and drops what is newer."""
+        """Stop reading: the TCP window closes, or the stack's UDP queue fills and drops new datagrams."""
         self.stalled = True
         self.queues.note("stopped reading")
         return ""
@@ -113,9 +113,9 @@ class Peer:
         return ""
 
     def send(self, send: PeerSend, now: int, number: int = 0) -> str:
-        """Send a message, at once as far as the stack takes it; the rest goes on in `step`.
+        """Send as much of a message as the stack takes now; `step` sends the rest.
 
-        `number` is filled in where the message has a place for it.
+        `number` is filled in if the message has a place for it.
         """
         wrong = self.transport.obstacle(send)
         if wrong:
@@ -133,24 +133,24 @@ class Peer:
         return self.transport.send_due(now)
 
     def step(self, now: int) -> None:
-        """Do what goes on by itself between scans; time in ns of the run."""
+        """Do what the transport does by itself between scans; time in ns of the run."""
         self.transport.step(now, self.stalled)
 
 
-# -- connect again after a pause, say messages in turn ------------------------------------------------------
+# -- connect again after a pause, send messages in turn -----------------------------------------------------
 #
-# Rule: messages are planned from the first one on, so that late scans do not add up to a drift; those that a
-# connection of now has missed are not made up for.
+# Rule: messages are planned from the first one on, so that late scans do not add up to a drift; a message
+# whose time has passed is not sent later.
 
 
 def next_due(planned: int, every_ns: int, now: int) -> int:
-    """Return when what was planned and is done now comes again: by the plan, anew where that has passed."""
+    """Return the next time by the plan; if that has passed, begin a new plan from now."""
     due = planned + every_ns
     return due if due > now else now + every_ns
 
 
 class AutomaticPeer:
-    """A peer and its routine; `step` comes before the peer's own."""
+    """A peer and its routine; its `step` is called before the peer's own."""
 
     def __init__(self, peer: Peer, routine: PeerRoutine) -> None:
         self._peer = peer
@@ -160,20 +160,20 @@ class AutomaticPeer:
         self._next_attempt = 0
 
     def due_at(self, now: int) -> int | None:
-        """Return when it acts next, None: not by time alone."""
+        """Return when it acts next, None: not because of time alone."""
         peer, routine = self._peer, self._routine
         if peer.can_send:
             return self._next_word if routine.says and not peer.unsent else None
         return self._next_attempt if routine.reconnect_ns and peer.state != "connecting" else None
 
     def step(self, now: int) -> None:
-        """Connect again or say the next message, when it is due."""
+        """Connect again or send the next message, if it is due."""
         if self._peer.can_send:
             self._next_attempt = now + self._routine.reconnect_ns
             self._send_if_due(now)
             return
         if now > self._next_word:
-            self._next_word = 0  # no partner was there for it: the next connection begins a new beat
+            self._next_word = 0  # missed without a connection: the next connection begins a new plan
         if self._routine.reconnect_ns and self._peer.state != "connecting":
             self._connect(now)
 

@@ -1,10 +1,10 @@
-"""What waits at a peer: what it has received, what it still has to send, what it answers by itself.
+"""The queues of a peer: received bytes, bytes to send, and the rules by which it answers.
 
 Inbox: the last bytes of each connection, and how many there were.
-Outbox: times are planned from the first chunk on, so that pauses do not add up to a drift. Several sends wait
-for each other; their messages never mix.
-Replies: rules over the stream that comes in, in whatever pieces. A rule keeps less than what it looks for, a
-field one UDT. What there is no room to answer is counted as missed.
+Outbox: times are planned from the first chunk on, so that pauses do not add up to a drift. A send waits for
+the one before it; their messages never mix.
+Replies: rules over the received stream, in whatever pieces it comes. A rule keeps fewer bytes than it looks
+for, a rule on a field at most one UDT. A match without room for its answer is counted as missed.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ class Inbox:
         self.total = 0  # of all connections
         self.count = 0  # of this one
         self._last = bytearray()
-        self._told = 0  # the count up to which an expectation has held
+        self._checked = 0  # the count when an expectation last held
         self._held: tuple[bytes, int] | None = None
         self.checker: FrameChecker | None = None  # of self-checking traffic
 
     def begin_connection(self) -> None:
-        self.count = self._told = 0
+        self.count = self._checked = 0
         self._held = None
         self._last.clear()
         if self.checker is not None:
@@ -52,7 +52,7 @@ class Inbox:
         self._last += arrived
         if self.checker is not None:
             self.checker.check_bytes(bytes(arrived))
-        if len(self._last) > 2 * KEPT_BYTES:
+        if len(self._last) > 2 * KEPT_BYTES:  # cut rarely: a cut moves all kept bytes
             del self._last[:-KEPT_BYTES]
 
     @property
@@ -63,35 +63,35 @@ class Inbox:
     def is_exactly(self, payload: bytes) -> bool:
         """Return whether all bytes of this connection, or all since this last held, are these.
 
-        What has held once holds until more arrives.
+        What held once holds until more bytes arrive.
         """
         if self._held == (payload, self.count):
             return True
-        if len(payload) not in (self.count, self.count - self._told):
+        if len(payload) not in (self.count, self.count - self._checked):
             return False
         if len(payload) > len(self._last) or not self._last.endswith(payload):
             return False
-        self._told, self._held = self.count, (payload, self.count)
+        self._checked, self._held = self.count, (payload, self.count)
         return True
 
 
-MOST_WAITING_ANSWERS: Final = 256  # answers of a peer whose partner asks and does not read
+MOST_WAITING_ANSWERS: Final = 256  # bounds memory if a partner asks but does not read
 
 
 class _SendProgress:
-    """One `send` in progress: which message of its repetitions, which chunk, what is left of it."""
+    """One `send` in progress: the running message of its repetitions, its chunk, and the rest of that."""
 
     def __init__(self, send: PeerSend, now: int, number: int, pause_ns: int) -> None:
         self.send = send
         self._pause_ns = pause_ns
-        self._number = number  # of the running message, for what is filled in
+        self._number = number  # of the running message, for its fills
         self._gaps = send.gaps_ns or (send.gap_ns,)
         self.left = send.repeat  # messages to come, the running one included
         self.due = self.began = now + pause_ns
         self._pieces = self._make_pieces()
         self._piece = 0
         self.rest = self._pieces[0]
-        self.is_fresh = True  # nothing of the running message has gone yet
+        self.is_fresh = True  # no byte of the running message is sent yet
 
     @property
     def first_bytes(self) -> bytes:
@@ -101,11 +101,11 @@ class _SendProgress:
         self.due = self.began = max(self.due, now + self._pause_ns)
 
     def count_sent(self, count: int, now: int) -> None:
-        """Count bytes that the stack took, and plan what comes next."""
+        """Count bytes that the stack took, and plan the next chunk."""
         self.is_fresh = False
         self.rest = self.rest[count:]
         if len(self.rest):
-            self.due = now  # a full stack broke the plan: go on from here
+            self.due = now  # the stack was full: later chunks are planned from now on
             return
         self._piece += 1
         if self._piece < len(self._pieces):
@@ -129,21 +129,21 @@ class _SendProgress:
 
     @property
     def unsent(self) -> int:
-        """Return how many bytes are to come, those of all repetitions included."""
+        """Return how many bytes are not sent yet, those of all repetitions included."""
         running = len(self.rest) + sum(map(len, self._pieces[self._piece + 1 :]))
         return running + (self.left - 1) * len(self.send.payload)
 
 
 class Outbox:
-    """All that waits to be sent, in the order in which it was given."""
+    """All sends that are not finished, in the order of their commands."""
 
     def __init__(self) -> None:
         self._sendings: deque[_SendProgress] = deque()
 
     def put(self, send: PeerSend, now: int, number: int = 0, pause_ns: int = 0) -> None:
-        """Take one send command; its first chunk is due now, after what waits already.
+        """Queue one send command; its first chunk is due `pause_ns` from now, or after the sends before it.
 
-        `number` is that of its first message, for what is filled in; `pause_ns` comes before it.
+        `number` is that of its first message, for its fills.
         """
         self._sendings.append(_SendProgress(send, now, number, pause_ns))
 
@@ -153,18 +153,18 @@ class Outbox:
         return max(0, MOST_WAITING_ANSWERS - len(self._sendings))
 
     def next_due(self, now: int) -> int | None:
-        """Return when something is due next; None: never, or it waits for room in the stack."""
+        """Return when a chunk is due next; None: none waits, or one is due and the stack is full."""
         return self._sendings[0].due if self._sendings and self._sendings[0].due > now else None
 
     def due_bytes(self, now: int) -> memoryview | None:
-        """Return what is to be sent now, None while nothing is due."""
+        """Return the bytes to send now, None if none are due."""
         if not self._sendings or self._sendings[0].due > now:
             return None
         return self._sendings[0].rest
 
     @property
     def message_start(self) -> tuple[int, bytes]:
-        """Return size and beginning of the message that the due bytes begin, 0 when they go on with one."""
+        """Return size and beginning of the message that begins with the due bytes, 0 if they continue one."""
         first = self._sendings[0]
         return (len(first.send.payload), first.first_bytes) if first.is_fresh else (0, b"")
 
@@ -188,7 +188,7 @@ class Outbox:
         return sum(sending.unsent for sending in self._sendings)
 
 
-# What looks for a match: `take` returns how often it is found, now that these bytes have arrived.
+# Matchers: `count_matches` returns how often a match is found, now that these bytes have arrived.
 
 
 class _ContentMatcher:
@@ -208,7 +208,7 @@ class _ContentMatcher:
 
 
 class _StartMatcher:
-    """A beginning that has come in part goes on in the next scan; a whole or a wrong one is over."""
+    """Looks at the first bytes of each scan; a beginning that is incomplete continues in the next scan."""
 
     def __init__(self, match: Starts) -> None:
         self._wanted = match.payload
@@ -279,20 +279,20 @@ class _ReplyRule(Struct):
 
 
 class ReplyRules:
-    """The rules of one peer, in the order in which they were given."""
+    """The rules of one peer, in the order of their commands."""
 
     def __init__(self) -> None:
         self._rules: list[_ReplyRule] = []
 
     def add(self, command: ReplyOn) -> str:
-        """Take one more rule; it sees what comes from now on. Return what is wrong, or ""."""
+        """Add a rule for bytes that arrive from now on; return what is wrong, or ""."""
         if len(self._rules) == MOST_RULES:
             return f"{command.peer} has {MOST_RULES} rules already; `reply off` ends them"
         self._rules.append(_ReplyRule(command, _make_matcher(command.match), rule_text(command)))
         return ""
 
     def remove(self, number: int, peer: str) -> str:
-        """Forget a rule, counted from 1, or with 0 all of them."""
+        """Remove a rule, counted from 1, or with 0 all of them."""
         if number > len(self._rules):
             return f"{peer} has {len(self._rules)} rules, no number {number}"
         if number:
@@ -306,7 +306,7 @@ class ReplyRules:
             rule.looking.reset()
 
     def find_answers(self, arrived: bytes, now: int, room: int) -> Iterator[tuple[PeerSend, int]]:
-        """Yield each message to be sent and its number, from 0, at most `room`, for what has arrived."""
+        """Yield the answers to arrived bytes, at most `room`: each message and its number from 0."""
         for rule in self._rules:
             hits = rule.looking.count_matches(arrived, now)
             answers = min(hits, room)
@@ -323,11 +323,11 @@ class ReplyRules:
         return tuple([ReplySnapshot(rule.text, rule.hits, rule.missed) for rule in self._rules])
 
 
-# -- all of them -------------------------------------------------------------------------------------------
+# -- all queues --------------------------------------------------------------------------------------------
 
 
 class PeerQueues:
-    """The queues of one peer over all of its connections, and how much went through them, in bytes."""
+    """The queues of one peer over all of its connections, and how many messages and bytes it has sent."""
 
     def __init__(self, name: str, journal: Callable[[Event], None]) -> None:
         self.inbox = Inbox()
@@ -344,7 +344,7 @@ class PeerQueues:
         self.replies.reset()
 
     def handle_received(self, size: int, now: int, may_answer: bool = True) -> None:
-        """Take so many bytes of `landing`, and queue what is answered to them."""
+        """Take `size` bytes of `landing`, and queue the answers to them."""
         self.inbox.add_bytes(self.landing[:size])
         if self.replies:
             room = self.outbox.room if may_answer else 0
@@ -352,7 +352,7 @@ class PeerQueues:
                 self.outbox.put(send, now, number)
 
     def note_sent(self, count: int, local: str, remote: str, offset: int) -> None:
-        """Count bytes of the due chunk as sent; the message that they begin is told with its place."""
+        """Count bytes of the due chunk as sent; if they begin a message, record it with its `offset`."""
         size, begin = self.outbox.message_start
         if size:
             self.messages += 1
@@ -361,11 +361,11 @@ class PeerQueues:
         self.bytes_sent += count
 
     def drop_unsent(self) -> None:
-        """Forget what is still to come, and tell how many bytes that were."""
+        """Drop what is not sent yet, and record how many bytes that were."""
         unsent = self.outbox.clear()
         if unsent:
             self.note("not sent", f"{unsent} bytes")
 
     def note(self, what: str, detail: str = "", end: str = "") -> None:
-        """Tell the journal what happened; `end` is the address of this peer, where it matters."""
+        """Write an event into the journal; `end` is this peer's own address, if it matters."""
         self._journal(BenchNote(self._name, what, detail, end))

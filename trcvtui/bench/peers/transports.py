@@ -1,7 +1,7 @@
-"""How a peer's bytes travel: a stream (one TCP connection at a time) or datagrams (one UDP socket).
+"""A peer's transport: a stream (one TCP connection at a time) or datagrams (one UDP socket).
 
-They know the Kernel alone, so a peer is the same device on real sockets and on the simulated network.
-Commands answer "" or what is wrong; between scans costs bounded work, whatever partners do.
+They use only the Kernel, so a peer is the same device on real sockets and on the simulated network.
+Commands return "" or what is wrong. Rule: work between scans is bounded, whatever partners do.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlo
 from trcvtui.project.project import PeerDecl
 
 BACKLOG: Final = 4
-MOST_ACCEPTS: Final = 64
+MOST_ACCEPTS: Final = 64  # this one and the next two bound a step (the rule above)
 MOST_READS: Final = 64
 MOST_DATAGRAMS: Final = 256
-LARGEST_BYTES: Final = 65507  # bytes of a datagram
+LARGEST_BYTES: Final = 65507  # payload of an IPv4 datagram: 65535 without its IP and UDP headers
 
 
 class _Transport:
-    """What both have: the peer's queues, and an own end that is kept from one socket to the next."""
+    """Common to both: the peer's queues, and an own end that stays the same for all its sockets."""
 
-    broadcasts = False  # datagrams to a broadcast address are sent, and heard
+    broadcasts = False  # whether datagrams to a broadcast address are sent and received
 
     def __init__(
         self,
@@ -64,19 +64,19 @@ class _Transport:
 
 
 class StreamTransport(_Transport):
-    """One TCP connection at a time, called or accepted; the newest client wins.
+    """One TCP connection at a time, opened or accepted; the newest client replaces the one before it.
 
-    When the partner ends the connection it closes its end too; a passive one goes on listening.
+    When the partner ends the connection, the peer closes its end too; a passive peer still listens.
     """
 
     remote: Endpoint | None = None
     _listener: Handle | None = None
-    _kept: Handle | None = None  # the free port that it listened on: nothing else gets it meanwhile
+    _kept: Handle | None = None  # bound while it does not listen, so that no other program gets its port
     _attempt: Handle | None = None
     _handle: Handle | None = None
     _half_closed = False
-    _ended: tuple[str, ...] = ()  # in which words the last connection ended; the first is shown
-    _offset = 0  # in the sent stream of this connection
+    _ended: tuple[str, ...] = ()  # states that describe the end of the last connection; the first is shown
+    _offset = 0  # bytes sent on this connection
     _now = 0
     _is_stalled = False
 
@@ -107,7 +107,7 @@ class StreamTransport(_Transport):
     # -- commands ------------------------------------------------------------------------------------
 
     def listen(self) -> str:
-        """Open the listener of a passive peer; one that is open stays."""
+        """Open the listener of a passive peer, unless it is open."""
         if self._listener is not None:
             return ""
         handle = self._kept if self._kept is not None else self._socket(self._own_end())
@@ -124,7 +124,7 @@ class StreamTransport(_Transport):
         return ""
 
     def connect(self, now: int) -> str:
-        """Begin one attempt of an active peer; a refusal is told by the ledger and is no error."""
+        """Begin one attempt of an active peer; a refusal is written into the ledger and is no error."""
         if self._handle is not None or self._attempt is not None:
             self._queues.note("connects already")
             return ""
@@ -147,7 +147,7 @@ class StreamTransport(_Transport):
         return ""
 
     def close(self) -> str:
-        """Send FIN; without a connection, withdraw the attempt or stop to listen."""
+        """Send FIN; without a connection, withdraw the attempt or stop listening."""
         if self._handle is not None:
             self._close_connection(self._handle)
         elif self._attempt is not None:
@@ -162,18 +162,18 @@ class StreamTransport(_Transport):
 
     def _keep_port(self) -> None:
         assert isinstance(self._decl.end, Endpoint)
-        held = self._socket(self._own_end()) if not self._decl.end.port else None
+        held = self._socket(self._own_end()) if not self._decl.end.port else None  # port 0: it got a free one
         self._kept = None if isinstance(held, Fault) else held
 
     def _close_connection(self, handle: Handle) -> None:
         self._read(handle)  # unread bytes would turn the FIN into a RST
-        if self._handle is not None:  # else the partner was faster
+        if self._handle is not None:  # else the read found that the partner has closed
             self._kernel.shutdown(handle)
             self._kernel.close(handle)
             self._end_connection(("closed",), "closed")
 
     def rst(self) -> str:
-        """Send RST; without a connection nothing is sent."""
+        """Send RST, or nothing without a connection."""
         if self._handle is not None:
             self._kernel.abort(self._handle)
             self._end_connection(("reset", "closed"), "sent RST")
@@ -182,7 +182,7 @@ class StreamTransport(_Transport):
         return ""
 
     def shutdown(self) -> str:
-        """Send FIN but go on reading (half-close)."""
+        """Send FIN, but continue to read (half-close)."""
         if self._handle is None or self._half_closed:
             self._queues.note("nothing to shut down")
             return ""
@@ -193,13 +193,13 @@ class StreamTransport(_Transport):
         return ""
 
     def obstacle(self, send: PeerSend | None = None) -> str:
-        """Return what keeps a message from being sent, or ""."""
+        """Return why a message cannot be sent, or ""."""
         if self._handle is None:
             return f"{self._decl.name} is {self.state}, not connected"
         return f"{self._decl.name} has shut down its sending side" if self._half_closed else ""
 
     def free_sockets(self) -> None:
-        """Free every socket; the run is over."""
+        """Free every socket at the end of the run."""
         for handle in (self._handle, self._attempt):
             if handle is not None:
                 self._kernel.abort(handle)
@@ -211,7 +211,7 @@ class StreamTransport(_Transport):
     # -- between scans -------------------------------------------------------------------------------
 
     def step(self, now: int, is_stalled: bool) -> None:
-        """Look for a verdict, read what has arrived, accept, send what is due; time in ns of the run."""
+        """Check the attempt, read what has arrived, accept, send what is due; time in ns of the run."""
         self._now, self._is_stalled = now, is_stalled
         if self._attempt is not None:
             self._poll_attempt()
@@ -222,7 +222,7 @@ class StreamTransport(_Transport):
         self.send_due(now)
 
     def send_due(self, now: int) -> str:
-        """Send what is due as far as the stack takes it; a Fault ends the connection and is no error."""
+        """Send as much of what is due as the stack takes; a Fault ends the connection and is no error."""
         self._now = now
         outbox = self._queues.outbox
         while self._handle is not None and (chunk := outbox.due_bytes(now)) is not None:
@@ -253,9 +253,9 @@ class StreamTransport(_Transport):
             got = self._kernel.accept(listener)
             if not isinstance(got, NewClient):
                 return
-            # The newest wins: the PLC that comes again after a silent loss is not turned away for ever.
+            # The newest wins: after a silent loss the old connection would refuse the PLC for ever.
             if self._handle is not None and not self._is_stalled:
-                self._read(self._handle)  # what was sent by one that has gone at once is heard
+                self._read(self._handle)  # bytes of a client that sent and left at once still count
             if self._handle is not None:
                 self._kernel.abort(self._handle)
                 self._end_connection(("reset", "closed"), "reset for a newer connection")
@@ -278,7 +278,7 @@ class StreamTransport(_Transport):
             self._handle_partner_end(handle)
 
     def _read(self, handle: Handle, lost: Fault | None = None) -> None:
-        """Read what is here; `lost`: the end that a send has met, which comes after it."""
+        """Read what has arrived; `lost`: the error of a send, handled after these bytes."""
         for _ in range(MOST_READS):
             got = self._kernel.recv(handle, self._queues.landing)
             if lost is not None and not (isinstance(got, int) and got):
@@ -331,15 +331,15 @@ class StreamTransport(_Transport):
 
 
 class DatagramTransport(_Transport):
-    """One UDP socket, a datagram a message, to the `remote` of the file, else to the sender heard last."""
+    """One UDP socket; each message is a datagram to the `remote` of the file, else to the last sender."""
 
     _handle: Handle | None = None
     _hearing: Handle | None = None  # a second socket, for broadcasts
-    _heard: Endpoint | None = None  # the end that sent last
+    _heard: Endpoint | None = None  # the last sender
 
     @property
     def state(self) -> str:
-        """Return listening or closed: there is no connection that could be anything else."""
+        """Return listening or closed: UDP has no connection."""
         return "closed" if self._handle is None else "listening"
 
     def is_in_state(self, state: str) -> bool:
@@ -359,7 +359,7 @@ class DatagramTransport(_Transport):
     # -- commands ------------------------------------------------------------------------------------
 
     def listen(self) -> str:
-        """Open the socket; one that is open stays."""
+        """Open the socket, unless it is open."""
         if self._handle is not None:
             return ""
         own = self._own_end()
@@ -382,7 +382,7 @@ class DatagramTransport(_Transport):
         return ""
 
     def close(self) -> str:
-        """Close the socket; what waits in it, and what is still to be sent, is gone."""
+        """Close the socket; received datagrams in it, and bytes to send, are lost."""
         if self._handle is not None:
             self.free_sockets()
             self._queues.note("stopped listening")
@@ -402,13 +402,13 @@ class DatagramTransport(_Transport):
         return f"{self._decl.name} speaks UDP: there is no connection to {verb}"
 
     def obstacle(self, send: PeerSend | None = None) -> str:
-        """Return what keeps a message from being sent, or ""; None: the messages of a sequence."""
+        """Return why a message cannot be sent, or ""; `send` None: the messages of a sequence."""
         if self._handle is None:
             return f"{self._decl.name} is closed"
         if send is None:
             return ""
         if self.remote is None:
-            return f"{self._decl.name} has nobody to send to: no remote that is open, and nobody was heard"
+            return f"{self._decl.name} has no partner to send to: no open remote, and no datagram came yet"
         largest = max(map(len, chunks(send.payload, send.split)))
         if largest > LARGEST_BYTES:
             return f"{self._decl.name}: a datagram of {largest} bytes; at most {LARGEST_BYTES}, so use split="
@@ -439,11 +439,11 @@ class DatagramTransport(_Transport):
             if got.source != self._heard:
                 self._queues.note("heard", str(got.source))
             self._heard = got.source
-            self._queues.replies.reset()  # nothing is looked for across datagrams
+            self._queues.replies.reset()  # a match does not continue in the next datagram
             self._queues.handle_received(got.size, now)
 
     def send_due(self, now: int) -> str:
-        """Send what is due; return why a datagram did not go. It is not tried again."""
+        """Send what is due; return why a datagram was not sent. It is not sent later."""
         wrong, outbox = "", self._queues.outbox
         while self._handle is not None and (chunk := outbox.due_bytes(now)) is not None:
             target = self.remote
@@ -453,7 +453,7 @@ class DatagramTransport(_Transport):
             if isinstance(got, int):
                 self._queues.note_sent(got, str(self.local), str(target), self._queues.bytes_sent)
             else:
-                why = got or "nobody to send to"
+                why = got or "no partner to send to"
                 wrong = f"{self._decl.name} cannot send: {why}"
                 self._queues.note("not sent", f"{len(chunk)} bytes: {why}")
             outbox.count_sent(len(chunk), now)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 LOOK_PAUSE_NS: Final = 3_000_000_000  # between two looks while the card is open
 REST_FACTOR: Final = 5  # between two looks it rests this many times the last look's duration
 HEALTHY: Final = "healthy"
-NOT_KEPT_TEXT: Final = "this run is not kept; the doctor needs black_box = on in [options], or `--record`"
+NOT_KEPT_TEXT: Final = 'this run is not kept; the doctor needs [options] black_box = "on", or `--record`'
 
 
 class Judge(Protocol):

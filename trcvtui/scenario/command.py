@@ -1,4 +1,4 @@
-"""`trcvtui scenario`: run files one after the other and say how they ended."""
+"""`trcvtui scenario`: runs files one after the other, and reports their results."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class LivePace:
 
 
 class RecordedPace:
-    """Scans at another pace, each of them on record."""
+    """Scans at the pace of `inner`; each is recorded."""
 
     def __init__(self, inner: Pace, recorder: RunRecorder) -> None:
         self._inner, self._recorder = inner, recorder
@@ -68,7 +68,7 @@ def run_files(
 ) -> int:
     """Run scenario files; return 0 all held, 1 an expectation failed, 2 a file is wrong (the worst wins).
 
-    With `netns` each file runs in a fresh network of this process's own; with `dialects` in each of them.
+    With `netns` each file runs in a new network of this process, with `dialects` in each of these dialects.
     """
     if dialects and record is not None:
         raise mistake("--record", "--dialect beside it", "one of the two")
@@ -109,7 +109,7 @@ def _run_all(
         except UserError as error:
             worst = _report_error(report, path, error)
             continue
-        loaded()  # raises through: no later file makes the target right
+        loaded()  # raises if this file is the target; ends the call, as later files cannot make that right
         try:
             judge = None
             if any(isinstance(step.command, Doctor) for step in (*scenario.start, *scenario.steps)):
@@ -130,7 +130,7 @@ def _run_all(
 def _make_report(form: str, dialects: Sequence[str], write: Callable[[str], object]) -> Report:
     if not dialects:
         return FORMATS[form](write)
-    from trcvtui.scenario.dialects import DialectReport  # here: who runs a file alone starts faster without
+    from trcvtui.scenario.dialects import DialectReport  # here: without --dialect the start is faster
 
     return DialectReport(write, form, len(dialects))
 
@@ -163,7 +163,7 @@ def _run_one(
 
         if has_own_network():
             enter_own_network(kernel, scenario.project.sim)
-    with recorder or nullcontext():  # first: a file that is refused lets nothing begin
+    with recorder or nullcontext():  # first: if its file is refused, no bench is started
         bench = Bench(scenario.project, kernel, recorder.seam if recorder is not None else None)
         report.begin_file(path, scenario, bench)
         pace: Pace = LivePace() if kernel == "live" else VirtualPace()

@@ -1,8 +1,8 @@
 """One scenario in several dialects: their STATUS walks side by side, and where they differ.
 
-Rule 1: each dialect plays the whole scenario alone, as `scenario` would let it, with its own verdict.
-Rule 2: nothing is aligned. A row is one scan; a dialect that is later is later.
-Rule 3: a step lets a partner send the bytes that it sends in the scenario's own dialect, whatever the layout.
+Rule 1: each dialect runs the whole scenario alone, as `trcvtui scenario` does, with its own verdict.
+Rule 2: nothing is aligned. A row is one scan; if a dialect is later, its rows show that.
+Rule 3: a partner sends the same bytes as in the scenario's own dialect, whatever the layout of the other.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from trcvtui.scenario.runner import NO_DELIVERIES, Delivery, Verdict
 from trcvtui.scenario.scenario import Scenario
 from trcvtui.wording import format_columns
 
-MOST_CHANGES: Final = 100_000  # that are kept of an instance in a dialect
+MOST_CHANGES: Final = 100_000  # kept for an instance in a dialect
 FORMAT_NAMES: Final = ("text", "jsonl")
 DIFFERS_MARK, NOTHING_MARK = "≠", "-"
 TRAFFIC_COMMANDS: Final = (words.PeerSend, words.PeerPlay, words.ReplyOn)
 
 
 def convert_scenario(names: Sequence[str], scenario: Scenario, path: Path) -> list[Scenario]:
-    """Return the scenario in each of these dialects; `about` says, a line each, what one of them lacks.
+    """Return the scenario in each of these dialects; each line of `about` is something that it lacks.
 
-    Raises UserError where a CONNECT cannot be described in one of them.
+    Raises UserError if one of them cannot describe a CONNECT.
     """
     dialects = [find_dialect(name) for name in names]
     if len(set(names)) < max(2, len(names)):
@@ -53,7 +53,7 @@ def convert_scenario(names: Sequence[str], scenario: Scenario, path: Path) -> li
 
 def _convert_steps(steps: Iterable[words.Step], project: Project, lacks: list[str]) -> Iterator[words.Step]:
     for step in steps:
-        if isinstance(step.command, TRAFFIC_COMMANDS):
+        if isinstance(step.command, TRAFFIC_COMMANDS):  # rule 3: its bytes are laid out already
             yield step
             continue
         try:
@@ -67,7 +67,7 @@ def _convert_steps(steps: Iterable[words.Step], project: Project, lacks: list[st
 
 
 class DialectRun:
-    """What one dialect showed: `changes` are an instance's outputs from a scan on, None: its end."""
+    """The run in one dialect: `changes` are an instance's outputs from a scan on, None: its end."""
 
     def __init__(self, scenario: Scenario) -> None:
         self.dialect = scenario.project.dialect.name
@@ -89,7 +89,7 @@ class DialectRun:
 
 
 class DialectReport(JsonLines):
-    """Files of which each is played in all dialects; then they are compared."""
+    """The report of files that run in all dialects, with a comparison after each."""
 
     def __init__(self, write: Write, form: str, dialects: int) -> None:
         if form not in FORMAT_NAMES:
@@ -104,7 +104,7 @@ class DialectReport(JsonLines):
         self._runs.append(DialectRun(scenario))
 
     def write_record(self, record: Mapping[str, object]) -> None:
-        """Write a line with the name of its dialect; a file that is wrong has none."""
+        """Write a line with the name of its dialect; the line of a wrong file has none."""
         if self._is_json:
             super().write_record({"dialect": self._runs[-1].dialect, **record} if self._runs else record)
 
@@ -142,14 +142,14 @@ class DialectReport(JsonLines):
 
 
 class WalkComparison:
-    """What one instance shows in all dialects: `rows` of equal scans, first and last, an entry a dialect."""
+    """One instance in all dialects: `rows` are (first scan, last scan, outputs by dialect) of equal scans."""
 
     def __init__(self, instance: str, block: str, runs: Sequence[DialectRun]) -> None:
         self._head = f"{instance} ({block})"
         self._instance = instance
         self._dialects = [run.dialect for run in runs]
         changes = [run.changes.get(instance, {}) for run in runs]
-        self._have_it = [name for name, each in zip(self._dialects, changes, strict=True) if each]
+        self._having = [name for name, each in zip(self._dialects, changes, strict=True) if each]
         now: list[Outputs | None] = [None] * len(runs)
         self.rows: list[tuple[int, int, tuple[Outputs | None, ...]]] = []
         for scan, following in pairwise(sorted({scan for each in changes for scan in each})):
@@ -158,7 +158,7 @@ class WalkComparison:
         self._different = [row for row in self.rows if len({*row[2]} - {None}) > 1]
 
     def record(self) -> dict[str, object]:
-        """Return where they differ as an object of JSON."""
+        """Return the differences as an object of JSON."""
         first = self._different[0][0] if self._different else None
         return {
             "instance": self._instance,
@@ -172,8 +172,8 @@ class WalkComparison:
         return sum(last - first + 1 for first, last, _ in self._different)
 
     def lines(self) -> Iterator[str]:
-        """Yield a line that says where they differ, then the table."""
-        where = "no difference" if self._have_it == self._dialects else f"in {', '.join(self._have_it)} alone"
+        """Yield a line on the differences, then the table."""
+        where = "no difference" if self._having == self._dialects else f"in {', '.join(self._having)} alone"
         if self._different:
             first, _, shown = self._different[0]
             where = (

@@ -1,6 +1,6 @@
-"""A scenario played step by step for a screen: what each step has come to, and which one is next.
+"""A scenario step by step for a screen: the state of each step, and which one is next.
 
-Rule: it judges by the same StepRunner as the runner; scans pass outside, one whenever `wants_scan`.
+Rule: it uses the same StepRunner as `trcvtui scenario`; the caller lets a scan pass whenever `wants_scan`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ JUDGED_COMMANDS: Final = (words.Wait, words.Expect, words.ExpectTrace, words.Try
 
 
 class Player:
-    """One scenario on one bench; `is_to_end` while each step begins by itself after the one before."""
+    """One scenario on one bench; `is_to_end`: each step begins by itself after the one before."""
 
     def __init__(self, path: str, scenario: Scenario, bench: Bench) -> None:
         self.is_to_end = False
@@ -40,11 +40,11 @@ class Player:
         self._scenario = scenario
         self._stage = StepRunner(bench)
         self._steps = (*scenario.start, *scenario.steps)
-        self._told = tuple([StepSnapshot(s.number, cut_text(s.line), TO_COME) for s in self._steps])
+        self._snapshots = tuple([StepSnapshot(s.number, cut_text(s.line), TO_COME) for s in self._steps])
         self._current = 0
         self._under_way: Iterator[None] | None = None
-        self._scans = 0  # that have passed in the step under way
-        self._wanted = 0  # steps that were asked for while one was under way
+        self._scans = 0  # that have passed in the running step
+        self._wanted = 0  # further steps that the user wants
         while not self.is_finished and self._steps[self._current].number == START_STEP:
             self.step()
 
@@ -60,7 +60,7 @@ class Player:
         return self._under_way is not None
 
     def step(self) -> None:
-        """Begin the next step, after the one under way; a run to the end stops after that one."""
+        """Begin the next step, after the running one; a run to the end stops there."""
         if not self.is_to_end and not self.is_finished:
             self._wanted += 1
         self.is_to_end = False
@@ -73,7 +73,7 @@ class Player:
             self._advance()
 
     def note_scan(self) -> None:
-        """Take note of the scan that has just passed, and go on with the step that asked for it."""
+        """Observe the scan that has just passed, and continue the step that asked for it."""
         self._stage.note_scan()
         if self._under_way is not None:
             self._scans += 1
@@ -105,13 +105,13 @@ class Player:
         self._current += 1
 
     def _set_state(self, state: str, found: str = "") -> None:
-        at, told = self._current, self._told
-        self._told = (*told[:at], replace(told[at], state=state, found=found), *told[at + 1 :])
+        at, steps = self._current, self._snapshots
+        self._snapshots = (*steps[:at], replace(steps[at], state=state, found=found), *steps[at + 1 :])
 
     def snapshot(self) -> PlayerSnapshot:
         return PlayerSnapshot(
             path=self._path,
-            steps=self._told,
+            steps=self._snapshots,
             current=self._current,
             running=self.wants_scan,
             finished=self.is_finished,
@@ -121,8 +121,7 @@ class Player:
 
 
 def refuse_too_many_steps(path: str, scenario: Scenario) -> None:
-    """Raise UserError for a scenario that is too long to be shown step by step."""
     count = len(scenario.start) + len(scenario.steps)
     if count > MOST_STEPS:
-        expected = f"at most {MOST_STEPS} to be played on the screen; `trcvtui scenario` plays them all"
+        expected = f"at most {MOST_STEPS} on the screen; `trcvtui scenario` has no limit"
         raise mistake(f"{path}: steps", f"{count} steps", expected)

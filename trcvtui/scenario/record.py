@@ -1,4 +1,4 @@
-"""`trcvtui record`: a bench without a screen that is recorded until it is told to stop."""
+"""`trcvtui record`: records a bench without a screen, until a signal or the duration ends it."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def read_size(text: str | None, where: str) -> int:
 def read_limits(
     ring: str | None, split: str | None, on: str | None, before: str | None, after: str | None
 ) -> FileLimits:
-    """Return what the options say; raise UserError where they do not fit together."""
+    """Return the limits of these options; raise UserError if the options do not fit together."""
     if on is None and (before is not None or after is not None):
-        raise mistake("--before, --after", "no --on", "what they surround")
+        raise mistake("--before, --after", "no --on", "--on: they are times before and after it")
     whole = read_size(ring, "--ring")
     part = read_size(split, "--split") or whole // 8
     if whole and whole < 2 * part:
@@ -68,9 +68,9 @@ def record(
     follow: Callable[[FileSink, str], EntrySink],
     is_kept: bool = True,
 ) -> int:
-    """Record until the duration is over, or a signal ends it; return 0, 1 where nothing can be written.
+    """Record until the duration is over, or a signal ends it; return 0, 1 if the disk refuses a write.
 
-    `is_kept` False: the folder goes again, so that no report of an internal error may stand there.
+    `is_kept` False: the folder is only temporary, so a report of an internal error is written elsewhere.
     """
     until = NEVER if duration is None else parse_time(duration, "--duration")
     asked = RecordTarget(out, False, has_secrets, limits, follow)
@@ -80,7 +80,7 @@ def record(
         opened.enter_context(record_reads(recorder.reads))
         project = load_bench(path)
         condition = None if on is None else _condition(on, project)
-        signals: list[int] = []  # that ask for the end: after the scan, never in the middle of one
+        signals: list[int] = []  # signals to end: looked at after a scan, never in the middle of one
         for number in _ending_signals():
             before = signal.signal(number, lambda came, _: signals.append(came))
             opened.callback(signal.signal, number, before)
@@ -93,15 +93,15 @@ def record(
         bench.reports = bench.reports if is_kept else None
         pace = RecordedPace(LivePace() if kernel == "live" else VirtualPace(), recorder)
         _run(bench, pace, until, lambda: bool(signals or recorder.trouble), condition, on or "", out)
-    told = bench.containment.take_messages()
+    messages = bench.containment.take_messages()
     lines = recorder.list_remarks() if is_kept else [recorder.trouble] * bool(recorder.trouble)
-    _write_stderr("".join(f"{line}\n" for line in (*[told] * bool(told), *lines)))
+    _write_stderr("".join(f"{line}\n" for line in (*[messages] * bool(messages), *lines)))
     return 1 if recorder.trouble else 0
 
 
 def _ending_signals() -> list[signal.Signals]:
     ends = [signal.SIGTERM, signal.SIGINT]
-    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as with nohup
         ends.append(signal.SIGHUP)
     return ends
 
@@ -122,18 +122,18 @@ def _run(
     on: str,
     out: Path,
 ) -> None:
-    triggers, held, told = 0, False, clock.now_ns()
+    triggers, held, shown_at = 0, False, clock.now_ns()
     shows = sys.stderr.isatty()
     while bench.now < until and not is_over():
         pace.next_scan(bench)
         if condition is not None:
             holds_now = holds(bench, condition)
-            if holds_now and not held:
+            if holds_now and not held:  # a rising edge: a condition that stays true is one trigger
                 triggers += 1
                 bench.record_line(f"{TRIGGER_WORD} {on}")
             held = holds_now
-        if shows and clock.now_ns() > told + PROGRESS_NS:
-            told = clock.now_ns()
+        if shows and clock.now_ns() > shown_at + PROGRESS_NS:
+            shown_at = clock.now_ns()
             size = sum(each.stat().st_size for each in os.scandir(out) if each.name.endswith(FILE_SUFFIX))
             seconds = bench.now // clock.NS_PER_S
             elapsed = f"{seconds // 3600}:{seconds // 60 % 60:02}:{seconds % 60:02}"
@@ -143,6 +143,6 @@ def _run(
 
 
 def _write_stderr(text: str) -> None:
-    with suppress(OSError):  # a terminal that is gone ends no recording
+    with suppress(OSError):  # the recording continues if its terminal is closed
         sys.stderr.write(text)
         sys.stderr.flush()

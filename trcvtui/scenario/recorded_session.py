@@ -1,10 +1,10 @@
-"""What was done on a bench and what was seen of it, kept, and written as a scenario file that runs.
+"""Keeps the commands and the STATUS of a session on a bench, and writes them as a scenario file that runs.
 
 Rule 1: only commands that were carried out are kept, each with the number of scans that had passed before it.
-Rule 2: a mark begins the expectations anew; the commands before it stay, for they made what stands there.
+Rule 2: a mark begins the expectations anew; the commands before it stay, as they led to the state there.
 Rule 3: a command before the first scan comes after those of the project's `start`, which are not kept.
-Rule 4: on real sockets a peer acts by the clock, and the scans by their own: how often a job is done between
-two events is not expected there, only that it is.
+Rule 4: on real sockets peers and scans act by two clocks: that a job is done between two events is expected
+there, but not how often.
 Bounds: MOST_COMMANDS commands of MOST_CHARACTERS characters; of each trace its first and its newest runs.
 """
 
@@ -42,7 +42,7 @@ MOST_COMMANDS: Final = 5000
 MOST_CHARACTERS: Final = 4_000_000
 FIRST_RUNS: Final = 150
 NEWEST_RUNS: Final = 50
-# How many scans these go on is the wire's to say, not the block's: any number from one on is expected.
+# The wire decides how many scans these last, not the block: any number from one on is expected.
 WIRE_DEPENDENT: Final = (
     Condition.ESTABLISHING,
     Condition.CONNECTED,
@@ -53,13 +53,13 @@ ANY_TEXT: Final = str(ANY_SCANS)
 SIM_KERNEL: Final = "sim"
 NEVER: Final = 1 << 62
 DELETED: Final = "deleted"
-END_NOTES: Final = frozenset({DELETED, "STOP"})  # notes after which an instance, or all, are not called
+END_NOTES: Final = frozenset({DELETED, "STOP"})  # after these an instance, or all of them, are not called
 BEGIN_NOTES: Final = frozenset({"created", "declared anew"})
 MOST_NAMED_PARTNERS: Final = 3
-MOST_FRAMES: Final = 200  # that are expected one by one; after them the trace alone
+MOST_FRAMES: Final = 200  # that are expected one by one; later ones only as part of the trace
 MOST_FRAME_BYTES: Final = 256  # bytes of each
 OUTSIDE_TEXT: Final = " A partner outside the bench took part ("
-# What a TRCV_C shows by turns while frames come.
+# A TRCV_C shows these in turns while frames come.
 TURN_CONDITIONS: Final = (Condition.CONNECTED, Condition.RECEIVING, Condition.RECEIVED)
 
 
@@ -90,12 +90,12 @@ class StatusPattern:
         return self._count > FIRST_RUNS
 
     def add_gap(self) -> None:
-        """Say that there may have been any scans here: what was shown was not read."""
+        """Allow any scans here: some that were shown were not read."""
         self._scan = None
         self._append(None)
 
     def mark_cut(self) -> None:
-        """Say that runs between the first and the newest were left out."""
+        """Mark that runs between the first and the newest are left out."""
         self._scan, self._is_cut = None, True
         self._newest.clear()
 
@@ -110,7 +110,7 @@ class StatusPattern:
         self._newest.append(scan)
 
     def format_pattern(self, by_turns: Collection[int] = (), done: Collection[int] = ()) -> str:
-        """Return what was seen in the notation of a pattern, "" where nothing was.
+        """Return the scans in the notation of a pattern, "" for none.
 
         After a first `done` any number of scans `by_turns` may follow.
         """
@@ -126,7 +126,7 @@ class StatusPattern:
 
 
 def _loosen_turns(atoms: list[Atom], by_turns: Collection[int], done: Collection[int]) -> Iterator[Atom]:
-    """Yield a pattern in which each stretch of scans by turns ends after its first `done` with anything."""
+    """Yield the atoms; scans `by_turns` after a `done` are replaced by `...`."""
     is_open = False
     for atom in atoms:
         if is_open and (atom is ANY_SCANS or (atom.scan is not None and atom.scan[0] in by_turns)):
@@ -139,7 +139,7 @@ def _loosen_turns(atoms: list[Atom], by_turns: Collection[int], done: Collection
 
 
 class ExternalPartners(Struct, frozen=True):
-    """Partners that are no peers of the bench, and the CONNECTs that they were on: nobody can replay them."""
+    """Partners that are no peers of the bench, and the CONNECTs that they used: they cannot be replayed."""
 
     partners: tuple[str, ...] = ()
     connects: frozenset[str] = frozenset()
@@ -148,8 +148,8 @@ class ExternalPartners(Struct, frozen=True):
     def about_text(self) -> str:
         if not self.partners:
             return ""
-        who, where = ", ".join(self.partners[:MOST_NAMED_PARTNERS]), ", ".join(sorted(self.connects))
-        return f"{OUTSIDE_TEXT}{who}): nothing is expected on {where}."
+        named, where = ", ".join(self.partners[:MOST_NAMED_PARTNERS]), ", ".join(sorted(self.connects))
+        return f"{OUTSIDE_TEXT}{named}): nothing is expected on {where}."
 
     @property
     def warning(self) -> str:
@@ -158,9 +158,9 @@ class ExternalPartners(Struct, frozen=True):
 
 
 class SessionEntry(Struct, frozen=True):
-    """One line, and how many scans had passed before it. `traced`: it is the expectation of an instance.
+    """One line, and how many scans had passed before it. `traced`: the instance whose trace it expects.
 
-    `is_frame`: it expects what a frame has brought in this very scan.
+    `is_frame`: it expects the outputs or DATA of a frame in this very scan.
     """
 
     scans: int
@@ -170,9 +170,9 @@ class SessionEntry(Struct, frozen=True):
 
 
 class _Tracker:
-    """What one instance shows: `now` since its last edge, and once more when it is called in scan `again`.
+    """The trace of one instance: `now` is its STATUS since its last edge, `again` the scan of its next call.
 
-    `read`: so many changes of its pins were looked at.
+    `read`: how many changes of its pins are read.
     """
 
     __slots__ = ("again", "interval", "is_lost", "now", "read", "seen")
@@ -186,7 +186,7 @@ class _Tracker:
 
 
 class RecordedSession:
-    """One bench from its first scan on; `note` what was carried out, the ledger tells what was seen."""
+    """One bench from its first scan on: `note` keeps its commands, the ledger gives what it showed."""
 
     def __init__(self, bench: Bench, reader: LedgerReader, waves: WaveformRecorder) -> None:
         self._bench = bench
@@ -195,7 +195,7 @@ class RecordedSession:
         self._of_the_wire = frozenset(code[each] for code in codes for each in WIRE_DEPENDENT if each in code)
         self._turns = {code[each] for code in codes for each in TURN_CONDITIONS if each in code}
         self._done = {code[Condition.RECEIVED] for code in codes if Condition.RECEIVED in code}
-        self._peers_by_the_clock = False  # by commands; those of the project are known from it
+        self._peers_by_the_clock = False  # whether commands let peers act so; the project says it of others
         self._entries: list[SessionEntry] = []
         self._characters = self._frames = 0
         self._waves = waves
@@ -215,7 +215,7 @@ class RecordedSession:
         if isinstance(command, words.RunScans | words.RunFor):
             return
         if isinstance(command, words.Delete):
-            self._expect_trace(command.instance)  # afterwards nobody knows its name any more
+            self._expect_trace(command.instance)  # now: later its name is unknown to `expect`
         self.commands += 1
         self._peers_by_the_clock |= _acts_by_clock(command)
         text = _format_command(command, line)
@@ -235,7 +235,7 @@ class RecordedSession:
 
     @property
     def is_by_the_clock(self) -> bool:
-        """Return whether peers acted at times of a clock that is not the scans'."""
+        """Return whether peers acted by a clock that is not that of the scans (rule 4)."""
         peers = self._bench.project.peers
         acts = self._peers_by_the_clock or any(peer.says or peer.reconnect_ns for peer in peers)
         return acts and self._bench.kernel_name != SIM_KERNEL
@@ -284,7 +284,7 @@ class RecordedSession:
         return self._read(self._bench.runtime.scans)
 
     def _read(self, until: int) -> dict[str, _Tracker]:
-        """Look at what the pins have done up to here, and count the calls up to scan `until`."""
+        """Read all new changes of pins, and count the calls up to scan `until`."""
         for name, record in self._waves.records.items():
             showing = self._shown.get(name) or self._begin_instance(name)
             changes = record.list_changes_after(showing.read)
@@ -307,7 +307,7 @@ class RecordedSession:
         showing.again = self._call_after(showing, scan)
 
     def _interval(self, instance: str) -> int:
-        """Return how often an instance is called, in ns."""
+        """Return the time from call to call of an instance, in ns."""
         decl = self._bench.project.instance(instance)
         task = self._bench.project.task(decl.task) if decl is not None else None
         return task.interval_ns if task is not None else self._bench.runtime.interval_ns
@@ -320,7 +320,7 @@ class RecordedSession:
         return -(-due // each) + 1
 
     def _count_calls(self, showing: _Tracker, until: int) -> None:
-        """Count the calls up to scan `until`, which have changed nothing: one, or more than one."""
+        """Add the calls without a change up to scan `until`; a pattern needs only one, or more than one."""
         if showing.again <= until:
             showing.seen.add(showing.now)
             if self._call_after(showing, showing.again) <= until:
@@ -342,7 +342,7 @@ class RecordedSession:
             showing.is_lost, showing.again = True, NEVER
 
     def _expect_frame(self, seq: int, scan: int, t_ns: int, edge: StatusEdge) -> None:
-        """Keep what a frame has brought: outputs, and its first bytes; in real time the scan is another."""
+        """Expect outputs and first bytes of a frame in this scan: called only if time is virtual (rule 4)."""
         if not edge.outputs.done or not block_row(edge.block).has_buffer or self._frames >= MOST_FRAMES:
             return
         decl = self._bench.project.instance(edge.instance)
@@ -360,7 +360,7 @@ class RecordedSession:
             self._add(f"expect {decl.data} hex {content[:size].hex(' ')}", frame_in=scan)
 
     def mark(self) -> None:
-        """Begin the expectations anew from here."""
+        """Begin the expectations anew from here (rule 2)."""
         before = dict(self._read_to_now())
         here = [instance.name for instance in self._bench.project.instances]
         kept = [e for e in self._entries if e.traced not in here and not e.is_frame]
@@ -375,7 +375,7 @@ class RecordedSession:
         self.marked_at = self._bench.runtime.scans
 
     def steps(self) -> Iterator[str]:
-        """Yield the steps of a scenario that does it all again; raise UserError when not all is kept."""
+        """Yield the steps of a scenario that repeats the session; raise UserError if not all is kept."""
         if self.is_overfull:
             found = f"{self.commands} commands of {self._characters} characters"
             expected = f"at most {MOST_COMMANDS} of {MOST_CHARACTERS}; a session begins with a fresh bench"
@@ -412,7 +412,7 @@ def _acts_by_clock(command: words.BenchCommand) -> bool:
 
 
 def _format_command(command: words.BenchCommand, line: str) -> str:
-    """Return the line as it was typed; bytes of a file as hex, for the file may be another one tomorrow."""
+    """Return the line as it was typed; bytes of a file as hex, as the file may change."""
     from_file = isinstance(command, words.PeerSend) and command.text.startswith("file")
     if line.isprintable() and not from_file:
         return line
@@ -427,10 +427,10 @@ FAR_FOLDER: Final = os.path.join(os.pardir, os.pardir, os.pardir)
 
 
 def scenario_text(session: RecordedSession, bench: Bench, path: Path, before: str | None = None) -> str:
-    """Return the text of a scenario file that shall stand at `path`.
+    """Return the text of a scenario file for `path`.
 
-    `before` is the project as the session began with it, where its file says something else by now. It comes
-    into the scenario, and so does a project that came with the program: no file names the installation.
+    `before` is the project at the beginning of the session, if its file has changed since. It is put into the
+    scenario, and so is a project that comes with the program: no file names a path of the installation.
     """
     old, new = bench.project.base, path.parent
     lines = [_rebase_step(line, old, new) for line in session.steps()]
@@ -445,7 +445,7 @@ def scenario_text(session: RecordedSession, bench: Bench, path: Path, before: st
 
 
 def _rebase_step(line: str, old: Path, new: Path) -> str:
-    """Return a step as it stands in another folder: a file that it adds is named from there on."""
+    """Return a step for the folder `new`: the path of a file that it adds begins there."""
     start, name = "add udt ", line.removeprefix("add udt ")
     return start + relocate(name, old, new) if line.startswith(start) else line
 
@@ -463,10 +463,10 @@ def _project_text(own: Path, folder: Path, before: str | None) -> str:
 def _relative_path(project: Path, folder: Path) -> str:
     whole = os.path.realpath(project)
     try:
-        way = os.path.relpath(whole, os.path.realpath(folder))
-    except ValueError:  # another drive
+        relative = os.path.relpath(whole, os.path.realpath(folder))
+    except ValueError:  # another drive: Windows has no relative path there
         return whole
-    return whole if way.startswith(FAR_FOLDER) else way.replace(os.sep, "/")
+    return whole if relative.startswith(FAR_FOLDER) else relative.replace(os.sep, "/")
 
 
 def _quote(text: str) -> str:
@@ -487,7 +487,7 @@ def parse_toml_path(name: str, where: str) -> Path:
 
 
 def write_new(path: Path, text: str, ours: Iterable[str], where: str) -> str:
-    """Write a file that is not there yet, or is one of `ours`; return its real path; raise UserError."""
+    """Write a file that is new, or one of `ours`; return its real path; raise UserError."""
     whole = os.path.realpath(path)
     is_own = whole in ours
     write_file(path, text, where, is_own=is_own, is_new=not is_own)

@@ -16,10 +16,9 @@ from trcvtui.scenario.scenario import START_STEP, Scenario
 from trcvtui.scenario.step_runner import Failure
 from trcvtui.wording import json_text
 
-# Rules of JUnit XML, a test case an expectation:
-# the document holds ASCII only and no control character, so it is well-formed under any encoding and
-# whatever a partner sent; a case takes the time since the case before it, so that the times add up; nothing
-# but the results is in it (no clock, no host), so a simulated run gives the same bytes twice.
+# Rules of JUnit XML: each expectation is a test case. The document is ASCII without control characters, so it
+# is well-formed in any encoding, whatever a partner sent. A case has the time since the case before it, so
+# that the times add up. It has only results (no clock, no host): a simulated run gives the same bytes twice.
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -28,13 +27,13 @@ if TYPE_CHECKING:
 
 Write = Callable[[str], object]
 
-LONGEST_NAME: Final = 120  # GitLab keeps 255 characters; the whole line stands in the failure
+LONGEST_NAME: Final = 120  # GitLab keeps 255 characters; the failure has the whole line
 WHOLE_CASE_NAME: Final = "the scenario runs to its end"
 NOT_REACHED_TEXT: Final = "not reached: a wait before it failed"
 
 
 class JunitCase(Struct, frozen=True):
-    """One test case. `outcome` is "", failure, error or skipped; `kind`, `message` and `text` tell it."""
+    """One test case. `outcome` is "", failure, error or skipped; `kind`, `message`, `text` describe it."""
 
     name: str
     ns: int = 0
@@ -61,27 +60,27 @@ class JunitSuite(Struct, frozen=True):
 
 
 class Report:
-    """What a format is told of one call: its files one after the other. This one writes nothing."""
+    """The report of one call, whose methods are called for its files in order. This base writes nothing."""
 
     def __init__(self, write: Write) -> None:
         self._write = write
 
     def begin_file(self, path: Path, scenario: Scenario, bench: Bench) -> None:
-        """Tell that a file is about to run."""
+        """Begin a file that is about to run."""
 
     def write_scan(
         self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NO_DELIVERIES
     ) -> None:
-        """Tell the outputs that changed in a scan, and of instances with DONE how far their bytes are."""
+        """Write the outputs that changed in a scan, and the deliveries of instances with DONE."""
 
     def write_verdict(self, verdict: Verdict) -> None:
-        """Tell how the scenario ended."""
+        """Write the result of a scenario."""
 
     def write_error(self, path: Path, error: UserError) -> None:
-        """Tell that a file could not be run, or not to its end; stderr has it."""
+        """Write that a file could not be run, or not to its end; stderr has the mistakes too."""
 
     def end(self) -> None:
-        """Tell that no file follows."""
+        """End the report: no file follows."""
 
 
 class Junit(Report):
@@ -97,8 +96,8 @@ class Junit(Report):
     def write_verdict(self, verdict: Verdict) -> None:
         steps = (*self._scenario.start, *self._scenario.steps)
         cases = (*_make_cases(verdict.taken), *_make_skipped_cases(steps[len(verdict.taken) :]))
-        told = (f"{one.step.line}\n{one.told}" for one in verdict.taken if one.told)
-        output = (self._scenario.about, *(f"{name}: {trace}" for name, trace in verdict.traces), *told)
+        answers = (f"{one.step.line}\n{one.told}" for one in verdict.taken if one.told)
+        output = (self._scenario.about, *(f"{name}: {trace}" for name, trace in verdict.traces), *answers)
         suite = JunitSuite(str(self._path), verdict.scenario, _add_rest_case(cases, verdict), output)
         self._suites.append(suite)
 
@@ -124,8 +123,8 @@ def _make_cases(taken: Iterable[StepResult]) -> Iterator[JunitCase]:
             yield JunitCase(name, ns)
         else:
             found = f"found: {one_line(one.failure.found)}"
-            told = [f"ERROR {one_line(str(error))}" for error in one.errors]
-            text = "\n".join((f"step {one.failure.step}: {one_line(one.failure.line)}", found, *told))
+            errors = [f"ERROR {one_line(str(error))}" for error in one.errors]
+            text = "\n".join((f"step {one.failure.step}: {one_line(one.failure.line)}", found, *errors))
             yield JunitCase(name, ns, "failure", one.step.line.split(maxsplit=1)[0], found, text)
 
 
@@ -136,7 +135,7 @@ def _make_skipped_cases(steps: Iterable[Step]) -> Iterator[JunitCase]:
 
 
 def _add_rest_case(cases: tuple[JunitCase, ...], verdict: Verdict) -> tuple[JunitCase, ...]:
-    """Return the cases and, where none stands for the last steps, one for them: a suite is never empty."""
+    """Return the cases, with one more for steps after the last case; so a suite is never empty."""
     whole = verdict.taken[-1].until_ns if verdict.taken else 0
     rest = whole - sum(case.ns for case in cases)
     return (*cases, JunitCase(WHOLE_CASE_NAME, rest)) if rest or not cases else cases
@@ -149,7 +148,7 @@ def _judges(step: Step) -> bool:
 
 
 def _case_name(step: Step) -> str:
-    """Return `007 expect TRCV_C_1 STATUS=7004`: unlike any other of the file, in order when sorted."""
+    """Return `007 expect TRCV_C_1 STATUS=7004`: unique in the file, and in order when sorted."""
     number = "start" if step.number == START_STEP else f"{step.number:03}"
     line = one_line(step.line)
     return f"{number} {line if len(line) <= LONGEST_NAME else line[: LONGEST_NAME - 3] + '...'}"
@@ -159,7 +158,7 @@ def _case_name(step: Step) -> str:
 
 
 def _format_xml(suites: list[JunitSuite]) -> str:
-    # Here: the other formats need no XML, and a command line starts faster without.
+    # Here: the other formats need no XML, and start faster without it.
     from xml.etree import ElementTree
 
     root = ElementTree.Element("testsuites", {"name": "trcvtui scenario", **_count_outcomes(suites)})
@@ -178,8 +177,8 @@ def _add_suite(root: Element, suite: JunitSuite) -> None:
         named = {"classname": one_line(suite.scenario), "name": case.name, "time": _seconds(case.ns)}
         inner = SubElement(element, "testcase", named)
         if case.outcome:
-            told = {"type": case.kind, "message": case.message}
-            child = SubElement(inner, case.outcome, {key: text for key, text in told.items() if text})
+            keys = {"type": case.kind, "message": case.message}
+            child = SubElement(inner, case.outcome, {key: text for key, text in keys.items() if text})
             child.text = case.text or None
     output = [one_line(line) for text in suite.output for line in text.splitlines()]
     if output:
@@ -201,7 +200,7 @@ def _seconds(ns: int) -> str:
 
 
 class JsonLines(Report):
-    """One object per instance and scan in which any output differs, then one for the scenario."""
+    """One object for each instance and scan in which an output changes, then one for the scenario."""
 
     def __init__(self, write: Write, interval_ns: int = 0, bench: Bench | None = None) -> None:
         super().__init__(write)
@@ -212,7 +211,7 @@ class JsonLines(Report):
         self._interval_ns, self._bench = bench.runtime.interval_ns, bench
 
     def write_error(self, path: Path, error: UserError) -> None:
-        """Write the line of the file; step 0 is none of its steps."""
+        """Write the line of the file; step 0 means none of its steps."""
         failures = tuple(Failure(0, "", line) for line in error.lines())
         self.write_verdict(Verdict(str(path), 0, failures, (), ()))
 
@@ -231,7 +230,7 @@ class JsonLines(Report):
         self.write_record({"scan": scan, **times, **record})
 
     def write_verdict(self, verdict: Verdict) -> None:
-        told = [
+        answers = [
             {"step": one.step.number, "line": one.step.line, "told": one.told.splitlines()}
             for one in verdict.taken
             if one.told
@@ -243,7 +242,7 @@ class JsonLines(Report):
                 "scans": verdict.scans,
                 **({"late_scans": verdict.late_scans} if verdict.late_scans else {}),
                 "failures": [{"step": f.step, "line": f.line, "found": f.found} for f in verdict.failures],
-                **({"told": told} if told else {}),
+                **({"told": answers} if answers else {}),
             }
         )
 
@@ -256,7 +255,7 @@ def json_line(record: Mapping[str, object]) -> str:
 
 
 def outputs_record(edge: StatusEdge) -> dict[str, object]:
-    """Return the keys of an instance; an output that its block does not have is left out."""
+    """Return an instance's outputs as an object of JSON, without those that its block does not have."""
     record: dict[str, object] = {
         "instance": edge.instance,
         "block": edge.block,
@@ -273,7 +272,7 @@ def outputs_record(edge: StatusEdge) -> dict[str, object]:
 
 
 class Text(Report):
-    """For people: the verdict, the STATUS of each instance over the whole run, its ERRORs, what failed."""
+    """Text to read: the verdict, the STATUS of each instance over the whole run, its ERRORs, what failed."""
 
     def write_verdict(self, verdict: Verdict) -> None:
         word = "passed" if verdict.has_passed else "FAILED"

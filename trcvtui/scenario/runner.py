@@ -1,6 +1,6 @@
-"""Play a script on a bench without a stop: its steps in order, every scan observed, one verdict.
+"""Runs a script on a bench without a stop: its steps in order, every scan observed, one verdict.
 
-Bounds of ERRORs told: MOST_KEPT different ones, the oldest are forgotten first; NEWEST for a failed step.
+Bounds: MOST_ERRORS different ERRORs, the oldest are dropped first; NEWEST_ERRORS of them at a failed step.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ NEWEST_ERRORS: Final = 5
 
 
 class ErrorSummary(Struct, frozen=True):
-    """One cause of ERROR at one instance: its STATUS, the first and last scan, how many such edges."""
+    """One cause of ERROR at one instance: its STATUS, its first and last scan, and how often it came."""
 
     instance: str
     status: int
@@ -45,30 +45,30 @@ class ErrorSummary(Struct, frozen=True):
 
 class ErrorSummaries:
     def __init__(self) -> None:
-        self._told: dict[tuple[str, int, str], ErrorSummary] = {}
+        self._summaries: dict[tuple[str, int, str], ErrorSummary] = {}
 
     def add_errors(self, scan: int, changed: Iterable[StatusEdge]) -> None:
         for edge in changed:
             if not edge.outputs.error:
                 continue
-            told = ErrorSummary(
+            new = ErrorSummary(
                 edge.instance, edge.outputs.status, _explain(edge.cause, edge.block), scan, scan
             )
-            key = told.instance, told.status, told.text
-            known = self._told.get(key)
-            self._told[key] = told if known is None else replace(known, last=scan, times=known.times + 1)
-            if len(self._told) > MOST_ERRORS:
-                del self._told[next(iter(self._told))]
+            key = new.instance, new.status, new.text
+            known = self._summaries.get(key)
+            self._summaries[key] = new if known is None else replace(known, last=scan, times=known.times + 1)
+            if len(self._summaries) > MOST_ERRORS:
+                del self._summaries[next(iter(self._summaries))]
 
     def list_all(self) -> tuple[ErrorSummary, ...]:
-        return tuple(self._told.values())
+        return tuple(self._summaries.values())
 
     def list_newest(self) -> tuple[ErrorSummary, ...]:
-        return tuple(sorted(self._told.values(), key=lambda told: told.last)[-NEWEST_ERRORS:])
+        return tuple(sorted(self._summaries.values(), key=lambda each: each.last)[-NEWEST_ERRORS:])
 
 
 def cause_record(cause: Cause, block: str) -> dict[str, object]:
-    """Return a cause as an object of JSON: what took no part is null."""
+    """Return a cause as an object of JSON; a part that it does not have is null."""
     return {
         "text": _explain(cause, block),
         "call": cause.underlying_call or None,
@@ -81,8 +81,8 @@ def cause_record(cause: Cause, block: str) -> dict[str, object]:
 class Delivery(NamedTuple):
     """Bytes of a CONNECT's present connection, from its beginning.
 
-    `accepted` by the local stack; `unacknowledged` of these by the partner's stack (None: this system does
-    not say); `read_by_peer`: by the partner's program (None: the partner is no peer of this bench).
+    `accepted` by the local stack; of these `unacknowledged` by the partner's stack (None: this system does
+    not know); `read_by_peer`: by the partner's program (None: the partner is no peer of this bench).
     """
 
     accepted: int
@@ -94,7 +94,7 @@ NO_DELIVERIES: Final[Mapping[str, Delivery]] = {}
 
 
 def deliveries(bench: Bench, changed: Iterable[StatusEdge]) -> Mapping[str, Delivery]:
-    """Return how far the bytes have come, for each instance that shows a sent frame in this scan."""
+    """Return the delivery of each instance that shows a sent frame in this scan."""
     return {
         edge.instance: found
         for edge in changed
@@ -118,13 +118,13 @@ def _delivery(bench: Bench, instance: str) -> Delivery | None:
 
 
 class StepResult(Struct, frozen=True):
-    """One step that was carried out: when it was over, in ns of the run, and what failed in it."""
+    """One step that was carried out: when it ended, in ns of the run, and its failure."""
 
     step: words.Step
     until_ns: int
     failure: Failure | None
-    errors: tuple[ErrorSummary, ...] = ()  # where it failed: the newest before
-    told: str = ""  # by the doctor
+    errors: tuple[ErrorSummary, ...] = ()  # if it failed: the newest ones before that
+    told: str = ""  # the answer of the doctor
 
 
 class Verdict(Struct, frozen=True):
@@ -147,7 +147,7 @@ class Verdict(Struct, frozen=True):
 
 
 class Pace(Protocol):
-    """How scans follow each other: the simulation's virtual time, or the clock's."""
+    """Decides when the next scan begins: at once in virtual time, or by the clock."""
 
     def next_scan(self, bench: Bench) -> None: ...
 
@@ -160,7 +160,7 @@ class VirtualPace:
 
 
 class ScenarioRunner:
-    """One scenario on one bench; `on_scan` is told what changed in each scan, and how far sent bytes are."""
+    """One scenario on one bench; `on_scan` gets the changes of each scan, and the deliveries."""
 
     def __init__(
         self,
@@ -213,6 +213,6 @@ class ScenarioRunner:
 
 
 def _explain(cause: Cause, block: str) -> str:
-    from trcvtui.diagnosis.advice import describe_cause  # with all advice: only who tells of an error waits
+    from trcvtui.diagnosis.advice import describe_cause  # loads all advice: only an ERROR needs it
 
     return describe_cause(cause, block)

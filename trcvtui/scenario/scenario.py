@@ -1,4 +1,4 @@
-"""A scenario file: a project (its own or another file's) and `[scenario]`; which files there are."""
+"""A scenario file: a project (its own or that of another file) and `[scenario]`; the list of such files."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     table.report_unread_keys()
     steps: list[Step] = []
     start = _check_commands(project, table.problems)
-    # A file named in a step stands beside the scenario, also where the project stands elsewhere.
+    # A file that a step names is beside the scenario, even if the project is in another folder.
     here = replace(project, base=path.parent)
     for step in start:
         here = project_after(step.command, here)
@@ -68,7 +68,7 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
 
 
 def _check_commands(project: Project, problems: list[Problem]) -> tuple[Step, ...]:
-    """Return the commands of `start`; leave what is wrong with all bench commands in `problems`."""
+    """Return the commands of `start`; add the mistakes in all bench commands to `problems`."""
     start: tuple[Step, ...] = ()
     with collect_problems(problems):
         start = start_steps(project)
@@ -79,7 +79,7 @@ def _check_commands(project: Project, problems: list[Problem]) -> tuple[Step, ..
 
 
 def load_bench(path: Path, overrides: Sequence[str] = ()) -> Project:
-    """Return the project of a file; raise UserError for its mistakes, those of its bench commands too."""
+    """Return the project of a file; raise UserError for its mistakes, also those in its bench commands."""
     project = load_project(path, overrides)
     check_bench(project)
     return project
@@ -92,7 +92,7 @@ def check_bench(project: Project) -> None:
 
 
 def start_steps(project: Project) -> tuple[Step, ...]:
-    """Return the commands of `start`, all as step 0; they come before scan 1 and can let no scan pass."""
+    """Return the commands of `start`, all as step 0; they come before scan 1 and may let no scan pass."""
     where = f"{project.path}: start"
     steps = tuple(parse_script(project.start, project, where))
     waiting = [step for step in steps if _lets_scans_pass(step.command)]
@@ -108,7 +108,7 @@ def _lets_scans_pass(command: BenchCommand) -> bool:
     return isinstance(command, RunScans | RunFor | Wait | ExpectTrace | TrySplits)
 
 
-# Bounds: MOST_FILES files, MOST_ENTRIES directory entries below each place, MOST_BYTES of a file. To read one
+# Bounds: MOST_FILES files, MOST_ENTRIES directory entries in each place, MOST_BYTES of a file. Reading one
 # takes about a millisecond, so a screen reads them one by one.
 
 MOST_FILES: Final = 500
@@ -123,7 +123,7 @@ _STEPS_PATTERN: Final = re.compile(r"\s*steps\s*=\s*(?:\"\"\"|''')\s*")
 
 
 class ScriptLine(Struct, frozen=True):
-    """One line of the steps as it stands in the file; `step` is 0 where it is blank or a comment."""
+    """One line of the steps as in the file; `step` is 0 for a blank line or a comment."""
 
     place: int
     step: int
@@ -131,9 +131,9 @@ class ScriptLine(Struct, frozen=True):
 
 
 class ScenarioFile(Struct, frozen=True):
-    """What a scenario file says of itself; `problem` is the first mistake in it, in one line.
+    """A scenario file as a list shows it; `problem` is its first mistake, in one line.
 
-    `blocks`, each once, and `dialect` are those of its project, where there is no mistake.
+    `blocks`, each once, and `dialect` are those of its project, if there is no mistake.
     """
 
     path: Path
@@ -145,27 +145,27 @@ class ScenarioFile(Struct, frozen=True):
     dialect: str = ""
 
 
-# -- where they lie ----------------------------------------------------------------------------------------
+# -- the list of files -------------------------------------------------------------------------------------
 
 
 class ScenarioFiles(Struct, frozen=True):
-    """TOML files in reading order, each once; `is_cut` where there were more than are looked at."""
+    """TOML files in reading order, each once; `is_cut`: there are more."""
 
     paths: tuple[Path, ...]
     is_cut: bool
 
 
 def find_files(project: Path) -> ScenarioFiles:
-    """Return the TOML files beside a project, in its scenarios/, in ./configs/scenarios, those shipped."""
-    looked = _Search()
-    looked.search_below(project.parent, depth=0)
+    """Return the TOML files beside a project, in its scenarios/, in ./configs/scenarios, and shipped ones."""
+    search = _Search()
+    search.search_below(project.parent, depth=0)
     for folder in (project.parent, Path("configs"), configs_path()):
-        looked.search_below(folder / SCENARIO_FOLDER, MOST_DEPTH)
-    return ScenarioFiles(tuple(looked.found.values()), looked.is_cut)
+        search.search_below(folder / SCENARIO_FOLDER, MOST_DEPTH)
+    return ScenarioFiles(tuple(search.found.values()), search.is_cut)
 
 
 class _Search:
-    """What has been found so far, by its real path."""
+    """A search for files; `found` is by real path."""
 
     def __init__(self) -> None:
         self.found: dict[str, Path] = {}
@@ -182,7 +182,7 @@ class _Search:
             path = folder / entry.name
             if entry.is_dir(follow_symlinks=False):
                 folders.append(path)
-            elif entry.name.endswith(".toml") and path.is_file():  # a pipe would never end
+            elif entry.name.endswith(".toml") and path.is_file():  # reading a pipe could wait for ever
                 self._add_file(path)
         for inner in folders if depth else ():
             self._search_folder(inner, depth - 1)
@@ -208,11 +208,11 @@ class _Search:
         self.found[real] = path
 
 
-# -- what one says -----------------------------------------------------------------------------------------
+# -- one file ----------------------------------------------------------------------------------------------
 
 
 def read_scenario_file(path: Path) -> ScenarioFile | None:
-    """Return what a file says of itself, None where it holds no scenario."""
+    """Return a file's row of the list, None if it has no scenario."""
     try:
         content = read_bytes(path, MOST_BYTES)
     except OSError as failed:
@@ -235,8 +235,8 @@ def _parse_file(path: Path, content: bytes) -> ScenarioFile | None:
         return ScenarioFile(path, path.stem, "", (), **_project_fields(path))
     if table is None:
         return None
-    said: dict[str, Any] = table if isinstance(table, dict) else {}
-    name, about, steps = (_text_or_empty(said.get(key)) for key in ("name", "about", "steps"))
+    keys: dict[str, Any] = table if isinstance(table, dict) else {}
+    name, about, steps = (_text_or_empty(keys.get(key)) for key in ("name", "about", "steps"))
     lines = tuple(islice(_script_lines(steps, text.replace("\r\n", "\n").split("\n")), MOST_LINES))
     return ScenarioFile(path, cut_text(name or path.stem), cut_text(about), lines, **_project_fields(path))
 
@@ -255,7 +255,7 @@ def _project_fields(path: Path) -> dict[str, Any]:
 
 
 def _script_lines(steps: str, file: list[str]) -> Iterator[ScriptLine]:
-    """Yield the lines of the steps with their places in the file; from 1 where it writes them otherwise."""
+    """Yield the steps with their line numbers in the file; from 1 on if they are written in another form."""
     lines = steps.rstrip().split("\n")
     head = next((at for at, line in enumerate(file) if _STEPS_PATTERN.fullmatch(line)), -1) + 1
     first = head + 1 if head and file[head : head + len(lines)] == lines else 1

@@ -1,8 +1,8 @@
-"""The scenarios that come with the source, and which STATUS codes of which blocks each of them shows.
+"""The scenarios that come with the source, and the STATUS codes that each of them shows, by block.
 
-What a scenario shows is read from its own `wait` and `expect` lines. They are only split into words here,
-with the parser of trace patterns: loading the projects of all files would cost a command line a
-quarter of a second. An installed program has no configs/: then there are none.
+The codes are read from its `wait` and `expect` lines, which are only split into words here, with the parser
+of trace patterns: loading the projects of all files would take a quarter of a second. An installed program
+has no configs/, and so no scenarios.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from trcvtui.project.tables import read_toml
 
 SOURCE_ROOT: Final = Path(__file__).parents[2]
 
-ShownCode = tuple[int, str]  # a code, the block that shows it
+ShownCode = tuple[int, str]  # a code, and the block that shows it
 
 
 def find_scenarios(
@@ -26,7 +26,7 @@ def find_scenarios(
 ) -> Mapping[ShownCode, tuple[str, ...]]:
     """Return the files of a folder that show a code at a block; paths start at the source's root.
 
-    With codes only the files that write the digits of one somewhere are read: all of them take 60 ms.
+    With `codes` only files that contain the digits of one are parsed: all of them would take 60 ms.
     `wanted` chooses by the file's name.
     """
     showing: dict[ShownCode, list[str]] = {}
@@ -47,7 +47,7 @@ def _mentions(path: Path, codes: Collection[int]) -> bool:
 
 
 def read_shown_codes(path: Path) -> frozenset[ShownCode]:
-    """Return what a scenario file waits for or expects; nothing when the file is wrong."""
+    """Return the codes that a scenario file waits for or expects, none if the file is wrong."""
     try:
         document = read_toml(path)
         lines = [line.partition(" #")[0].split() for line in _steps(document)]
@@ -64,7 +64,7 @@ def _steps(document: Mapping[str, Any]) -> list[str]:
     return steps.splitlines() if isinstance(steps, str) else []
 
 
-# -- which instance is of which block ----------------------------------------------------------------------
+# -- the block of each instance ----------------------------------------------------------------------------
 
 
 def _blocks(document: Mapping[str, Any], path: Path) -> dict[str, str]:
@@ -74,11 +74,11 @@ def _blocks(document: Mapping[str, Any], path: Path) -> dict[str, str]:
     return {str(table.get("name")): str(table.get("block")) for table in tables if isinstance(table, Mapping)}
 
 
-# -- which codes a line speaks of --------------------------------------------------------------------------
+# -- the codes in a line -----------------------------------------------------------------------------------
 
 
 def _codes(words: list[str], blocks: Mapping[str, str]) -> Iterator[int]:
-    """Return the codes of a line such as `expect X trace 7004 80C5! 7002*`, here 7004 and 80C5."""
+    """Yield the codes of a line; of `expect X trace 7004 80C5! 7002*` they are 7004 and 80C5."""
     if words[:1] not in (["wait"], ["expect"]) or len(words) < 3 or words[1] not in blocks:
         return
     if words[2] == "trace":

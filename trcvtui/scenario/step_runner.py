@@ -1,9 +1,9 @@
-"""One step on a bench: its command carried out, its expectation judged, the STATUS of every scan kept.
+"""Runs a step on a bench: carries out its command, checks its expectation, keeps the STATUS of every scan.
 
 Rule: a step lets no scan pass by itself. It asks for each one, so that a runner can let it pass at once or at
-the clock's pace, and an engine between serving its screen.
-Bounds of a trace, an instance: MOST_NEWEST_RUNS runs of the newest scans (64 bytes each, 6.4 MB),
-MOST_FIRST_RUNS runs of the oldest. A run is any number of equal scans: an instance that waits costs nothing.
+the clock's pace, and an engine can serve its screen between two scans.
+Bounds of an instance's trace: MOST_NEWEST_RUNS runs of the newest scans (64 bytes each, 6.4 MB),
+MOST_FIRST_RUNS runs of the oldest. A run is any number of equal scans: an instance that waits needs one run.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from trcvtui.commands.patterns import ANY_SCANS, Scan, ScanRun, TracePattern, fo
 if TYPE_CHECKING:
     from trcvtui.bench.doctor_requests import Judge
 
-NOT_KEPT_TEXT: Final = "a run that nobody keeps: `trcvtui scenario` does, and the prompt of a bench"
-DOCTOR_CHECK_NS: Final = 2_000_000  # between two looks at whether the doctor has ended
+NOT_KEPT_TEXT: Final = "a run that is not kept; `trcvtui scenario` and the prompt of a bench keep it"
+DOCTOR_CHECK_NS: Final = 2_000_000  # between two checks whether the doctor has ended
 MOST_NEWEST_RUNS: Final = 100_000
 MOST_FIRST_RUNS: Final = 5000
 
 
 class TraceSection(Struct, frozen=True):
-    """The scans between two `trace`; `lost` of them, the oldest, are no longer kept."""
+    """The scans between two `trace` lines; the oldest `lost` scans are no longer kept."""
 
     runs: tuple[ScanRun, ...]
     lost: int
 
     def fits(self, pattern: TracePattern) -> bool:
-        """Return whether the pattern describes all scans; what is lost can only be any scans."""
+        """Return whether the pattern describes all scans; only `...` can describe lost ones."""
         return (not self.lost or pattern.atoms[0] == ANY_SCANS) and matches(pattern, self.runs)
 
     def __str__(self) -> str:
@@ -47,12 +47,12 @@ class TraceSection(Struct, frozen=True):
 
 
 class Trace:
-    """What the called scans of one instance have shown."""
+    """The STATUS of one instance in all scans that called it."""
 
     def __init__(self) -> None:
         self._since: deque[ScanRun] = deque()
         self._lost = 0
-        self._told: list[ScanRun] = []
+        self._first: list[ScanRun] = []
         self._is_cut = False
         self._known: dict[Scan, Scan] = {}  # equal scans share one tuple
 
@@ -62,13 +62,13 @@ class Trace:
             self._since.append((scan, 1))
             if len(self._since) > MOST_NEWEST_RUNS:
                 self._lost += self._since.popleft()[1]
-        if not self._is_cut and not _extend_run(self._told, scan):
-            self._is_cut = len(self._told) == MOST_FIRST_RUNS
+        if not self._is_cut and not _extend_run(self._first, scan):
+            self._is_cut = len(self._first) == MOST_FIRST_RUNS
             if not self._is_cut:
-                self._told.append((scan, 1))
+                self._first.append((scan, 1))
 
     def take_section(self) -> TraceSection:
-        """Return the scans since the last time, and begin anew."""
+        """Return the scans since the last call, and begin anew."""
         section = TraceSection(tuple(self._since), self._lost)
         self._since.clear()
         self._lost = 0
@@ -76,14 +76,14 @@ class Trace:
 
     def newest_text(self, most: int) -> str:
         """Return the newest runs in the notation of a pattern, `...` for those before them."""
-        kept = self._since if self._is_cut else self._told
+        kept = self._since if self._is_cut else self._first
         runs = list(islice(reversed(kept), most))[::-1]
         older = self._is_cut or len(kept) > most
         return "... " * older + (format_trace(runs) if runs else "")
 
     def __str__(self) -> str:
         """Return the scans of the whole scenario in the notation of a pattern, `...` where they are cut."""
-        return (format_trace(self._told) if self._told else "") + " ..." * self._is_cut
+        return (format_trace(self._first) if self._first else "") + " ..." * self._is_cut
 
 
 def _extend_run(runs: deque[ScanRun] | list[ScanRun], scan: Scan) -> bool:
@@ -102,21 +102,24 @@ class Failure(Struct, frozen=True):
 
 
 class StepRunner:
-    """Steps on one bench. `failure` and `told` are of the last step; `is_over` once a `wait` has failed."""
+    """Steps on one bench. `failure` and `told` (the doctor's answer) are of the last step.
+
+    `is_over`: a `wait` has failed.
+    """
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
         self.failure: Failure | None = None
         self.is_over = False
         self.told = ""
-        self.judge: Judge | None = None  # of the run, where somebody keeps it
+        self.judge: Judge | None = None  # of the run, if it is kept
         self.trial: SplitTest | None = None  # the last one
         self.traces: dict[str, Trace] = defaultdict(Trace)  # an instance may be created on the way
         for decl in bench.project.instances:
             self.traces[decl.name] = Trace()
 
     def run_step(self, step: words.Step) -> Iterator[None]:
-        """Take one step; each time this yields, one scan has to pass and `scanned` to be called."""
+        """Run one step; each time this yields, the caller lets one scan pass and calls `note_scan`."""
         self.failure, self.told = None, ""
         match step.command:
             case words.RunScans(scans):
@@ -152,18 +155,18 @@ class StepRunner:
         return self.bench.now + runtime.interval_ns if runtime.scans else 0
 
     def _run_command(self, step: words.Step, command: words.BenchCommand) -> None:
-        # No wait: when `do` returns, the local kernel has taken all of a send that it can take now.
+        # Not a wait for a send: when `do` returns, the local kernel has taken all bytes that it can take now.
         error = self.bench.do(command)
         if error:
             self._fail(step, error)
 
     def _wait_for(self, step: words.Step, condition: words.Condition, within_ns: int) -> Iterator[None]:
-        left = self._scans_in(within_ns)
+        scans_left = self._scans_in(within_ns)
         while not holds(self.bench, condition):
-            if left == 0:
+            if scans_left == 0:
                 self._fail(step, describe_now(self.bench, condition))
                 return
-            left -= 1
+            scans_left -= 1
             yield
 
     def _try_splits(self, step: words.Step, command: words.TrySplits) -> Iterator[None]:
@@ -174,7 +177,7 @@ class StepRunner:
             self._fail(step, wrong)
 
     def _ask_doctor(self, step: words.Step, command: words.Doctor) -> Iterator[None]:
-        """Let the doctor look; meanwhile scans pass that the clock asks for, in virtual time none."""
+        """Let the doctor look; meanwhile scans pass by the clock, in virtual time none."""
         from trcvtui.bench.doctor_requests import BenchDoctor
 
         if self.judge is None:

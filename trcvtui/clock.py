@@ -22,7 +22,6 @@ def thread_cpu_ns() -> int:
 
 
 def sleep_until(deadline_ns: int) -> None:
-    """Sleep until the monotonic deadline; return at once when it has passed."""
     wait_ns = deadline_ns - time.perf_counter_ns()
     if wait_ns > 0:
         time.sleep(wait_ns / NS_PER_S)

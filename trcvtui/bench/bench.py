@@ -157,7 +157,7 @@ class Bench:
         self.late_ns = self.late_scans = 0  # on real sockets: how late this scan began; how many were late
         self._scan_at = NEVER  # when the next scan shall begin; NEVER after a hold, which is no lateness
         self._is_replay = seam is not None and seam.has_answers
-        self._sim = _make_sim_kernel(project) if kernel == "sim" or self._is_replay else None  # no sockets
+        self._sim = _make_sim_kernel(project) if kernel == "sim" or self._is_replay else None
         self._kernel: SimKernel | OsKernel = self._sim or _network_of_this_machine()
         self._faulty = FaultyKernel(self._kernel, self.plan)
         now_ns = clock.now_ns if self._sim is None else self._time  # measures the handshakes of a scan
@@ -175,7 +175,7 @@ class Bench:
             self.containment,
         )
         if seam is not None:
-            seam.write_note, self._said, self._work.said = self._write, self._work.said, self._report_wait
+            seam.write_note, self._on_wait, self._work.said = self._write, self._work.said, self._report_wait
         self._peers_work.set_interval(self.runtime.interval_ns)
         self.plan.fired = self._report_fault
         self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
@@ -288,7 +288,7 @@ class Bench:
                 self.containment.add_message(f"{note.subject}: {note.detail}")
             self.runtime.ledger.write(note)
         else:
-            self._said(note.connect, EventKind(note.what), note.partner, note.why)
+            self._on_wait(note.connect, EventKind(note.what), note.partner, note.why)
 
     def _record_exception(self, part: RunPart, report: Callable[[], ExceptionNote]) -> ExceptionNote | None:
         return self._ask(part[1], EXCEPTION, part[:1], report)
@@ -364,7 +364,7 @@ class Bench:
             self._run_scan(due)
             return
         self.record_outputs()
-        self._seam.is_busy = True
+        self._seam.is_busy = True  # its calls are recorded as of a scan, not of a gap
         self._run_scan(self._seam.ask("bench", "step", (), lambda: due))
         self._unrecorded = self.runtime.changed
         self._seam.is_busy = False

@@ -177,8 +177,8 @@ def findings_of(name: str, findings: Iterable[Finding], project: Project) -> tup
 
 
 def finding_lines(one: Finding) -> list[str]:
-    whose = one.instance or one.connect
-    lines = [f"{one.cause} ({one.confidence:.0%} sure)" + (f", {whose}" if whose else "")]
+    subject = one.instance or one.connect
+    lines = [f"{one.cause} ({one.confidence:.0%} sure)" + (f", {subject}" if subject else "")]
     lines += [f"  {text}" for text in one.evidence]
     lines += [f"  explains: {text}" for text in one.explains]
     return lines + [f"  {mend.display_line}" for mend in one.mend]

@@ -85,8 +85,8 @@ class SplitTest:
         """Return what is wrong with the trial, "" if as many splits differ as the command expects."""
         if self._problem:
             return self._problem
-        wanted = self._command.differ
-        if wanted is None or wanted == self._differing:
+        expected = self._command.differ
+        if expected is None or expected == self._differing:
             return ""
         odd = next((row for row in self._rows if row.first and not row.same), None)
         example = f"; cut at {odd.first}: {row_text(odd)}" if odd else ""
@@ -115,7 +115,7 @@ class SplitTest:
 
     def _try_cut(self, cut: int) -> Iterator[None]:
         """Send the message, cut there (0: whole), and record how the instance receives it."""
-        command, seen = self._command, _RunResult()
+        command, run = self._command, _RunResult()
         split = (cut,) if cut else ()
         wrong = self._bench.do(PeerSend(command.peer, command.payload, split, self._gap_ns))
         if wrong:
@@ -124,30 +124,30 @@ class SplitTest:
         settled, patience = 0, self._scans_in(PATIENCE_NS)
         while settled < SETTLE_SCANS and patience and self._state == RUNNING:
             yield
-            self._record_scan(seen)
+            self._record_scan(run)
             partial = len(self._bench.runtime.job_bytes(command.instance))
-            if seen.received_size + partial >= len(command.payload):
+            if run.received_size + partial >= len(command.payload):
                 settled += 1
             elif not self._bench.peers[command.peer].unsent:
                 patience -= 1
         if self._state == RUNNING:
-            self._add_result(cut, seen)
+            self._add_result(cut, run)
 
-    def _record_scan(self, seen: _RunResult) -> None:
+    def _record_scan(self, run: _RunResult) -> None:
         for out in self._bench.runtime.due_edges:
             if out.instance == self._command.instance:
-                seen.scans.append((out.outputs.status, out.outputs.error))
+                run.scans.append((out.outputs.status, out.outputs.error))
                 if out.outputs.done:
                     size = out.outputs.rcvd_len or 0
                     data = self._bench.runtime.data(self._data)[:size] if self._data else b""
-                    seen.frames.append((size, data))
+                    run.frames.append((size, data))
 
-    def _add_result(self, cut: int, seen: _RunResult) -> None:
+    def _add_result(self, cut: int, run: _RunResult) -> None:
         if self._whole is None:
-            self._whole = seen
-        same = seen.frames == self._whole.frames
-        equal = bool(seen.frames) and seen.frames[-1][1] == self._command.payload
-        self._append(SplitRow(cut, cut, seen.walk_text(), len(seen.frames), seen.lengths_text(), equal, same))
+            self._whole = run
+        same = run.frames == self._whole.frames
+        equal = bool(run.frames) and run.frames[-1][1] == self._command.payload
+        self._append(SplitRow(cut, cut, run.walk_text(), len(run.frames), run.lengths_text(), equal, same))
         self._runs += 1
         self._differing += not same
         held = len(self._bench.runtime.job_bytes(self._command.instance))

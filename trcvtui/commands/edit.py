@@ -106,10 +106,10 @@ def complete_instance(
     keys = link_keys(block, content) if is_known else ()
     kinds = {**dict(keys), **({"data": "data"} if row.data_pin else {})}
     called = {key for key, value in content.items() if _word_text(value) == NEW and key != "name"}
-    asked = {k for k in called if not is_known or (k in kinds and NEW not in names_of(kinds[k], project))}
-    whole = {key: value for key, value in content.items() if key not in asked}
+    to_create = {k for k in called if not is_known or (k in kinds and NEW not in names_of(kinds[k], project))}
+    whole = {key: value for key, value in content.items() if key not in to_create}
     missing = [(key, kind) for key, kind in keys if key not in whole]
-    if not missing and "data" not in asked & kinds.keys():
+    if not missing and "data" not in to_create & kinds.keys():
         return whole, ()
     of_connect = CONNECT_KEYS if any(kind in LISTEN for _, kind in missing) else ()
     own: dict[str, Any] = {key: whole.pop(key) for key in of_connect if key in whole}
@@ -135,7 +135,6 @@ def _word_text(value: object) -> str:
 
 
 def listening_ends(made: tuple[Declaration, ...]) -> tuple[Endpoint, ...]:
-    """Return the ends where the created parts will listen."""
     listening = [decl.local for decl in made if isinstance(decl, ConnectConfig | UdpConfig)]
     return tuple([end for end in listening if end.port])
 

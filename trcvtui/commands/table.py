@@ -175,7 +175,7 @@ def value_text(value: Value) -> str:
             return repr(value)
 
 
-LONGEST_LINE: Final = 1_000_000
+LONGEST_LINE: Final = 1_000_000  # bounds the time that one line of a file takes
 LONGEST_SHOWN: Final = 60
 NO_UDT_FILE: Final = "no UDT file in this project: A adds one"
 

@@ -209,7 +209,7 @@ def parse_delay(text: str, before: str, where: str) -> int:
 
 CLOSING_MARKS: Final = {'"': '"', "'": "'", "{": "}"}
 QUOTE_ESCAPES: Final = {'"': "\\", "'": "$"}
-MOST_NESTED: Final = 32
+MOST_NESTED: Final = 32  # bounds the recursion of `_find_closing`
 
 
 class Token(Struct, frozen=True):
@@ -250,7 +250,7 @@ def _find_closing(line: str, start: int, where: str, depth: int = 1) -> int:
         if opening == "{" and line[at] in CLOSING_MARKS:
             at = _find_closing(line, at, where, depth + 1)
         else:
-            at += 2 if line[at] == QUOTE_ESCAPES.get(opening) else 1
+            at += 2 if line[at] == QUOTE_ESCAPES.get(opening) else 1  # an escaped quote closes nothing
     raise mistake(where, quote(line[start:]), f"a closing {CLOSING_MARKS[opening]}")
 
 

@@ -136,7 +136,6 @@ class Security(NamedTuple):
 
 
 def security_of(config: ConnectConfig | None) -> Security | None:
-    """Return None for a CONNECT without TLS."""
     tls = None if config is None else tls_credentials_of(config.session)
     if tls is None:
         return None

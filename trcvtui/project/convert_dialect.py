@@ -135,7 +135,7 @@ def _convert(
     config: ConnectConfig, number: int, project: Project, other: Project, notes: list[str]
 ) -> ConnectConfig:
     if config.description is None and other.dialect.describes_connects:
-        return _describe(config, number, other, notes)
+        return _describe_connect(config, number, other, notes)
     if config.description is not None and not other.dialect.describes_connects:
         return _convert_to_plain_tcp(config, config.description, project, other, notes)
     if isinstance(config.session, IsoSettings):
@@ -162,7 +162,7 @@ def _convert_structure(config: ConnectConfig, dialect: Dialect, notes: list[str]
     return replace(config, flaw=DescriptionFlaw(Flaw.STRUCTURE, "", text), session=None)
 
 
-def _describe(config: ConnectConfig, number: int, other: Project, notes: list[str]) -> ConnectConfig:
+def _describe_connect(config: ConnectConfig, number: int, other: Project, notes: list[str]) -> ConnectConfig:
     record: dict[str, object] = {
         "name": config.name,
         "ActiveEstablished": config.active,
@@ -210,13 +210,13 @@ def _convert_to_plain_tcp(
 
 
 def _check_plain_tcp(config: ConnectConfig, description: Description, other: Project) -> None:
-    says = read_spec(description)
+    spec = read_spec(description)
     found = ""
-    if says.protocol is not Transport.TCP:
-        found = f"{says.protocol} ({description.structure.name})"
+    if spec.protocol is not Transport.TCP:
+        found = f"{spec.protocol} ({description.structure.name})"
     elif config.session is not None:
         found = f"a secure connection ({description.structure.name})"
-    elif says.remote_name and config.remote_address == ANY_ADDRESS:
-        found = f"a partner by name ({says.remote_name})"
+    elif spec.remote_name and config.remote_address == ANY_ADDRESS:
+        found = f"a partner by name ({spec.remote_name})"
     if found:
         raise mistake(f"{other.dialect.name}: connect {config.name}", found, "plain TCP by address")

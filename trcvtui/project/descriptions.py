@@ -176,7 +176,7 @@ def is_secure(description: Description) -> bool:
 
 
 def resolve_tls(
-    description: Description, says: LinkSpec, known: Certificates, is_unverified: bool
+    description: Description, spec: LinkSpec, known: Certificates, is_unverified: bool
 ) -> TlsSettings | DescriptionFlaw:
     """Return what the references mean: the active end trusts TLSServerCertRef and shows TLSClientCertRef.
 
@@ -184,10 +184,10 @@ def resolve_tls(
     its own: none.
     """
     server, client = description.number("TLSServerCertRef"), description.number("TLSClientCertRef")
-    own, trusted = (client, server) if says.is_active else (server, client)
+    own, trusted = (client, server) if spec.is_active else (server, client)
     for field, number, needs_key in (
-        ("TLSClientCertRef" if says.is_active else "TLSServerCertRef", own, True),
-        ("TLSServerCertRef" if says.is_active else "TLSClientCertRef", trusted, False),
+        ("TLSClientCertRef" if spec.is_active else "TLSServerCertRef", own, True),
+        ("TLSServerCertRef" if spec.is_active else "TLSClientCertRef", trusted, False),
     ):
         if number and (number not in known or (needs_key and not known[number].key)):
             kind = "certificate with a key" if needs_key else "certificate"
@@ -200,7 +200,7 @@ def resolve_tls(
         key=shows.key if shows else "",
         authorities=_authorities(known, trusted),
         asks_client=bool(description.number("TLSServerReqClientCert")),
-        server_name=says.remote_name or says.remote_address,
+        server_name=spec.remote_name or spec.remote_address,
         checks_name=bool(description.number("ExtTLSCapabilities") & CHECKS_NAME_BIT),
         is_unverified=is_unverified,
     )
@@ -367,18 +367,18 @@ class BenchKeys(Struct, frozen=True):
 
 def check_bench_keys(table: Table, description: Description) -> None:
     """Report a key of the bench that has no effect with this description."""
-    says = read_spec(description)
-    iso_port, is_iso = table.text("IsoPort"), says.protocol is Transport.ISO
-    may_be_iso = is_iso or (says.protocol is Transport.UNKNOWN and speaks_iso(description.structure.name))
+    spec = read_spec(description)
+    iso_port, is_iso = table.text("IsoPort"), spec.protocol is Transport.ISO
+    may_be_iso = is_iso or (spec.protocol is Transport.UNKNOWN and speaks_iso(description.structure.name))
     useless = (
         ("IsoPort", not may_be_iso, "nothing: only ISO-on-TCP has it"),
         ("ListenPort", is_iso, "IsoPort"),
-        ("ListenPort", says.is_active, "nothing: an active end does not listen"),
+        ("ListenPort", spec.is_active, "nothing: an active end does not listen"),
         ("DnsAnswer", not _has_name_field(description), "nothing: there is no RemoteQDN"),
         ("verify", not is_secure(description), "nothing: only a secure connection has certificates"),
         (
             "IsoPort",
-            iso_port is not None and iso_port.startswith("@") and not says.is_active,
+            iso_port is not None and iso_port.startswith("@") and not spec.is_active,
             "a port: a passive end listens on its own",
         ),
     )
@@ -468,25 +468,25 @@ def make_config_fields(
     structures: tuple[str, ...],
 ) -> dict[str, Any]:
     """Return a CONNECT's arguments but for the name; `structures`: what the instructions take, () all."""
-    says = read_spec(written.description)
-    session = _make_session(written.description, says, bench, rules, certificates)
-    remote, name_flaw = _remote_address(written, says, bench)
-    any_local = says.is_active and bench.address is None and not is_loopback(remote)
+    spec = read_spec(written.description)
+    session = _make_session(written.description, spec, bench, rules, certificates)
+    remote, name_flaw = _remote_address(written, spec, bench)
+    any_local = spec.is_active and bench.address is None and not is_loopback(remote)
     address = bench.address or LOOPBACK
     takes_free_port = bench.listen_port is not None or written.is_plain
-    asked = DescribedConnect(
+    described = DescribedConnect(
         written.description,
-        says,
+        spec,
         address,
         takes_free_port,
         remote_is_known=written.reference is not None,
         structures=structures,
         narrow_tsaps=rules.policy.narrow_tsaps,
     )
-    local_port, remote_port = _choose_ports(written, says, bench)
+    local_port, remote_port = _choose_ports(written, spec, bench)
     of_session = session if isinstance(session, DescriptionFlaw) else None
     return {
-        "active": says.is_active,
+        "active": spec.is_active,
         "local": Endpoint(ANY_ADDRESS if any_local else address, local_port),
         "remote_address": remote,
         "remote_port": remote_port,
@@ -494,46 +494,46 @@ def make_config_fields(
         "keep_alive_default_s": rules.policy.keep_alive_s,
         "session": None if isinstance(session, DescriptionFlaw) else session,
         "description": written.description,
-        "flaw": written.flaw or find_flaw(asked) or name_flaw or of_session,
+        "flaw": written.flaw or find_flaw(described) or name_flaw or of_session,
         "any_local": any_local,
-        "remote_name": says.remote_name if bench.dns_answer is None else "",
-        "is_datagram": says.protocol is Transport.UDP,
+        "remote_name": spec.remote_name if bench.dns_answer is None else "",
+        "is_datagram": spec.protocol is Transport.UDP,
     }
 
 
-def _choose_ports(written: WrittenDescription, says: LinkSpec, bench: BenchKeys) -> tuple[int, int | str]:
-    if says.protocol is Transport.ISO and says.is_active:
+def _choose_ports(written: WrittenDescription, spec: LinkSpec, bench: BenchKeys) -> tuple[int, int | str]:
+    if spec.protocol is Transport.ISO and spec.is_active:
         return 0, bench.iso_port
-    if says.protocol is Transport.ISO:
+    if spec.protocol is Transport.ISO:
         return bench.iso_port if isinstance(bench.iso_port, int) else 0, 0
-    own = says.local_port if bench.listen_port is None else bench.listen_port
-    return own, written.reference or says.remote_port
+    own = spec.local_port if bench.listen_port is None else bench.listen_port
+    return own, written.reference or spec.remote_port
 
 
 def _remote_address(
-    written: WrittenDescription, says: LinkSpec, bench: BenchKeys
+    written: WrittenDescription, spec: LinkSpec, bench: BenchKeys
 ) -> tuple[str, DescriptionFlaw | None]:
-    if not _has_name_field(written.description) or not says.remote_name:
-        return says.remote_address, None
+    if not _has_name_field(written.description) or not spec.remote_name:
+        return spec.remote_address, None
     if bench.dns_answer is None:  # the real DNS is asked at each attempt to connect
-        return says.remote_address, None
+        return spec.remote_address, None
     if bench.dns_answer == NO_SERVER:
         flaw = DescriptionFlaw(Flaw.NO_RESOLVER, "RemoteQDN", "no DNS server (DnsAnswer)")
-        return says.remote_address, flaw
+        return spec.remote_address, flaw
     if parse_octets(bench.dns_answer) == (0, 0, 0, 0):
-        text = f"the DNS server does not know {says.remote_name}"
-        return says.remote_address, DescriptionFlaw(Flaw.NAME_UNKNOWN, "RemoteQDN", text)
+        text = f"the DNS server does not know {spec.remote_name}"
+        return spec.remote_address, DescriptionFlaw(Flaw.NAME_UNKNOWN, "RemoteQDN", text)
     return bench.dns_answer, None
 
 
 def _make_session(
-    description: Description, says: LinkSpec, bench: BenchKeys, rules: VendorRules, certificates: Certificates
+    description: Description, spec: LinkSpec, bench: BenchKeys, rules: VendorRules, certificates: Certificates
 ) -> LayerSettings | DescriptionFlaw | None:
     if is_secure(description):
-        return resolve_tls(description, says, certificates, bench.is_unverified)
-    if says.protocol is not Transport.ISO:
+        return resolve_tls(description, spec, certificates, bench.is_unverified)
+    if spec.protocol is not Transport.ISO:
         return None
-    own = says.local_tsap, says.remote_tsap
+    own = spec.local_tsap, spec.remote_tsap
     return IsoSettings(*own, cap=rules.max_len, not_told=rules.policy.tpdu_default)
 
 
@@ -588,12 +588,12 @@ def iso_port_of(config: ConnectConfig) -> int | str | None:
 
 def listen_port_of(config: ConnectConfig) -> int | None:
     """Return ListenPort, None if it listens on the port of its description."""
-    says, port = read_spec(_require_description(config)), config.local.port
-    if says.protocol is Transport.ISO or config.active:
+    spec, port = read_spec(_require_description(config)), config.local.port
+    if spec.protocol is Transport.ISO or config.active:
         return None
     wants_port = config.flaw is not None and config.flaw.field == "LocalPort"
     takes_free_port = not port and not wants_port
-    return port if port != says.local_port or takes_free_port else None
+    return port if port != spec.local_port or takes_free_port else None
 
 
 def dns_answer_of(config: ConnectConfig) -> str | None:

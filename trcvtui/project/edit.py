@@ -80,13 +80,13 @@ def keys_of_line(kind: str, project: Project) -> LineKeys:
 def fields_of(kind: str, project: Project, block: str = "", to_change: bool = False) -> tuple[AddField, ...]:
     """Return the fields of a kind without its name; those of an instance depend on its block."""
     row, chosen = table_row(kind, project.dialect), block or default_block(project)
-    asked = {
+    fields = {
         key.name: _field(key.name, key.ask, project, chosen)
         for key in row.keys
         if key.ask and key.ask.where(project, chosen) and (to_change or not key.ask.is_of_change)
     }
-    first = [asked.pop(name) for name in row.asks_first]
-    return (*first, *asked.values())
+    first = [fields.pop(name) for name in row.asks_first]
+    return (*first, *fields.values())
 
 
 def _field(key: str, ask: Hint, project: Project, block: str) -> AddField:
@@ -266,7 +266,6 @@ def _reads_same(edit: Edit, content: Mapping[str, Any], others: Project, decl: D
 
 
 def is_same_entry(decl: Declaration, other: Declaration) -> bool:
-    """Return whether two declarations mean the same."""
     # By their keys: each reading makes a new layout, and a ComBuffer's is_written, is_fed depend on others.
     if isinstance(decl, DataDecl | ComBufferDecl | UdtFile):
         return decl.name == other.name and keys_of(decl) == keys_of(other)

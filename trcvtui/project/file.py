@@ -88,8 +88,8 @@ def check_names(kind: str, table: Table, names: NamesByKind, around: Context) ->
     """Report every key of a table that refers to an unknown name."""
     rows = table_row(kind, around.dialect).keys
     own = table.peek("name") if kind == "combuffer" else None
-    asked = [(row.name, row.refers) for row in rows if row.refers and row.only(table, around)]
-    for key, refers in dict.fromkeys(asked):
+    references = [(row.name, row.refers) for row in rows if row.refers and row.only(table, around)]
+    for key, refers in dict.fromkeys(references):
         text = table.text(key)
         name = parse_reference(text) if refers.by_at else text
         if name is None or (refers.or_none and not name):
@@ -453,7 +453,7 @@ def read_constants(content: Mapping[str, Any], where: str, problems: list[Proble
     waiting = list(content.items())
     while waiting:
         name, value = waiting.pop(0)
-        if isinstance(value, Mapping) and name.count(".") < DEEPEST_NAME:
+        if isinstance(value, Mapping) and name.count(".") < DEEPEST_NAME:  # deeper: no number, a mistake
             waiting += [(f"{name}.{key}", inner) for key, inner in value.items()]
         else:
             flat[name] = value

@@ -548,8 +548,8 @@ def _inputs_hint(project: Project, block: str) -> str:
     if not block_row(block).has_buffer:
         return "such as CONT=1 EN_R=1"
     names = [pin.name for pin in project.pins(block) if pin.direction is not Direction.OUT]
-    shown_ = [name for name in ("SizeReceiveData", "Length", "SendByte", "Timeout", "EN") if name in names]
-    return f"such as {shown_[0]}=1" if shown_ else "none"
+    shown = [name for name in ("SizeReceiveData", "Length", "SendByte", "Timeout", "EN") if name in names]
+    return f"such as {shown[0]}=1" if shown else "none"
 
 
 def _read_inputs(values: TableValues) -> None:

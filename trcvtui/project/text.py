@@ -186,6 +186,7 @@ def _append_table(entries: AoT, table: Table) -> None:
     start = len(body)
     while start and isinstance(body[start - 1][1], Comment | Whitespace):
         start -= 1
+    # Comments after the first blank line belong to what follows: they stay after the new table.
     blank = next((n for n in range(start, len(body)) if isinstance(body[n][1], Whitespace)), len(body))
     after = body[blank:]
     del body[blank:]

@@ -32,13 +32,12 @@ class LivePace:
         self._deadline = self._start
 
     def next_scan(self, bench: Bench) -> None:
-        """Sleep until the next scan is due, then let it pass."""
         clock.sleep_until(self._deadline)
         now = clock.now_ns()
         bench.step(now - self._start)
         interval = bench.runtime.interval_ns
         self._deadline += interval
-        if self._deadline < now:
+        if self._deadline < now:  # too late: skip the missed scans, do not hurry after them
             self._deadline = now + interval
 
 

@@ -73,13 +73,13 @@ def record(
     `is_kept` False: the folder is only temporary, so a report of an internal error is written elsewhere.
     """
     until = NEVER if duration is None else parse_time(duration, "--duration")
-    asked = RecordTarget(out, False, has_secrets, limits, follow)
-    recorder = make_recorder(asked, out / path.stem, waits=kernel == "sim")
+    target = RecordTarget(out, False, has_secrets, limits, follow)
+    recorder = make_recorder(target, out / path.stem, waits=kernel == "sim")
     with ExitStack() as opened:
         opened.enter_context(make_folder_or_undo(out, "--out"))
         opened.enter_context(record_reads(recorder.reads))
         project = load_bench(path)
-        condition = None if on is None else _condition(on, project)
+        condition = None if on is None else _parse_trigger(on, project)
         signals: list[int] = []  # signals to end: looked at after a scan, never in the middle of one
         for number in _ending_signals():
             before = signal.signal(number, lambda came, _: signals.append(came))
@@ -106,7 +106,7 @@ def _ending_signals() -> list[signal.Signals]:
     return ends
 
 
-def _condition(on: str, project: Project) -> words.Condition:
+def _parse_trigger(on: str, project: Project) -> words.Condition:
     command = parse_line(f"expect {on}", project, "--on")
     if not isinstance(command, words.Expect) or command.within_ns is not None:
         raise mistake("--on", f"'{on}'", "a condition such as TRCV_C_1 STATUS=80C5")

@@ -169,20 +169,20 @@ class SessionEntry(Struct, frozen=True):
     is_frame: bool = False
 
 
-class _Tracker:
-    """The trace of one instance: `now` is its STATUS since its last edge, `again` the scan of its next call.
+class _Trace:
+    """The trace of one instance: `status` since its last edge, `next_call`: the scan of its next call.
 
-    `read`: how many changes of its pins are read.
+    `changes_read`: how many changes of its pins are read.
     """
 
-    __slots__ = ("again", "interval", "is_lost", "now", "read", "seen")
+    __slots__ = ("changes_read", "interval", "is_lost", "next_call", "pattern", "status")
 
-    def __init__(self, seen: StatusPattern, interval: int) -> None:
-        self.seen, self.interval = seen, interval
-        self.now: Scan = 0, False
-        self.again = NEVER
+    def __init__(self, pattern: StatusPattern, interval: int) -> None:
+        self.pattern, self.interval = pattern, interval
+        self.status: Scan = 0, False
+        self.next_call = NEVER
         self.is_lost = False
-        self.read = 0
+        self.changes_read = 0
 
 
 class RecordedSession:
@@ -199,7 +199,7 @@ class RecordedSession:
         self._entries: list[SessionEntry] = []
         self._characters = self._frames = 0
         self._waves = waves
-        self._shown: dict[str, _Tracker] = {}
+        self._shown: dict[str, _Trace] = {}
         self.commands = 0
         self.marked_at = 0
         self._catch_up = reader.catch_up
@@ -228,9 +228,9 @@ class RecordedSession:
         self._entries.append(SessionEntry(scan, line, traced, frame_in is not None))
 
     def _expect_trace(self, instance: str) -> None:
-        showing = self._read_to_now().get(instance)
-        if showing is not None and showing.seen:
-            self._add(self._trace(instance, showing.seen, self.external_partners().connects), instance)
+        trace = self._read_to_now().get(instance)
+        if trace is not None and trace.pattern:
+            self._add(self._trace(instance, trace.pattern, self.external_partners().connects), instance)
             self._begin_instance(instance)
 
     @property
@@ -253,58 +253,58 @@ class RecordedSession:
         partners = tuple(dict.fromkeys(call.peer for call in strange))
         return ExternalPartners(partners, frozenset(call.connection for call in strange))
 
-    def _trace(self, instance: str, seen: StatusPattern, outside: frozenset[str]) -> str:
+    def _trace(self, instance: str, pattern: StatusPattern, outside: frozenset[str]) -> str:
         decl = self._bench.project.instance(instance)
         is_outside = decl is not None and decl.connect in outside
-        return f"expect {instance} trace {ANY_TEXT if is_outside else self._pattern(seen)}"
+        return f"expect {instance} trace {ANY_TEXT if is_outside else self._pattern(pattern)}"
 
-    def _pattern(self, seen: StatusPattern) -> str:
-        return seen.format_pattern(self._turns, self._done) if self.is_by_the_clock else seen.format_pattern()
+    def _pattern(self, pattern: StatusPattern) -> str:
+        return pattern.format_pattern(*((self._turns, self._done) if self.is_by_the_clock else ()))
 
     @property
     def is_overfull(self) -> bool:
         return self.commands > MOST_COMMANDS or self._characters > MOST_CHARACTERS
 
-    def _begin_instance(self, instance: str) -> _Tracker:
+    def _begin_instance(self, instance: str) -> _Trace:
         record = self._waves.records[instance]
-        showing = self._shown[instance] = _Tracker(StatusPattern(self._of_the_wire), self._interval(instance))
-        showing.read = record.total
-        record.on_drop = partial(self._note_dropped, showing, record)
-        return showing
+        trace = self._shown[instance] = _Trace(StatusPattern(self._of_the_wire), self._interval(instance))
+        trace.changes_read = record.total
+        record.on_drop = partial(self._note_dropped, trace, record)
+        return trace
 
-    def _note_dropped(self, showing: _Tracker, record: PinHistory, change: PinChange) -> None:
-        if record.total - record.kept_count > showing.read:
-            self._add_change(showing, change)
-            showing.read += 1
-            if showing.seen.is_full:
+    def _note_dropped(self, trace: _Trace, record: PinHistory, change: PinChange) -> None:
+        if record.total - record.kept_count > trace.changes_read:
+            self._add_change(trace, change)
+            trace.changes_read += 1
+            if trace.pattern.is_full:
                 record.on_drop = None
 
-    def _read_to_now(self) -> dict[str, _Tracker]:
+    def _read_to_now(self) -> dict[str, _Trace]:
         self._catch_up()
         return self._read(self._bench.runtime.scans)
 
-    def _read(self, until: int) -> dict[str, _Tracker]:
+    def _read(self, until: int) -> dict[str, _Trace]:
         """Read all new changes of pins, and count the calls up to scan `until`."""
         for name, record in self._waves.records.items():
-            showing = self._shown.get(name) or self._begin_instance(name)
-            changes = record.list_changes_after(showing.read)
-            if len(changes) < record.total - showing.read:
-                showing.seen.mark_cut()
-                showing.again = NEVER
+            trace = self._shown.get(name) or self._begin_instance(name)
+            changes = record.list_changes_after(trace.changes_read)
+            if len(changes) < record.total - trace.changes_read:
+                trace.pattern.mark_cut()
+                trace.next_call = NEVER
             for change in changes:
-                self._add_change(showing, change)
-            showing.read = record.total
-            self._count_calls(showing, until)
+                self._add_change(trace, change)
+            trace.changes_read = record.total
+            self._count_calls(trace, until)
         return self._shown
 
-    def _add_change(self, showing: _Tracker, change: PinChange) -> None:
+    def _add_change(self, trace: _Trace, change: PinChange) -> None:
         _, scan, _, edge = change
         if not isinstance(edge, StatusEdge) or edge.condition == Condition.NOT_CALLED:
             return
-        self._count_calls(showing, scan - 1)
-        showing.now, showing.is_lost = (edge.outputs.status, edge.outputs.error), False
-        showing.seen.add(showing.now)
-        showing.again = self._call_after(showing, scan)
+        self._count_calls(trace, scan - 1)
+        trace.status, trace.is_lost = (edge.outputs.status, edge.outputs.error), False
+        trace.pattern.add(trace.status)
+        trace.next_call = self._call_after(trace, scan)
 
     def _interval(self, instance: str) -> int:
         """Return the time from call to call of an instance, in ns."""
@@ -312,34 +312,34 @@ class RecordedSession:
         task = self._bench.project.task(decl.task) if decl is not None else None
         return task.interval_ns if task is not None else self._bench.runtime.interval_ns
 
-    def _call_after(self, showing: _Tracker, scan: int) -> int:
+    def _call_after(self, trace: _Trace, scan: int) -> int:  # the first scan at or after the task's next time
         each = self._bench.runtime.interval_ns
-        if showing.interval == each:
+        if trace.interval == each:
             return scan + 1
-        due = ((scan - 1) * each // showing.interval + 1) * showing.interval
+        due = ((scan - 1) * each // trace.interval + 1) * trace.interval
         return -(-due // each) + 1
 
-    def _count_calls(self, showing: _Tracker, until: int) -> None:
+    def _count_calls(self, trace: _Trace, until: int) -> None:
         """Add the calls without a change up to scan `until`; a pattern needs only one, or more than one."""
-        if showing.again <= until:
-            showing.seen.add(showing.now)
-            if self._call_after(showing, showing.again) <= until:
-                showing.seen.add(showing.now)
-            showing.again = self._call_after(showing, until)
+        if trace.next_call <= until:
+            trace.pattern.add(trace.status)
+            if self._call_after(trace, trace.next_call) <= until:
+                trace.pattern.add(trace.status)
+            trace.next_call = self._call_after(trace, until)
 
     def _handle_note(self, seq: int, scan: int, t_ns: int, note: BenchNote) -> None:
         if note.what not in END_NOTES and note.what not in BEGIN_NOTES:
             return
-        for name, showing in self._read(scan - 1).items():
+        for name, trace in self._read(scan - 1).items():
             if note.what in BEGIN_NOTES:
-                showing.interval = self._interval(name)
+                trace.interval = self._interval(name)
             elif note.what != DELETED or note.subject == name:
-                showing.again = NEVER
+                trace.next_call = NEVER
 
     def _note_gap(self, seq: int, scan: int, t_ns: int) -> None:
-        for showing in self._read(scan).values():
-            showing.seen.add_gap()
-            showing.is_lost, showing.again = True, NEVER
+        for trace in self._read(scan).values():
+            trace.pattern.add_gap()
+            trace.is_lost, trace.next_call = True, NEVER
 
     def _expect_frame(self, seq: int, scan: int, t_ns: int, edge: StatusEdge) -> None:
         """Expect outputs and first bytes of a frame in this scan: called only if time is virtual (rule 4)."""
@@ -367,11 +367,11 @@ class RecordedSession:
         self._entries, self._frames = [_drop_judgement(e) for e in kept], 0
         for instance in here:
             self._add(f"expect {instance} trace {ANY_TEXT}", instance)
-        for name, showing in before.items():
+        for name, trace in before.items():
             fresh = self._begin_instance(name)
-            fresh.now, fresh.again, fresh.is_lost = showing.now, showing.again, showing.is_lost
+            fresh.status, fresh.next_call, fresh.is_lost = trace.status, trace.next_call, trace.is_lost
             if fresh.is_lost:
-                fresh.seen.add_gap()
+                fresh.pattern.add_gap()
         self.marked_at = self._bench.runtime.scans
 
     def steps(self) -> Iterator[str]:
@@ -387,9 +387,9 @@ class RecordedSession:
             yield entry.line
         yield from _run_line(self._bench.runtime.scans - passed)
         outside = self.external_partners().connects
-        for instance, showing in self._read_to_now().items():
-            if showing.seen:
-                yield self._trace(instance, showing.seen, outside)
+        for instance, trace in self._read_to_now().items():
+            if trace.pattern:
+                yield self._trace(instance, trace.pattern, outside)
 
 
 def _run_line(scans: int) -> Iterator[str]:

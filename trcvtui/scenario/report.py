@@ -116,7 +116,7 @@ class Junit(Report):
 def _make_cases(taken: Iterable[StepResult]) -> Iterator[JunitCase]:
     before = 0
     for one in taken:
-        if not (_judges(one.step) or one.failure):
+        if not (_is_test_case(one.step) or one.failure):
             continue
         name, ns, before = _case_name(one.step), one.until_ns - before, one.until_ns
         if one.failure is None:
@@ -130,7 +130,7 @@ def _make_cases(taken: Iterable[StepResult]) -> Iterator[JunitCase]:
 
 def _make_skipped_cases(steps: Iterable[Step]) -> Iterator[JunitCase]:
     for step in steps:
-        if _judges(step):
+        if _is_test_case(step):
             yield JunitCase(_case_name(step), 0, "skipped", message=NOT_REACHED_TEXT)
 
 
@@ -141,7 +141,7 @@ def _add_rest_case(cases: tuple[JunitCase, ...], verdict: Verdict) -> tuple[Juni
     return (*cases, JunitCase(WHOLE_CASE_NAME, rest)) if rest or not cases else cases
 
 
-def _judges(step: Step) -> bool:
+def _is_test_case(step: Step) -> bool:
     command = step.command
     is_asked = isinstance(command, Doctor) and bool(command.cause)
     return is_asked or isinstance(command, Wait | Expect | ExpectTrace)

@@ -50,15 +50,15 @@ def read_shown_codes(path: Path) -> frozenset[ShownCode]:
     """Return the codes that a scenario file waits for or expects, none if the file is wrong."""
     try:
         document = read_toml(path)
-        lines = [line.partition(" #")[0].split() for line in _steps(document)]
+        lines = [line.partition(" #")[0].split() for line in _step_lines(document)]
         created = {words[2]: words[1] for words in lines if words[:1] == ["create"] and len(words) > 2}
-        blocks = _blocks(document, path) | created
-        return frozenset((code, blocks[words[1]]) for words in lines for code in _codes(words, blocks))
+        blocks = _blocks_by_instance(document, path) | created
+        return frozenset((code, blocks[words[1]]) for words in lines for code in _line_codes(words, blocks))
     except UserError:
         return frozenset()
 
 
-def _steps(document: Mapping[str, Any]) -> list[str]:
+def _step_lines(document: Mapping[str, Any]) -> list[str]:
     scenario = document.get("scenario")
     steps = scenario.get("steps") if isinstance(scenario, Mapping) else None
     return steps.splitlines() if isinstance(steps, str) else []
@@ -67,7 +67,7 @@ def _steps(document: Mapping[str, Any]) -> list[str]:
 # -- the block of each instance ----------------------------------------------------------------------------
 
 
-def _blocks(document: Mapping[str, Any], path: Path) -> dict[str, str]:
+def _blocks_by_instance(document: Mapping[str, Any], path: Path) -> dict[str, str]:
     other = document.get("project")
     instances = (read_toml(path.parent / other) if isinstance(other, str) else document).get("instance")
     tables = instances if isinstance(instances, list) else []
@@ -77,7 +77,7 @@ def _blocks(document: Mapping[str, Any], path: Path) -> dict[str, str]:
 # -- the codes in a line -----------------------------------------------------------------------------------
 
 
-def _codes(words: list[str], blocks: Mapping[str, str]) -> Iterator[int]:
+def _line_codes(words: list[str], blocks: Mapping[str, str]) -> Iterator[int]:
     """Yield the codes of a line; of `expect X trace 7004 80C5! 7002*` they are 7004 and 80C5."""
     if words[:1] not in (["wait"], ["expect"]) or len(words) < 3 or words[1] not in blocks:
         return

@@ -73,7 +73,6 @@ class Peer:
 
     @property
     def unsent(self) -> int:
-        """Return how many bytes are not sent yet, those of all repetitions included."""
         return self.queues.outbox.unsent
 
     def has_received(self, payload: bytes) -> bool:
@@ -167,7 +166,6 @@ class AutomaticPeer:
         return self._next_attempt if routine.reconnect_ns and peer.state != "connecting" else None
 
     def step(self, now: int) -> None:
-        """Connect again or send the next message, if it is due."""
         if self._peer.can_send:
             self._next_attempt = now + self._routine.reconnect_ns
             self._send_if_due(now)

@@ -169,7 +169,6 @@ class Outbox:
         return (len(first.send.payload), first.first_bytes) if first.is_fresh else (0, b"")
 
     def count_sent(self, count: int, now: int) -> None:
-        """Count bytes of the due chunk as sent."""
         first = self._sendings[0]
         first.count_sent(count, now)
         if not first.left:

@@ -144,7 +144,7 @@ def read_bytes(path: FileName, most: int) -> bytes:
 
     One byte more than `most` means that the file is larger.
     """
-    if _disk_substitutes:
+    if _disk_substitutes:  # rule 5
         return _disk_substitutes[-1].content(path)[: most + 1]
     with open_to_read(path) as file:
         content = file.read(most + 1)
@@ -278,7 +278,7 @@ def replace_file(
     except (OSError, ValueError) as failed:
         _remove_quietly(beside)
         raise _make_write_error(path, where, failed) from None
-    except BaseException:
+    except BaseException:  # rule 2, also for an error of the block
         _remove_quietly(beside)
         raise
 

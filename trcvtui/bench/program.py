@@ -31,7 +31,7 @@ def read_program(project: Project) -> tuple[words.Step, ...]:
     where = f"{project.path}: program"
     steps = tuple(parse_script(project.program, project, where))
     foreign = [step for step in steps if not isinstance(step.command, WRITE_COMMANDS + WAIT_COMMANDS)]
-    if foreign:
+    if foreign:  # what a PLC's program cannot do
         expected = "set, pulse, write, run or wait"
         raise UserError(Problem(f"{where}: step {s.number}", f"'{s.line}'", expected) for s in foreign)
     return steps

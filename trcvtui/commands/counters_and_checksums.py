@@ -117,4 +117,4 @@ def fill_message(payload: bytes, fills: Sequence[Fill], number: int) -> bytes:
 
 
 def sort_fills(fills: Sequence[Fill]) -> list[Fill]:
-    return sorted(fills, key=lambda fill: (fill.kind not in NUMBER_KINDS, fill.offset))
+    return sorted(fills, key=lambda fill: (fill.kind not in NUMBER_KINDS, fill.offset))  # the rule above

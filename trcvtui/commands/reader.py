@@ -197,7 +197,7 @@ BREAK_WORD: Final = "break"
 
 
 def can_be_fed(buffer: ComBufferDecl) -> bool:
-    """Return whether `feed` may let bytes arrive in a ComBuffer: it has its own line, and is not sent."""
+    """Return whether `feed` may let bytes arrive in a ComBuffer: of `sim` or `serial`, without a `line`."""
     return buffer.source in (SIMULATED, SERIAL) and not buffer.line
 
 

@@ -120,7 +120,7 @@ def _convert_pins(decl: InstanceDecl, project: Project, other: Project, notes: l
     pins, inputs = {pin.name for pin in other.pins(decl.block)}, dict(decl.inputs)
     was, now = project.adhoc_inputs(decl.block), other.adhoc_inputs(decl.block)
     is_adhoc = inputs.get("ADHOC") or inputs.get("LEN", 0) in project.rules.area.adhoc_lens
-    if was != now and was and now and is_adhoc:  # ADHOC in one dialect, a LEN (65535) in another
+    if was != now and was and now and is_adhoc:  # ADHOC in one dialect, a special LEN in another
         inputs = {name: value for name, value in inputs.items() if name not in was} | now
     for name in inputs:
         if name not in pins:

@@ -367,7 +367,7 @@ class DocumentReader:
             if kind not in done and kind != "certificate":
                 kinds = kinds_sharing_names(kind)
                 done.update(kinds)
-                reserved = RESERVED_NAMES if kind == "data" else ()
+                reserved = RESERVED_NAMES if kind == "data" else ()  # rule 2
                 find_duplicates([(each, tables[each]) for each in kinds], reserved)
         names = {kind: _names(of_kind) for kind, of_kind in tables.items()}
         blocks = [(table.text("name") or "", table.text("block") or "") for table in tables["instance"]]

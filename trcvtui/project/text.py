@@ -126,7 +126,7 @@ def _apply(text: str, wanted: dict[str, Any], where: str, *edits: Callable[[str]
     plain += "\n" if plain and not plain.endswith("\n") else ""
     for edit in edits:
         edited = edit(plain)
-        if edited is not None and _parses_as(edited, wanted):
+        if edited is not None and _parses_as(edited, wanted):  # rule 2
             return edited.replace("\n", ends)
     raise mistake(where, "a form that cannot be extended", "tables that begin with [[connect]] and the like")
 

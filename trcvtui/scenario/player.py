@@ -123,5 +123,5 @@ class Player:
 def refuse_too_many_steps(path: str, scenario: Scenario) -> None:
     count = len(scenario.start) + len(scenario.steps)
     if count > MOST_STEPS:
-        expected = f"at most {MOST_STEPS} on the screen; `trcvtui scenario` has no limit"
+        expected = f"at most {MOST_STEPS} on the screen; `trcvtui scenario` runs them all"
         raise mistake(f"{path}: steps", f"{count} steps", expected)

@@ -213,7 +213,7 @@ class RecordedSession:
     def note(self, command: words.BenchCommand, line: str) -> None:
         """Keep a command that was carried out."""
         if isinstance(command, words.RunScans | words.RunFor):
-            return
+            return  # each entry has its number of scans
         if isinstance(command, words.Delete):
             self._expect_trace(command.instance)  # now: later its name is unknown to `expect`
         self.commands += 1
@@ -378,7 +378,7 @@ class RecordedSession:
         """Yield the steps of a scenario that repeats the session; raise UserError if not all is kept."""
         if self.is_overfull:
             found = f"{self.commands} commands of {self._characters} characters"
-            expected = f"at most {MOST_COMMANDS} of {MOST_CHARACTERS}; a session begins with a fresh bench"
+            expected = f"at most {MOST_COMMANDS} of {MOST_CHARACTERS}; a new bench begins a new session"
             raise mistake("save scenario", found, expected)
         passed = 0
         for entry in self._entries:

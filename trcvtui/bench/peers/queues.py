@@ -286,7 +286,7 @@ class ReplyRules:
     def add(self, command: ReplyOn) -> str:
         """Add a rule for bytes that arrive from now on; return what is wrong, or ""."""
         if len(self._rules) == MOST_RULES:
-            return f"{command.peer} has {MOST_RULES} rules already; `reply off` ends them"
+            return f"{command.peer} has {MOST_RULES} rules already; `reply off` removes them"
         self._rules.append(_ReplyRule(command, _make_matcher(command.match), rule_text(command)))
         return ""
 

@@ -1,7 +1,7 @@
-"""UDP broadcasts: one socket may send them, and a second one hears those of its network.
+"""UDP broadcasts: one socket sends them, and a second one receives those of its network.
 
-A socket that is bound to an address gets no broadcast on Linux. The second one is bound to the broadcast
-address of that very network, never to 0.0.0.0; 255.255.255.255 comes to neither.
+On Linux a socket that is bound to an address gets no broadcast. The second one is bound to the broadcast
+address of that very network, never to 0.0.0.0; datagrams to 255.255.255.255 reach neither.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ MOST_OWN_BROADCASTS: Final = 256  # datagrams of our own that one call passes ov
 def enable_broadcasts(
     kernel: Kernel, owner: str, handle: Handle, local: Endpoint, polled: bool = True
 ) -> tuple[Handle | None, str]:
-    """Let a socket send broadcasts; return a second one that hears those of its network, else why not."""
+    """Let a socket send broadcasts; return a second one that receives those of its network, or why not."""
     refused, here = kernel.set_broadcast(handle), local.address
-    if refused is not None or here == ANY_ADDRESS:  # bound to all, it hears them itself
+    if refused is not None or here == ANY_ADDRESS:  # a socket at 0.0.0.0 receives them itself
         return None, str(refused or "")
     own = kernel.local_addresses()  # 127.0.0.0/8 is one network
     near = (a for a in own if a.address == here or (is_loopback(here) and is_loopback(a.address)))
@@ -29,7 +29,7 @@ def enable_broadcasts(
         return None, str(made)
     end = Endpoint(everybody, local.port)
     refused = kernel.set_reuse(made) or kernel.bind(made, end) or (kernel.poll_add(made) if polled else None)
-    if refused is None:
+    if refused is None:  # set_reuse: several programs may listen at one broadcast address
         return made, ""
     kernel.close(made)
     return None, f"{end}: {refused}"
@@ -38,11 +38,13 @@ def enable_broadcasts(
 def receive_datagram(
     kernel: Kernel, handle: Handle, hearing: Handle | None, into: memoryview, own: Endpoint | None
 ) -> Datagram | WouldBlock | Fault:
-    """Take the next datagram; of broadcasts the stack brings back our own, which a CPU does not hear."""
+    """Take the next datagram, from `handle` first, then from `hearing` (the socket for broadcasts)."""
     got = kernel.recv_from(handle, into)
     if hearing is None or got is not WOULD_BLOCK:
         return got
-    for _ in range(MOST_OWN_BROADCASTS):
+    for _ in range(
+        MOST_OWN_BROADCASTS
+    ):  # the stack loops our own broadcasts back; a CPU gets none of its own
         got = kernel.recv_from(hearing, into)
         if not isinstance(got, Datagram) or got.source != own:
             return got

@@ -1,4 +1,4 @@
-"""What happened on a connection, as frozen values: the ledger's raw material."""
+"""Events of connections, as frozen values; the ledger is made of them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class EventKind(StrEnum):
     OPTION_REFUSED = "option refused"
     OPTION_LIMITED = "option limited"
     RELEASED = "released"
-    TPDUS_WAIT = "TPDUs wait"  # these: a partner asks for more work than one scan does (Work)
+    TPDUS_WAIT = "TPDUs wait"  # this and the next four: there is more to do than one scan may (Work)
     RECORDS_WAIT = "TLS records wait"
     CLIENTS_WAIT = "clients wait"
     HANDSHAKES_WAIT = "handshakes wait"
@@ -50,9 +50,9 @@ class ConnectionChanged(Struct, frozen=True):
 class BytesReceived(NamedTuple):
     """One recv call took `size` bytes that begin at `offset` of the incarnation's received stream.
 
-    `instance` has them: jobs of tasks of different priority can read in turns (resources.py, Direction).
-    `position`: of the first one in the ring of the CONNECT (received_ring.py). `cut`: so many of them, the
-    end of a datagram, had no room.
+    `instance` has them: jobs of tasks of different priority can take turns (resources.py, DirectionClaims).
+    `position`: of the first byte in the ring of the CONNECT (received_ring.py). `cut`: bytes at the end of a
+    datagram that had no room in the buffer.
     """
 
     connection: str
@@ -68,7 +68,7 @@ class BytesReceived(NamedTuple):
 class BytesSent(NamedTuple):
     """One send call gave `size` bytes of `instance` to the local stack; `offset` is in the sent stream.
 
-    `position`: of the first one in the ring of what the CONNECT has sent.
+    `position`: of the first byte in the ring of what the CONNECT has sent.
     """
 
     connection: str
@@ -83,7 +83,7 @@ class BytesSent(NamedTuple):
 class BytesDropped(Struct, frozen=True):
     """Bytes of the stream that will never reach DATA, and why.
 
-    offset -1: they were still in the stack; `position` is their place in the ring of the CONNECT.
+    offset -1: they were still in the stack; `position`: of the first byte in the ring of the CONNECT.
     """
 
     connection: str

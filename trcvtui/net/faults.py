@@ -1,7 +1,6 @@
-"""Faults at the seam: a plan of which call fails when and with which errno, and a kernel and a
-serial port that obey it.
+"""Planned faults: which call fails, when and with which errno; and the kernel and serial port that obey.
 
-The plan's faults carry `injected=True`, so that nobody takes them for the network's own.
+A planned fault carries `injected=True`, so that it is not mistaken for one of the network.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ KNOWN_ERRORS: Final = frozenset(errno.errorcode.values()) | {
 
 
 class PlannedFault(Struct, frozen=True):
-    """One line of the plan: from the nth such call on, `times` calls fail; None = until cleared."""
+    """One line of the plan: from the nth such call on, `times` calls fail; None: until cleared."""
 
     call: str
     error: str
@@ -62,7 +61,7 @@ class PlannedFault(Struct, frozen=True):
     seen: int = 0
 
     def __str__(self) -> str:
-        """Return it much as the bench command `fault` writes it."""
+        """Return it nearly as the bench command `fault` writes it."""
         parts = ["fault", self.call, self.error]
         parts += [f"on {self.on}"] if self.on is not None else []
         parts += [f"nth={self.nth}"] if self.nth != 1 else []
@@ -74,7 +73,7 @@ class PlannedFault(Struct, frozen=True):
 
 
 def ignore_fault(owner: str, fault: Fault) -> None:
-    """Do nothing: what a plan tells when nobody keeps a ledger."""
+    """Do nothing: the `fired` of a plan without a ledger."""
 
 
 class FaultPlan:
@@ -82,13 +81,13 @@ class FaultPlan:
 
     def __init__(self) -> None:
         self.active = False
-        self.fired: Callable[[str, Fault], None] = ignore_fault  # told the owner and the fault, each time
+        self.fired: Callable[[str, Fault], None] = ignore_fault  # called with the owner and each fault
         self._entries: list[PlannedFault] = []
 
     def add(
         self, call: str, error: str | None = None, on: str | None = None, nth: int = 1, times: int | None = 1
     ) -> None:
-        """Plan a fault; `nth` counts from now. Raise UserError for what no call or errno is."""
+        """Plan a fault; `nth` counts from now. Raise UserError for an unknown call or errno."""
         if call not in KERNEL_CALLS and call not in SERIAL_CALLS:
             raise mistake("fault", call, "one of " + ", ".join((*KERNEL_CALLS, *SERIAL_CALLS)))
         name = error if error is not None else DEFAULT_ERROR[call]
@@ -106,15 +105,15 @@ class FaultPlan:
         self.active = False
 
     def entries(self) -> tuple[PlannedFault, ...]:
-        """Return what is still to come, in the order of adding."""
+        """Return the faults that are still to come, in the order of adding."""
         return tuple(self._entries)
 
     def take_fault(self, call: str, owner: str) -> Fault | None:
-        """Count this call of owner; return the Fault that it must answer, or None."""
+        """Count a call of the owner; return the Fault that the call must answer, or None."""
         if not self.active:
             return None
         fault: Fault | None = None
-        left: list[PlannedFault] = []
+        remaining: list[PlannedFault] = []
         for entry in self._entries:
             if entry.call == call and entry.on in (None, owner):
                 entry = structs.replace(entry, seen=entry.seen + 1)
@@ -123,8 +122,8 @@ class FaultPlan:
                     fault = Fault(call, entry.error, injected=True)
                     entry = structs.replace(entry, times=None if entry.times is None else entry.times - 1)
             if entry.times != 0:
-                left.append(entry)
-        self._entries, self.active = left, bool(left)
+                remaining.append(entry)
+        self._entries, self.active = remaining, bool(remaining)
         if fault is not None:
             self.fired(owner, fault)
         return fault
@@ -132,7 +131,8 @@ class FaultPlan:
 
 NO_HANDLES: Final[Mapping[Handle, str]] = {}
 _SAME_NAME_CALLS: Final = ("set_reuse", "bind", "listen", "poll_add", "poll_del", "resolve", "connect")
-# The calls that a planned fault only stands before, and what the plan calls them; each look at a name is one.
+# Calls that need no more than a check for a planned fault, with their names in the plan. A name that is
+# asked for again (resolve) counts as another call.
 FAULTED_CALLS: Final = {
     **{name: name for name in (*_SAME_NAME_CALLS, "recv", "send", "shutdown")},
     "recv_from": "recv",
@@ -142,7 +142,7 @@ FAULTED_CALLS: Final = {
 
 
 class FaultyKernel(KernelProxy):
-    """A Kernel around any kernel, whose calls fail as planned; what is not planned passes through."""
+    """A Kernel around any kernel: its calls fail as planned; all other calls pass through."""
 
     def __init__(self, inner: Kernel, plan: FaultPlan) -> None:
         super().__init__(inner)
@@ -160,15 +160,15 @@ class FaultyKernel(KernelProxy):
         return self.plan.take_fault(call, self._owners.get(handle, ""))
 
     def readable(self, handle: Handle) -> bool:
-        """Return whether the last poll saw something, or a client still waits after a planned fault."""
+        """Return whether the last poll saw something, or a client waits since a planned fault of accept."""
         return self.inner.readable(handle) or handle in self._held
 
     def _list_readable(self) -> Collection[Handle]:
         return [handle for handle in self._owners if self.inner.readable(handle)]
 
     def ready_handles(self) -> Mapping[Handle, str] | None:
-        """Return the handles that the last poll saw, with their owners; None: a fault may hit any of all."""
-        if self.plan.active or self._held:
+        """Return the handles that the last poll saw, with their owners; None: every handle must be tried."""
+        if self.plan.active or self._held:  # a fault may hit a handle that the poll did not see
             return None
         ready, owners = self._ready(), self._owners
         if not ready:
@@ -191,7 +191,7 @@ class FaultyKernel(KernelProxy):
         return made
 
     def accept(self, handle: Handle) -> NewClient | WouldBlock | Fault:
-        """Take one finished handshake; no client is no attempt, and a planned fault leaves it waiting."""
+        """Take one client. Without a client no call is counted; a planned fault leaves the client waiting."""
         held = self._held.pop(handle, None)
         got = held or self.inner.accept(handle)
         if not isinstance(got, NewClient):
@@ -210,8 +210,7 @@ class FaultyKernel(KernelProxy):
         return self._free("close", handle, self.inner.close)
 
     def _free(self, call: str, handle: Handle, free: Callable[[Handle], Fault | None]) -> Fault | None:
-        """Free the handle, also when it is made to fail."""
-        fault = self._take_fault(call, handle)
+        fault = self._take_fault(call, handle)  # the handle is freed all the same (see Kernel.abort)
         self._owners.pop(handle, None)
         waiting = self._held.pop(handle, None)
         if waiting is not None:
@@ -221,15 +220,14 @@ class FaultyKernel(KernelProxy):
 
 
 class FaultyPort:
-    """A port whose calls fail as planned; a Fault of `read` or `write` closes it, as one of its own would."""
+    """A port whose calls fail as planned; a planned Fault of `read` or `write` closes it, as a real one."""
 
     def __init__(self, port: SerialPort, plan: FaultPlan, owner: str) -> None:
         self._port, self._plan, self._owner = port, plan, owner
 
     def open(self) -> Fault | PortOpening | None:
-        """Open it, once: an attempt that lasts is one call."""
         shown = self._port.open()
-        if isinstance(shown, PortOpening):
+        if isinstance(shown, PortOpening):  # an attempt that lasts is one call: it counts when it is over
             return shown
         fault = self._plan.take_fault("open", self._owner)
         if fault is not None:

@@ -57,8 +57,8 @@ class KernelLoss(Struct, frozen=True):
 class PathInfo(Struct, frozen=True):
     """What the stack knows of a connection's send side; bytes and milliseconds.
 
-    `probes_often`: a closed window is probed every second (TCP_RTO_MAX_MS is in force), so that `last_ack_ms`
-    stays small while the link lives, and 3 x I of silence mean that it is dead.
+    `probes_often`: a closed window is probed every second (TCP_RTO_MAX_MS is in force). Then `last_ack_ms`
+    stays small while the link lives, and silence for 3 x I means that the link is dead.
     """
 
     unacked: int
@@ -83,15 +83,15 @@ class SocketOptions(Struct, frozen=True):
 
 
 class Kernel(Protocol):
-    """What a network can be asked. `owner` names the CONNECT or peer on whose behalf a handle exists."""
+    """The calls of a network. `owner` names the CONNECT or peer that a handle was made for."""
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
-        """Return the addresses of this machine, loopback among them; () while nobody can say."""
+        """Return the addresses of this machine, with loopback; () while they are unknown."""
 
     def set_link(self, owner: str, up: bool) -> str:
         """Cut the wire of all handles of an owner, also of those made later, or mend it.
 
-        Nothing crosses a cut wire and nobody is told, as when a cable is pulled. Return what is wrong, or "".
+        Nothing crosses a cut wire and no call reports it: a pulled cable. Return what is wrong, or "".
         """
 
     def poll(self) -> None:
@@ -101,10 +101,7 @@ class Kernel(Protocol):
         """Return whether the last poll saw data, a FIN, an error or a waiting client on the handle."""
 
     def renew(self, handle: Handle) -> bool:
-        """Bring the picture of one handle up to date; return whether its connection has ended by now.
-
-        FIN, RST or an error: nothing is consumed.
-        """
+        """Poll one handle again, consuming nothing; return whether FIN, RST or an error has ended it."""
 
     def socket(self, owner: str) -> Handle | Fault: ...
 
@@ -115,7 +112,7 @@ class Kernel(Protocol):
         """Set the options; return the names of those that this system refused."""
 
     def set_user_timeout(self, handle: Handle, milliseconds: int) -> None:
-        """Limit how long sent data may stay unacknowledged; 0 = no own limit. Ignored where unknown."""
+        """Limit how long sent data may stay unacknowledged; 0: the system's limit. Ignored where unknown."""
 
     def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
         """Bind to a local end; port 0 takes a free one."""
@@ -124,7 +121,7 @@ class Kernel(Protocol):
         """Start to listen; the stack finishes backlog + 1 handshakes by itself."""
 
     def local_end(self, handle: Handle) -> Endpoint | None:
-        """Return the local end, or None while there is none."""
+        """Return the local end, None before it is bound."""
 
     def poll_add(self, handle: Handle) -> Fault | None:
         """Put the handle into the poll set (8084 names its failure)."""
@@ -138,7 +135,7 @@ class Kernel(Protocol):
     def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
         """Return the address of a name; WOULD_BLOCK: ask again. Freeing the handle ends the question.
 
-        EAI_NONAME: nobody knows the name, or nobody who could know answers.
+        EAI_NONAME: the name is unknown, or no name server answers.
         """
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
@@ -154,25 +151,25 @@ class Kernel(Protocol):
         """Write what the stack takes now and return that count."""
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
-        """Make a UDP socket, used as any other; set_reuse is for those that hear one broadcast address."""
+        """Make a UDP socket, used as any other; set_reuse is for those bound to one broadcast address."""
 
     def set_broadcast(self, handle: Handle) -> Fault | None:
-        """Let a UDP socket send to broadcast addresses, which is EACCES without."""
+        """Let a UDP socket send to broadcast addresses; without it that is EACCES."""
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
-        """Send one datagram whole, from a free port where none is bound; the Fault's call is `send`.
+        """Send one datagram whole, from a free port if none is bound; the Fault's call is `send`.
 
-        That nobody is there to receive it is told to no call.
+        No call reports that the datagram found no receiver.
         """
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
         """Take one datagram, an empty one too; the Fault's call is `recv`."""
 
     def loss(self, handle: Handle) -> KernelLoss | None:
-        """Return why the connection is gone, without consuming data; None while it stands.
+        """Return why the connection is gone, without consuming data; None while it is up.
 
-        A FIN is seen even with unread data in front of it. An errno is reported to exactly one call,
-        this one or `recv` or `send`.
+        A FIN is seen even with unread data before it. An errno is reported by exactly one call: this one,
+        `recv` or `send`.
         """
 
     def discard(self, handle: Handle, most: int) -> int:
@@ -185,36 +182,36 @@ class Kernel(Protocol):
         """Return those of the poll's handles at which something is unread, or an end was seen."""
 
     def peek(self, handle: Handle, skip: int) -> Unread:
-        """Return what lies unread at a handle that `left` or the poll named; nothing is consumed.
+        """Return what is unread at a handle that `list_unread` or the poll named; consume nothing.
 
-        Bytes are looked at only where more than `skip` lie there: a look at an empty queue would take a
-        pending error away from the next `recv`.
+        Bytes are peeked only if more than `skip` are there: a peek at an empty queue would take a pending
+        error away from the next `recv`.
         """
 
     def path(self, handle: Handle) -> PathInfo | None:
-        """Return the send side's state, or None where the system does not say."""
+        """Return the send side's state, None if the system does not provide it."""
 
     def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
-        """Send FIN; both=False keeps reading (half-close). ENOTCONN when the partner has reset."""
+        """Send FIN; both=False: reading stays possible (half-close). ENOTCONN after the partner's RST."""
 
     def probe(self, handle: Handle) -> Fault | None:
-        """Answer as `shutdown` would (ENOTCONN when the partner has reset), but put nothing on the wire."""
+        """Answer as `shutdown` would (ENOTCONN after the partner's RST), but send nothing."""
 
     def abort(self, handle: Handle) -> Fault | None:
-        """Send RST and free the handle, also when it answers a Fault; leaves no TIME_WAIT."""
+        """Send RST and free the handle, also when this answers a Fault; leaves no TIME_WAIT."""
 
     def close(self, handle: Handle) -> Fault | None:
-        """Free the handle: FIN, or RST when unread data is queued. Frees it even when it answers a Fault."""
+        """Send FIN, or RST if unread data is queued; free the handle, also when this answers a Fault."""
 
 
-_AnyKernel: Any = object  # for mypy: a front has every call of a Kernel
+_AnyKernel: Any = object  # for mypy: a proxy has every call of a Kernel
 
 
 class KernelProxy(_AnyKernel):  # type: ignore[misc]
-    """A kernel in front of a kernel: a call that it does not define goes there, without a second call."""
+    """A kernel in front of another. Calls that it does not define are the inner kernel's own methods."""
 
     def __init__(self, inner: Kernel) -> None:
         self.inner = inner
         for name in vars(Kernel):
             if not name.startswith("_") and not hasattr(type(self), name):
-                setattr(self, name, getattr(inner, name))
+                setattr(self, name, getattr(inner, name))  # not __getattr__: these are called in every scan

@@ -1,8 +1,8 @@
 """What may run on a TCP stream between the blocks and the kernel: ISO-on-TCP, TLS. Bytes in, bytes out.
 
-The words of TLS stand here too, so that nobody loads the library for a word.
+The names of TLS errors are here too, so that naming one does not load the TLS library.
 
-Rule: a session never touches a socket and never raises, whatever comes; it holds bounded memory.
+Rule: a session never touches a socket, and no input makes it raise; it holds bounded memory.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class TlsError(StrEnum):
     PLAIN = "TLS_PLAIN"  # no TLS at all came
     HANDSHAKE = "TLS_HANDSHAKE"
     SILENT = "TLS_SILENT"
-    REFUSED = "TLS_REFUSED"  # by the partner, who told it
+    REFUSED = "TLS_REFUSED"  # the partner sent an alert
     WRONG_NAME = "TLS_WRONG_NAME"
     NO_CERTIFICATE = "TLS_NO_CERTIFICATE"
     UNSUPPORTED = "TLS_UNSUPPORTED"
@@ -37,9 +37,9 @@ class TlsError(StrEnum):
 class Credentials(Struct, frozen=True):
     """What one end shows and what it asks of the other. Files are PEM, by absolute path; "" is none.
 
-    `authorities`: who may have signed the partner's certificate. `asks_client`: the passive end wants one.
-    `server_name`: whom the active end asks for; `checks_name`: the certificate must bear it as a
-    subjectAlternateName. `is_unverified`: any certificate will do, which the project must say in plain words.
+    `authorities`: the CAs that may have signed the partner's certificate. `asks_client`: the passive end asks
+    for one. `server_name`: the name that the active end asks for; `checks_name`: the certificate must bear it
+    as a subjectAlternateName. `is_unverified`: any certificate will do; the project must say so explicitly.
     """
 
     certificate: str = ""
@@ -52,19 +52,19 @@ class Credentials(Struct, frozen=True):
 
 
 def tls_credentials_of(session: object) -> Credentials | None:
-    """Return what a CONNECT with TLS shows and asks; None: it has another session, or none."""
+    """Return the credentials of a CONNECT with TLS; None: it has another session, or none."""
     return session if isinstance(session, Credentials) else None
 
 
 class LayerMessage(NamedTuple):
-    """One message: its first bytes up to the session's cap, and how many it had."""
+    """One message: its first bytes up to the session's cap, and its whole length."""
 
     data: bytes
     whole: int
 
 
 class SessionEnd(NamedTuple):
-    """Why a session is over: the word that a dialect maps to a code, and what a person should read."""
+    """Why a session is over: the name that a dialect maps to a code, and a text for the user."""
 
     error: str
     detail: str
@@ -72,8 +72,6 @@ class SessionEnd(NamedTuple):
 
 
 class LayerSession(Protocol):
-    """One end of a session."""
-
     ended: SessionEnd | None
     can_take_back: bool  # what `encode` returned need not be sent
 
@@ -99,12 +97,12 @@ class LayerSession(Protocol):
     def feed(self, data: memoryview, most: int = ...) -> int:
         """Take bytes that the partner has sent, and do at most `most` units of work on what is here.
 
-        Return how many units it was (Work). Nothing is lost: what was not looked at is a backlog.
+        Return the units that were used (Work). Bytes that were not looked at are kept as a backlog.
         """
 
     @property
     def has_backlog(self) -> bool:
-        """Return whether a feed of nothing would go on: something waits here that was not looked at."""
+        """Return whether bytes wait here that were not looked at: then a feed of no bytes does work."""
 
     @property
     def is_costly(self) -> bool:
@@ -119,16 +117,16 @@ class LayerSession(Protocol):
 
     @property
     def unfinished_message(self) -> int:
-        """Return the number of the message that has begun and not ended, 0: there is none, or no limit."""
+        """Return the number of the message that has begun and not ended; 0: none, or it has no time limit."""
 
     def time_out(self, why: str) -> None:
-        """End a handshake, or a message, that takes too long, where the session has a word for that."""
+        """End a handshake or a message that takes too long, where the session limits it."""
 
     def take_remarks(self) -> list[str]:
-        """Return what the partner has sent that was passed over, in words, once; a few of each session."""
+        """Return, once, what was ignored of the partner's bytes, in words; a few of each session."""
 
     def say_goodbye(self) -> bool:
-        """Tell the partner, once, that nothing more comes; return whether the session has a word for it."""
+        """Announce the end to the partner, once; return whether this kind of session can do that."""
 
     def take_output(self) -> bytes:
         """Return what must be sent to the partner, once."""
@@ -151,6 +149,6 @@ class LayerSettings(Protocol):
 
     @property
     def shares_port(self) -> bool:
-        """Return whether several passive CONNECTs listen on one port: the partner says which it wants."""
+        """Return whether several passive CONNECTs may listen on one port: the partner says which it wants."""
 
     def make_session(self, is_active: bool) -> LayerSession: ...

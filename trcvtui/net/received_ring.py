@@ -1,9 +1,9 @@
 """The newest bytes that each CONNECT, UDP_CONFIG or ComBuffer has received, or sent: a ring each, bounded.
 
-A position counts the bytes of one ring since the start of the PLC, over all its connections, also those that
+A position counts the bytes of one ring since the start of the PLC, over all its connections, also bytes that
 are no longer kept. Bytes whose values the PLC never had (they were unread when the connection ended, or a
-datagram was longer than its buffer) have places too, at most MOST_SKIPPED each time.
-Rule: the bytes are no part of a run's state. After a restore a ring begins where it ended.
+datagram was longer than its buffer) have positions too, at most MOST_SKIPPED each time.
+Rule: the bytes are no part of a run's state. After a restore a ring begins, empty, at its last position.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, Final
 from trcvtui.wording import exact_size
 
 BLOCK_BYTES: Final = 1 << 15  # with 1 << 12 a message of 64 KiB takes 25 us longer
-DEFAULT_HISTORY: Final = 1 << 20  # bytes that a ring keeps where the project says nothing
+DEFAULT_HISTORY: Final = 1 << 20  # bytes that a ring keeps if the project does not say
 LEAST_HISTORY: Final = 1 << 16
 MOST_HISTORY: Final = 1 << 26
 MOST_RING_BYTES: Final = 1 << 26  # of all rings of a PLC
@@ -22,26 +22,26 @@ MOST_SKIPPED: Final = 256
 
 
 def sent_ring_name(connect: str) -> str:
-    """Return the name of the ring for what a CONNECT or UDP_CONFIG sends: one that nothing else can have."""
-    return f"{connect} sent"
+    """Return the name of the ring for what a CONNECT or UDP_CONFIG sends."""
+    return f"{connect} sent"  # a declared name cannot have a space
 
 
 class ReceivedRings:
-    """The rings of one PLC by name; a name that is declared anew goes on with its ring."""
+    """The rings of one PLC by name; a name that is declared again keeps its ring."""
 
     def __init__(self) -> None:
         self._rings: dict[str, ReceivedRing] = {}
         self._blocks = OrderedDict[tuple[str, int], ReceivedRing]()  # by first position, the oldest first
 
     def __getstate__(self) -> dict[str, object]:
-        return {"_rings": self._rings}
+        return {"_rings": self._rings}  # Rule: without the bytes
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._blocks = OrderedDict()
 
     def open_ring(self, name: str, most: int = DEFAULT_HISTORY) -> ReceivedRing:
-        """Return the ring of a name, which keeps so many bytes from now on."""
+        """Return the ring of a name; it keeps at most so many bytes from now on."""
         found = self._rings.setdefault(name, ReceivedRing(name, self))
         found.most = most
         return found
@@ -54,7 +54,7 @@ class ReceivedRings:
         return len(self._blocks) >= MOST_RING_BYTES // BLOCK_BYTES
 
     def note_block_begin(self, name: str, position: int) -> None:
-        """Note a new block; of too many of all rings the oldest goes."""
+        """Note a new block; if all rings together have too many, forget the oldest."""
         self._blocks[name, position] = self._rings[name]
         while len(self._blocks) > MOST_RING_BYTES // BLOCK_BYTES:
             self._blocks.popitem(last=False)[1].forget_block()
@@ -68,15 +68,17 @@ class ReceivedRing:
 
     def __init__(self, name: str, of_all: ReceivedRings) -> None:
         self.end = 0
-        self.incarnations = 0  # connections so far: what each one brought is told apart
+        self.incarnations = 0  # connections so far: each one's bytes can be distinguished
         self.most = DEFAULT_HISTORY
         self._name, self._all = name, of_all
-        self._first = self._restored = 0  # where the oldest block begins, and where the ring began anew
+        self._first = self._restored = (
+            0  # where the oldest block begins; where the ring began after a restore
+        )
         self._blocks: deque[bytearray] = deque()
         self._room = 0  # in the last block
 
     def __getstate__(self) -> dict[str, object]:
-        kept = "end", "incarnations", "most", "_name", "_all"
+        kept = "end", "incarnations", "most", "_name", "_all"  # Rule: without the bytes
         return {name: self.__dict__[name] for name in kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -89,22 +91,22 @@ class ReceivedRing:
 
     @property
     def lack_reason(self) -> str:
-        """Return why nothing older is kept, "" where nothing is missing."""
+        """Return why nothing older is kept, "" if nothing is missing."""
         if not self.begin or self.begin == self.end:
             return ""
         if self.end - self.begin == self.most:
             return f"older than the {exact_size(self.most)} that are kept"
         if self.begin == self._restored:
-            return "before the keyframe from which the run goes on"
+            return "before the keyframe from which the run continues"
         if self._all.is_full:
             return "older than the 64MiB that all keep together"
         return "older than what was kept while its history was smaller"
 
     def append(self, content: bytes | memoryview) -> int:
-        """Append bytes, the oldest go for them; return the position of the first."""
+        """Append bytes, in place of the oldest if the ring is full; return the position of the first."""
         size, position = len(content), self.end
         self.end = position + size
-        if 0 < size <= self._room:
+        if 0 < size <= self._room:  # most appends fit into the last block
             self._blocks[-1].extend(content)
             self._room -= size
             return position
@@ -119,8 +121,8 @@ class ReceivedRing:
         return position
 
     def skip(self, size: int) -> int:
-        """Give places to bytes whose values are not known; return the position of the first."""
-        return self.append(bytes(min(size, MOST_SKIPPED)))
+        """Give positions to bytes of unknown value; return the first."""
+        return self.append(bytes(min(size, MOST_SKIPPED)))  # else the end of one connection empties the ring
 
     def _begin_block(self, position: int) -> None:
         if not self._blocks:
@@ -133,7 +135,6 @@ class ReceivedRing:
         self._all.note_block_begin(self._name, position)
 
     def forget_block(self) -> None:
-        """Forget the oldest block."""
         self._blocks.popleft()
         self._first += BLOCK_BYTES
         if not self._blocks:

@@ -1,4 +1,4 @@
-"""What calls of the kernel answer: WOULD_BLOCK, Fault, Datagram; and an Endpoint with its IPv4 address."""
+"""Answers of kernel calls: WOULD_BLOCK, Fault, Datagram; and an Endpoint with its IPv4 address."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from msgspec import Struct
 class WouldBlock(Enum):
     """The answer "not now": nothing to read, no room to write, no verdict yet.
 
-    HELD_BACK: something to read may be there, but this scan has done its part for it (Work).
+    HELD_BACK: there may be something to read, but this scan has no work budget left for it (Work).
     """
 
     WOULD_BLOCK = "WOULD_BLOCK"
     HELD_BACK = "HELD_BACK"
 
-    __hash__ = object.__hash__  # that of Enum is Python code, and a recorder asks for it in each scan
+    __hash__ = object.__hash__  # Enum's own is slow Python code, and a recorder calls it in each scan
 
 
 ANY_ADDRESS: Final = "0.0.0.0"
 WOULD_BLOCK: Final = WouldBlock.WOULD_BLOCK
 HELD_BACK: Final = WouldBlock.HELD_BACK
-OWN_END: Final = "own end"  # in place of an errno: of a connection that is played, its own end has closed it
+OWN_END: Final = "own end"  # in place of an errno: in the capture that is played, the PLC's end closed it
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
     """A call that failed: its name, the errno name, whether a fault plan did it, the system's own words.
 
-    `peer`: whom it was about, where only the kernel's side knows.
+    `peer`: the partner concerned, if only the kernel's side knows it.
     """
 
     call: str
@@ -42,12 +42,12 @@ class Fault:
     peer: str = field(default="", compare=False)
 
     def __str__(self) -> str:
-        """Return `bind EADDRINUSE`, with `(injected)` after it where a plan did it."""
+        """Return `bind EADDRINUSE`, with ` (injected)` after it if a plan did it."""
         return f"{self.call} {self.error}" + (" (injected)" if self.injected else "")
 
 
 class Endpoint(Struct, frozen=True, order=True):
-    """One end of a connection or of a datagram's way: a dotted IPv4 address and a port (0..65535)."""
+    """One end of a connection, or of a datagram: a dotted IPv4 address and a port (0..65535)."""
 
     address: str
     port: int
@@ -57,7 +57,7 @@ class Endpoint(Struct, frozen=True, order=True):
 
 
 class Datagram(Struct, frozen=True):
-    """One datagram that was taken: `size` bytes of it are in the view, `whole` is how many it had."""
+    """A received datagram: `size` bytes of it are in the view; it had `whole` bytes."""
 
     size: int
     source: Endpoint
@@ -65,12 +65,12 @@ class Datagram(Struct, frozen=True):
 
     @property
     def is_cut(self) -> bool:
-        """Return whether the view was too small for it: the rest is gone."""
+        """Return whether the view was too small: then the rest is lost."""
         return self.size < self.whole
 
 
 def parse_octets(address: str) -> tuple[int, ...] | None:
-    """Return the four octets, None for any other text (short forms such as `127.1` are refused too)."""
+    """Return the four octets, None for any other text (short forms such as `127.1`, too)."""
     parts = address.split(".")
     if len(parts) != 4 or not all(p.isascii() and p.isdigit() and len(p) <= 3 for p in parts):
         return None
@@ -80,7 +80,7 @@ def parse_octets(address: str) -> tuple[int, ...] | None:
 
 def parse_end(text: str) -> tuple[bytes, int | None] | None:
     """Return what `10.0.0.5`, `10.0.0.5:2000`, `fd00::1` or `[fd00::1]:2000` names; None: it is no end."""
-    from ipaddress import ip_address  # of a capture alone
+    from ipaddress import ip_address  # here, because a bench does not need it: only a capture and a tap do
 
     address, colon, port = text, "", ""
     if text.startswith("["):
@@ -98,38 +98,37 @@ def parse_end(text: str) -> tuple[bytes, int | None] | None:
 
 
 def is_loopback(address: str) -> bool:
-    """Return whether it lies in 127.0.0.0/8."""
-    return address.startswith("127.")
+    return address.startswith("127.")  # 127.0.0.0/8
 
 
 def is_group(address: str) -> bool:
-    """Return whether it is multicast (224 to 239) or the broadcast address: no single machine."""
+    """Return whether it is multicast (224 to 239) or 255.255.255.255: not one machine."""
     parts = parse_octets(address)
     return parts is not None and (224 <= parts[0] <= 239 or parts == (255, 255, 255, 255))
 
 
 def broadcast_address(address: str, mask: str) -> str:
-    """Return the last address of a network; "" where it has but two or one (RFC 3021)."""
+    """Return the last address of a network; "" if it has only two addresses or one."""
     parts, bits = parse_octets(address), parse_octets(mask)
-    if parts is None or bits is None or bits >= (255, 255, 255, 254):
+    if parts is None or bits is None or bits >= (255, 255, 255, 254):  # RFC 3021: a /31 has no broadcast
         return ""
     return ".".join(str(part | ~bit & 255) for part, bit in zip(parts, bits, strict=True))
 
 
 def sockaddr(end: Endpoint) -> tuple[str, int]:
-    """Return what the socket module takes; four octets only, so that no text reaches the resolver."""
-    if parse_octets(end.address) is None:
+    """Return what the socket module takes; raise OSError EINVAL for any other address or port."""
+    if parse_octets(end.address) is None:  # a name would make the socket module wait for the resolver
         raise OSError(errno.EINVAL, "not a dotted IPv4 address")
     if not 0 <= end.port < 65536:
         raise OSError(errno.EINVAL, "not a port")
     return end.address, end.port
 
 
-PEEK_DEPTH: Final = 256 << 10  # bytes after the read position that are looked at: what lies deeper is a size
+PEEK_DEPTH: Final = 256 << 10  # bytes after the read position that are peeked; of the rest only the size
 
 
 class WaitingMessage(NamedTuple):
-    """A datagram or message that lies unread; `whole`: bytes that it had when it was sent."""
+    """A datagram or message that is unread; `whole`: its length in bytes when it was sent."""
 
     source: Endpoint
     data: bytes
@@ -137,13 +136,13 @@ class WaitingMessage(NamedTuple):
 
 
 class Unread(NamedTuple):
-    """What lies unread at a handle.
+    """What is unread at a handle.
 
     `size`: bytes of a stream; `data`: those after the first `skip`, up to PEEK_DEPTH.
-    `end`: fin, rst, "" where the poll has seen no end. `is_full`: the partner's window may be small, or a
+    `end`: fin, rst, "" if the poll has seen no end. `is_full`: the partner's window may be small, or a
     session takes no more out of the stack. `messages`: those after the first `skip`; None: it is a stream.
     `clients`: those that wait at a listener. `dropped`: datagrams that the stack had no room for.
-    `has_session`: the wire has other bytes.
+    `has_session`: the bytes on the wire are others (TLS, ISO-on-TCP).
     """
 
     size: int = 0

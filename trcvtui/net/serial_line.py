@@ -1,4 +1,4 @@
-"""A serial line: its settings, the seam to it (calls never wait and never raise), and a simulated one."""
+"""A serial line: its settings, its calls (they never wait and never raise), and a simulated one."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from trcvtui.net.results import Fault
 
 # The calls that a fault plan can make fail, beside those of the network.
 SERIAL_CALLS: Final = ("open", "read", "write")
-TCP_URL_PREFIXES: Final = ("socket://", "rfc2217://")  # how the URLs begin that make a TCP connection
+TCP_URL_PREFIXES: Final = ("socket://", "rfc2217://")  # such a URL makes a TCP connection
 
 
 class PortOpening:
-    """What `open` answers while it is not known yet whether the port opens."""
+    """The answer of `open` while the attempt is still running."""
 
 
 OPENING: Final = PortOpening()
@@ -36,35 +36,35 @@ LineErrors = tuple[int, int, int, int]  # framing, parity, breaks, overruns
 
 
 class SerialPort(Protocol):
-    """One port. A Fault of `read` or `write` means that it is gone, and closed."""
+    """One port. A Fault of `read` or `write` means that the port is gone, and closed."""
 
     def open(self) -> Fault | PortOpening | None:
-        """Open it; return what is in the way, OPENING as long as that is not known: ask again."""
+        """Open it; return None when it is open, a Fault, or OPENING: call again."""
 
     def read(self, most: int) -> bytes | Fault:
-        """Return the bytes that have come, none where none have."""
+        """Return the bytes that have come, b"" if there are none."""
 
     def write(self, payload: bytes) -> int | Fault:
-        """Hand bytes over and return how many of them were taken, also none."""
+        """Hand bytes over; return how many of them the port took, maybe 0."""
 
     def close(self) -> None:
-        """Give the port back, or the attempt to open it up."""
+        """Close the port, or give up the attempt to open it."""
 
     def simulate_arrival(self, payload: bytes) -> bool:
-        """Let bytes come over a simulated line; return whether it is one."""
+        """Let bytes come over a simulated line; return False on a real one."""
 
     def line_errors(self) -> LineErrors | None:
-        """Return what the driver has counted; None: it does not say."""
+        """Return what the driver has counted; None: it does not count."""
 
 
 SerialPortFactory = Callable[[str, SerialSettings], SerialPort]  # by the name of the ComBuffer
 
 
-SIMULATED_LINE_BYTES: Final = 1_048_576  # bytes on a simulated line, whose sender nobody can slow
+SIMULATED_LINE_BYTES: Final = 1_048_576  # unread bytes of a simulated line; a sender cannot be slowed
 
 
 class SimSerialPort:
-    """A port that is always there; what is sent to it goes nowhere, what comes while it is closed is lost."""
+    """A port that is always there. Written bytes vanish; bytes that come while it is closed are lost."""
 
     def __init__(self) -> None:
         self.is_open = False
@@ -91,5 +91,4 @@ class SimSerialPort:
         return True
 
     def line_errors(self) -> None:
-        """Return that a simulated line has no driver."""
         return

@@ -1,4 +1,4 @@
-"""A tap's words: its places, what it tells those who look on (events), what it is told (orders)."""
+"""A tap's vocabulary: its places, the events that it reports to observers, the orders that they give."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _PARITIES: Final = {"N": "none", "E": "even", "O": "odd", "M": "mark", "S": "spa
 
 
 class TapPlace(NamedTuple):
-    """Where a tap listens or connects to: `kind` is tcp, udp or serial, which alone has a `line`."""
+    """Where a tap listens or connects to: `kind` is tcp, udp or serial; only serial has a `line`."""
 
     kind: str
     address: str
@@ -48,7 +48,7 @@ def format_end(address: str, port: int) -> str:
 
 
 def parse_place(text: str, where: str) -> TapPlace:
-    """Return the place that a text names; raise UserError, which says where it stands."""
+    """Return the place that a text names; raise UserError, which names `where` the text is."""
     kind, colon, rest = text.partition(":")
     if kind == "serial" and colon:
         return TapPlace("serial", "", 0, _parse_serial_line(rest, where, text))
@@ -57,7 +57,7 @@ def parse_place(text: str, where: str) -> TapPlace:
         return TapPlace("udp" if rest != text else "tcp", LOCALHOST, int(rest))
     from ipaddress import ip_address
 
-    free = rest.endswith(":0")  # any port that is free
+    free = rest.endswith(":0")  # any free port; `parse_end` refuses port 0
     found = parse_end(rest[:-1] + "1" if free else rest)
     if found is None or found[1] is None:
         raise mistake(where, f"'{text}'", PLACE_SYNTAX)
@@ -76,7 +76,7 @@ def _parse_serial_line(rest: str, where: str, text: str) -> SerialSettings:
 
 
 def make_route(name: str, listen: str, to: str, where: tuple[str, str]) -> Route:
-    """Return a tap; raise UserError for places that do not go together."""
+    """Return a tap; raise UserError for places of two kinds, or the same place twice."""
     route = Route(name, parse_place(listen, where[0]), parse_place(to, where[1]))
     if route.listen.kind != route.to.kind:
         raise mistake(where[1], f"'{to}' after '{listen}'", "two places of one kind")
@@ -89,28 +89,28 @@ def make_route(name: str, listen: str, to: str, where: tuple[str, str]) -> Route
 
 
 class TapEventKind(IntEnum):
-    """What has happened. `size` bytes follow the head: see each."""
+    """What has happened; the comments say what `at` and the bytes after the head are."""
 
-    OPEN = 1  # an end has come: `kind|near address|port|far address|port`; `at` 1: it had come before
+    OPEN = 1  # an end has come: `kind|near address|port|far address|port`; `at` 1: it came earlier
     STANDS = 2  # the far end has answered
-    BYTES = 3  # they went on to the other end; `at`: how many went before
+    BYTES = 3  # forwarded to the other end; `at`: how many were forwarded before
     FIN = 4
     RST = 5
     OVER = 6  # nothing more comes of it
     OURS = 7  # an intervention, in words
     REFUSED = 8  # an order that cannot be done: why
-    NOW = 11  # the time, 20 times a second: shadows go on by it, and it is a sign of life
-    HELD = 12  # what a direction holds: `at` bytes, the first of them; without data it holds no more
-    FIGURES = 13  # what the stack says of the end that a direction goes to: see FIGURES
-    LACK = 14  # of a tap, and no conversation: `at` clients wait for a descriptor, in words
-    LOST = 9  # events that you did not get: how many, how many bytes; the numbers of those that live
+    NOW = 11  # the time, 20 times a second: it is the clock of shadows, and a sign of life
+    HELD = 12  # a direction holds `at` bytes; the data: the first of them; no data: it holds nothing now
+    FIGURES = 13  # what the stack says of the end that a direction goes to: see FIGURES_DATA
+    LACK = 14  # of a tap, not of a conversation: `at` clients wait for a descriptor, in words
+    LOST = 9  # how many events and bytes the reader missed; the numbers of the open conversations
 
 
 ENDS: Final = (TapEventKind.FIN, TapEventKind.RST, TapEventKind.OVER)
 
 
 class TapEvent(NamedTuple):
-    """One event; `route` counts from 0, `number` from 1."""
+    """One event; `route` counts from 0, `number` (of the conversation) from 1."""
 
     kind: int
     way: int
@@ -121,14 +121,14 @@ class TapEvent(NamedTuple):
     data: bytes
 
 
-MOST_HELD_SHOWN: Final = 256  # bytes of what is held that are told, after a mark of one byte
+MOST_HELD_SHOWN: Final = 256  # of the held bytes so many are in the event, after a mark of one byte
 EVENT_HEAD: Final = struct.Struct("<BBHIQQI")  # and `size` bytes
 LOSS: Final = struct.Struct("<QQ")
-FIGURES_DATA: Final = struct.Struct("<IIQ")  # round trip in us, window, bytes that the tap has sent again
+FIGURES_DATA: Final = struct.Struct("<IIQ")  # round trip in us, window, bytes retransmitted by the tap
 
 
 def read_events(read: Callable[[int], bytes]) -> Iterator[list[TapEvent]]:
-    """Yield what comes, as much as came at once, until nobody tells more."""
+    """Yield the events that one read brought, until `read` returns b""."""
     waiting = b""
     head, unpack = EVENT_HEAD.size, EVENT_HEAD.unpack_from
     while got := read(MOST_EVENT_BYTES):
@@ -136,7 +136,7 @@ def read_events(read: Callable[[int], bytes]) -> Iterator[list[TapEvent]]:
         at, end, found = 0, len(waiting), []
         while end - at >= head:
             kind, way, route, number, offset, ns, size = unpack(waiting, at)
-            if end - at - head < size:
+            if end - at - head < size:  # the rest of the event comes with the next read
                 break
             at += head + size
             found.append(TapEvent(kind, way, route, number, offset, ns, waiting[at - size : at]))
@@ -165,8 +165,8 @@ class TapOrder(NamedTuple):
         return f"{self.route} {self.number} {self.way} {self.verb} {sizes};{self.data.hex()}\n".encode()
 
 
-RELEASE: Final = b"release"  # in place of an order: hold and delay nothing any more
-USER_LINE: Final = b"! "  # before what the process that serves observers says to the user
+RELEASE: Final = b"release"  # in place of an order: stop holding and delaying in all directions
+USER_LINE: Final = b"! "  # begins a line that the process that serves observers has for the user
 MOST_NUMBER: Final = (1 << 32) - 1
 MOST_SIZE: Final = 3_600_000_000_000  # the ns of an hour
 # How many sizes each verb takes, -1: one or more.
@@ -176,14 +176,14 @@ VERB_SIZES: Final = {
 
 
 def parse_order(line: bytes, routes: int) -> TapOrder:
-    """Return an order for one of so many routes; raise ValueError for what is none."""
+    """Return the order in a line, for one of so many routes; raise ValueError if it is no order."""
     route, number, way, verb, rest = line.decode("ascii").split(" ")
     sizes, _, data = rest.partition(";")
     numbers = tuple([int(size) for size in sizes.split(",") if size])
     made = TapOrder(int(route), int(number), int(way), verb, numbers, bytes.fromhex(data))
     wanted = VERB_SIZES.get(verb)
     fits = len(numbers) == wanted or (wanted == -1 and numbers)
-    is_placed = (
+    is_placed = (  # observers are other programs: an order is checked, never trusted
         made.way in (WAY_TO, WAY_BACK) and 0 <= made.route < routes and 0 <= made.number <= MOST_NUMBER
     )
     if not (fits and is_placed and all(0 <= each <= MOST_SIZE for each in numbers)):

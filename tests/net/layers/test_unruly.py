@@ -134,7 +134,7 @@ def test_clients_that_nobody_takes_are_refused_from_a_number_on(b: IsoBench) -> 
     assert b.net.told == []
     one_more = raw_client(b, end, request)
     b.until(lambda: b.net.told)
-    assert b.net.told == [("C1", "16 clients wait there already, and nobody takes them")]
+    assert b.net.told == [("C1", "the queue is full: 16 clients wait and none was accepted")]
     assert answer_of(b, one_more, 11) == [DisconnectTpdu(9, 0, 2)]
 
 
@@ -180,7 +180,7 @@ def test_a_tpdu_that_class_0_does_not_know_is_told_and_the_connection_goes_on(b:
     assert b.message(called) == (b"abc", 3)
     b.until(lambda: len(b.net.heard) == 5)
     assert b.net.heard == [("C1", TPDU_IGNORED, "a TPDU of code 10")] * 4 + [
-        ("C1", TPDU_IGNORED, "more of them are not told")
+        ("C1", TPDU_IGNORED, "more of them are not shown")
     ]
 
 

@@ -1,11 +1,11 @@
 """One ISO-on-TCP connection over a stream of bytes: handshake, size, messages; no sockets (RFC 1006).
 
 Rule 1: bytes in, bytes out: `feed` takes what came, `take_output` gives what must be sent.
-Rule 2: at most one message is put together, up to `cap` bytes; MOST_WAITING_MESSAGES complete ones wait, or
-`cap` bytes of them: a caller that takes none must feed no more (`wants_more`). A message over the cap is only
-counted; a message of more than CAPS caps ends the connection, and so does one in more pieces than the cap
-has bytes, or in too many empty ones.
-Rule 3: whatever cannot be right ends the connection with its reason; nothing raises.
+Rule 2: at most one message is put together, up to `cap` bytes; its bytes beyond the cap are only counted.
+Complete ones wait, MOST_WAITING_MESSAGES or `cap` bytes of them; then no more may be fed (`wants_more`). A
+message of more than MOST_CAPS caps ends the connection; so does one in more pieces than the cap has bytes, or
+with too many empty pieces.
+Rule 3: an input that cannot be right ends the connection with its reason; nothing raises.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from trcvtui.net.results import Endpoint, Unread, WaitingMessage
 
 # -- TPDUs -----------------------------------------------------------------------------------------------
 #
-# Rule 1: what the partner sends is judged, never trusted: a TPDU that cannot be read is `MalformedTpdu`.
-# Rule 2: a reader holds one TPKT at most (65535 bytes), however the bytes are cut.
+# Rule 1: the partner's bytes are checked, never trusted: a TPDU that cannot be read is a `MalformedTpdu`.
+# Rule 2: a reader holds one TPKT at most (65535 bytes), however the stream cuts the bytes.
 # Layout: RFC 1006 and RFC 905. All numbers are big-endian.
 
 TPKT_VERSION: Final = 3
 TPKT_HEADER: Final = 4  # bytes: version, reserved, length of the whole
-CODE_OFFSET: Final = 5  # where the code of the TPDU stands in a TPKT
+CODE_OFFSET: Final = 5  # of the TPDU's code in a TPKT
 LONGEST_HEADER: Final = 255  # bytes of a TPDU without data: its length indicator has one byte
 NO_LIMIT: Final = 1 << 62
-LEAST_TPKT: Final = 7
+LEAST_TPKT: Final = 7  # bytes, RFC 1006 6
 DATA_HEADER: Final = 3  # bytes of a DT that count against the negotiated size
 CLASSES_TAKEN_AS_0: Final = (0, 4)  # some texts of RFC 1006 show class 4
 LEAST_SIZE_CODE: Final = 2  # 4 bytes, of which 1 is data
@@ -39,9 +39,7 @@ END_OF_MESSAGE: Final = 0x80  # of the message: the EOT mark of a DT
 LONGEST_TSAP: Final = 32
 
 
-class Code(IntEnum):
-    """The TPDU codes that class 0 knows."""
-
+class Code(IntEnum):  # of class 0
     CR = 0xE0
     CC = 0xD0
     DR = 0x80
@@ -64,9 +62,9 @@ class _Parameter(IntEnum):
 
 
 class ConnectTpdu(NamedTuple):
-    """A CR or CC. `calling` is the TSAP of the CR's sender; `size_code` n is 2**n bytes, None: not told.
+    """A CR or CC. `calling` is the TSAP of the CR's sender; `size_code` n is 2**n bytes, None: not given.
 
-    `other_class`: the one that it asks for where that is not taken as class 0.
+    `other_class`: the class that it asks for, if that is not taken as class 0.
     """
 
     code: Code
@@ -79,7 +77,7 @@ class ConnectTpdu(NamedTuple):
 
     @property
     def unfit(self) -> str:
-        """Return what class 0 cannot agree to; "" where there is nothing."""
+        """Return what class 0 cannot agree to, "" for nothing."""
         if self.other_class:
             return f"class {self.other_class} in a {self.code.name}"
         if self.size_code is not None and self.size_code < LEAST_SIZE_CODE:
@@ -94,9 +92,7 @@ class DataTpdu(NamedTuple):
     is_last: bool
 
 
-class DisconnectTpdu(NamedTuple):
-    """A DR."""
-
+class DisconnectTpdu(NamedTuple):  # DR
     destination_ref: int
     source_ref: int
     reason: int
@@ -116,7 +112,7 @@ class UnusedTpdu(NamedTuple):
 
 
 class MalformedTpdu(NamedTuple):
-    """What cannot be read; the connection cannot go on after it."""
+    """Bytes that cannot be read as a TPDU; they end the connection."""
 
     what: str
 
@@ -125,17 +121,17 @@ Tpdu = ConnectTpdu | DataTpdu | DisconnectTpdu | ErrorTpdu | UnusedTpdu | Malfor
 
 
 class TpktReader:
-    """Puts TPDUs together from bytes that come in any pieces; after `MalformedTpdu` nothing more is read."""
+    """Puts TPDUs together from bytes that come in any pieces; after a `MalformedTpdu` it reads no more."""
 
     def __init__(self) -> None:
-        self.agreed: int | None = None  # bytes of a DT, where both ends have told
-        self.stopped_short = False  # a TPDU that is complete may wait here
+        self.agreed: int | None = None  # the most bytes of a DT, if both ends have named a size
+        self.stopped_short = False  # a complete TPDU may wait here
         self._held = bytearray()
         self._is_lost = False
 
     @property
     def held_bytes(self) -> int:
-        """Return how many bytes of a TPKT that is not complete are kept."""
+        """Return how many bytes of an incomplete TPKT are kept."""
         return len(self._held)
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> list[Tpdu]:
@@ -172,7 +168,7 @@ class TpktReader:
             return ""
         if self._held[begin + CODE_OFFSET : begin + CODE_OFFSET + 1] == bytes([Code.DT]):
             return f"a DT of {tpdu} bytes, {self.agreed} are agreed"
-        if tpdu <= LONGEST_HEADER:  # it may be a TPDU that carries no data
+        if tpdu <= LONGEST_HEADER:  # it may carry no data; the agreed size is that of a DT
             return ""
         return f"a TPKT of {size} bytes, TPDUs of {self.agreed} are agreed"
 
@@ -186,10 +182,12 @@ def _tpkt_error(version: int, size: int) -> str:
 def parse_tpdu(tpdu: bytes) -> Tpdu:
     """Return the TPDU after a TPKT header; `tpdu` begins with its length indicator."""
     length = tpdu[0]
-    if length < 2 or length == 255 or length + 1 > len(tpdu):
+    if length < 2 or length == 255 or length + 1 > len(tpdu):  # 255 is reserved (RFC 905 13.2.1)
         return MalformedTpdu(f"length indicator {length} in a TPDU of {len(tpdu)} bytes")
     header, rest = tpdu[1 : length + 1], tpdu[length + 1 :]
-    code = header[0] if header[0] & 0xF0 == Code.DR else header[0] & 0xF0
+    code = (
+        header[0] if header[0] & 0xF0 == Code.DR else header[0] & 0xF0
+    )  # the low half: a credit, none of DR
     match code:
         case Code.CR | Code.CC:
             return _parse_connect(Code(code), header)
@@ -271,7 +269,7 @@ def _encode_references(destination: int, source: int) -> bytes:
 
 
 def _encode_parameters(tpdu: ConnectTpdu) -> bytes:
-    # C1, C2, C0: the one order that every partner is known to take (LOGO! takes no other).
+    # C1, C2, C0: the one order that all known partners accept (LOGO! accepts no other).
     given = [(_Parameter.CALLING, tpdu.calling), (_Parameter.CALLED, tpdu.called)]
     if tpdu.size_code is not None:
         given.append((_Parameter.SIZE, bytes([tpdu.size_code])))
@@ -284,19 +282,19 @@ def _add_tpkt_header(tpdu: bytes) -> bytes:
 
 
 def encode_message(message: bytes | memoryview, most: int) -> bytes:
-    """Return the DTs of one message, at most `most` bytes of it in each; an empty message is one empty DT."""
+    """Return the DTs of one message, with at most `most` bytes each; an empty message is one empty DT."""
     pieces = [bytes(message[at : at + most]) for at in range(0, len(message), most)] or [b""]
     return b"".join(encode_tpdu(DataTpdu(piece, n == len(pieces))) for n, piece in enumerate(pieces, 1))
 
 
 REFERENCE: Final = 1
 OWN_SIZE_CODE: Final = 10  # 1024 bytes: what a CPU proposes
-DEFAULT_DT_BYTES: Final = 1024  # bytes of a DT that are sent when the partner has told no size
+DEFAULT_DT_BYTES: Final = 1024  # bytes of a DT to a partner that has named no size
 MOST_WAITING_MESSAGES: Final = 4
 MOST_CAPS: Final = 16
-MOST_EMPTY_PIECES: Final = 64  # DTs without a byte in one message: nobody has a reason to send one
+MOST_EMPTY_PIECES: Final = 64  # DTs without data in one message: they cost work, and no partner needs them
 NO_SUCH_TSAP: Final = "no CONNECT has the TSAP"
-MOST_REMARKS: Final = 4  # so many TPDUs that were passed over are told of one connection
+MOST_REMARKS: Final = 4  # ignored TPDUs of one connection that are reported
 
 
 class IsoPhase(Enum):
@@ -307,10 +305,10 @@ class IsoPhase(Enum):
 
 
 class IsoSettings(Struct, frozen=True):
-    """What a CONNECT says: both TSAPs and the longest message in bytes; an empty `remote` is anyone.
+    """Settings of a CONNECT: both TSAPs and the longest message in bytes; an empty `remote` is any partner.
 
-    `size_code` n: TPDUs of at most 2**n bytes are proposed, and taken. `not_told`: bytes of a DT to a partner
-    who tells no size.
+    `size_code` n: TPDUs of at most 2**n bytes are proposed, and accepted. `not_told`: bytes of a DT to a
+    partner that names no size.
     """
 
     local: bytes
@@ -326,10 +324,10 @@ class IsoSettings(Struct, frozen=True):
 
 
 class IsoSession:
-    """One end. The passive one waits for a CR, and then for `accept_for` or a refusal."""
+    """One end. The passive one waits for a CR, and then for `accept_for` or `refuse`."""
 
-    is_costly = False  # a handshake of two TPDUs costs nothing
-    partner_is_done = False  # class 0 ends with its stream
+    is_costly = False  # a handshake of two TPDUs needs no calculation
+    partner_is_done = False  # class 0 ends with its stream (RFC 905 6.7, implicit variant)
 
     def __init__(self, settings: IsoSettings, is_active: bool) -> None:
         self.phase = IsoPhase.WAITS_FOR_CC if is_active else IsoPhase.WAITS_FOR_CR
@@ -343,8 +341,8 @@ class IsoSession:
         self._collected = bytearray()
         self._whole = 0
         self._pieces = self._empty_pieces = 0  # DTs of the message
-        self._finished = 0  # messages, empty ones too
-        self._has_begun = False  # a message whose last DT has not come
+        self._finished = 0  # messages, with empty ones
+        self._has_begun = False  # a message whose last DT has not come yet
         self._ignored = 0
         self._remarks: list[str] = []
         self._messages: deque[LayerMessage] = deque()
@@ -368,7 +366,7 @@ class IsoSession:
 
     @property
     def wants_more(self) -> bool:
-        """Return whether bytes may be fed: nobody has to take a message, or answer a CR, first."""
+        """Return whether bytes may be fed; not before a CR is answered, or while enough messages wait."""
         if self.phase is IsoPhase.ENDED or self.request is not None:
             return False
         return len(self._messages) < MOST_WAITING_MESSAGES and self._waiting_bytes() < self._settings.cap
@@ -381,7 +379,7 @@ class IsoSession:
         return self._reader.held_bytes + len(self._collected) + self._waiting_bytes()
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> int:
-        """Take bytes of the stream, and at most so many TPDUs of them; return how many were taken."""
+        """Take bytes of the stream, and read at most so many TPDUs; return how many were read."""
         tpdus = self._reader.feed(data, most)
         for tpdu in tpdus:
             if self.phase is not IsoPhase.ENDED:
@@ -397,21 +395,19 @@ class IsoSession:
         return self._finished + 1 if self._has_begun or self._reader.held_bytes else 0
 
     def time_out(self, why: str) -> None:
-        """End a message that takes too long; of a handshake others have their own limit, and word for it."""
-        if self.is_up:
+        if self.is_up:  # only a message: the caller reports a late handshake itself
             self._end("EPROTO", why)
 
     def take_remarks(self) -> list[str]:
-        """Return which TPDUs were passed over, once; REMARKS of them, and that more are not told."""
+        """Return, once, which TPDUs were ignored: MOST_REMARKS of them, and a line if there are more."""
         remarks, self._remarks = self._remarks, []
         return remarks
 
     def say_goodbye(self) -> bool:
-        """Say nothing: class 0 ends with its stream."""
-        return False
+        return False  # class 0 ends with its stream
 
     def note_partner_end(self) -> None:
-        """Note that the stream has ended, which is how class 0 releases; before the CC it is a refusal."""
+        """Note the end of the stream, the release of class 0; before the CC it is a refusal."""
         if self.phase is IsoPhase.WAITS_FOR_CC:
             self._end("ECONNREFUSED", "closed instead of a CC")
 
@@ -436,12 +432,11 @@ class IsoSession:
         self._messages.clear()
         return dropped
 
-    # -- the passive end is asked for one of several ---------------------------------------------------
+    # -- the choice of one of several CONNECTs (passive end) --------------------------------------------
 
     @property
     def has_asked(self) -> bool:
-        """Return whether a CR waits for its answer."""
-        return self.request is not None
+        return self.request is not None  # a CR that is not answered
 
     def asks_for_name_of(self, settings: LayerSettings) -> bool:
         assert self.request is not None
@@ -467,7 +462,7 @@ class IsoSession:
         self._output += encode_tpdu(ConnectTpdu(Code.CC, *refs, request.calling, request.called, size))
 
     def refuse(self, is_known: bool) -> None:
-        """Answer the CR with a DR; then the stream is closed."""
+        """Answer the CR with a DR; the caller then closes the stream."""
         if self.request is not None:
             reason = DrReason.NOBODY_WAITS if is_known else DrReason.UNKNOWN_TSAP
             self._output += encode_tpdu(DisconnectTpdu(self.request.source_ref, 0, reason))
@@ -497,7 +492,7 @@ class IsoSession:
                 self._end("EPROTO", f"a {tpdu.code.name} out of turn")
             case DataTpdu():
                 self._end("EPROTO", "a DT out of turn")
-            case UnusedTpdu(code=code):  # what class 0 does not know is no reason to end
+            case UnusedTpdu(code=code):  # harmless: its length is known, so the next TPDU can be read
                 self._note_unused(code)
 
     def _refuse_unfit(self, asked: ConnectTpdu) -> None:
@@ -510,7 +505,7 @@ class IsoSession:
         if self._ignored <= MOST_REMARKS:
             self._remarks.append(f"a TPDU of code {code:02X}")
         elif self._ignored == MOST_REMARKS + 1:
-            self._remarks.append("more of them are not told")
+            self._remarks.append("more of them are not shown")
 
     def _begin_data_phase(self, size_code: int | None) -> None:
         self.phase = IsoPhase.UP
@@ -520,14 +515,14 @@ class IsoSession:
 
     def _handle_data(self, piece: DataTpdu) -> None:
         size, agreed = len(piece.payload) + DATA_HEADER, self._reader.agreed
-        if agreed is not None and size > agreed:  # it came in one piece with the CC
+        if agreed is not None and size > agreed:  # it came with the CC: the reader knew no size yet
             self._end("EPROTO", f"a DT of {size} bytes, {agreed} are agreed")
         else:
             self._collect(piece)
 
     def _collect(self, piece: DataTpdu) -> None:
         room = self._settings.cap - len(self._collected)
-        self._collected += piece.payload[: max(room, 0)]
+        self._collected += piece.payload[: max(room, 0)]  # Rule 2: bytes beyond the cap are counted only
         self._whole += len(piece.payload)
         self._has_begun = not piece.is_last
         self._pieces += 1
@@ -539,7 +534,7 @@ class IsoSession:
         if not piece.is_last:
             return
         self._finished += 1
-        if self._whole:  # an empty message is none
+        if self._whole:  # an empty message is ignored
             self._messages.append(LayerMessage(bytes(self._collected), self._whole))
         self._collected.clear()
         self._whole = self._pieces = self._empty_pieces = 0
@@ -550,7 +545,7 @@ class IsoSession:
             return f"a message of more than {MOST_CAPS * cap} bytes"
         if self._empty_pieces > MOST_EMPTY_PIECES:
             return f"a message with more than {MOST_EMPTY_PIECES} empty DTs"
-        # One byte in each, the longest message that there is room for has as many pieces as bytes.
+        # With one byte a piece, the longest message that fits has as many pieces as bytes.
         return f"a message in more than {cap} DTs" if self._pieces > cap + MOST_EMPTY_PIECES else ""
 
     def _end(self, error: str, detail: str) -> None:
@@ -561,5 +556,5 @@ class IsoSession:
 
 
 def _agree_size_code(proposed: int | None, own: int) -> int | None:
-    """Return the size code that both keep to: never above what was proposed; None: the partner told none."""
+    """Return the size code for both ends, never above the proposal; None: the partner named none."""
     return None if proposed is None else min(proposed, own)

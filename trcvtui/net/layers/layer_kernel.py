@@ -1,10 +1,10 @@
-"""A kernel in front of a kernel that runs sessions (ISO-on-TCP, TLS) on streams whose CONNECT asks for one.
+"""A kernel in front of another: it runs a session (ISO-on-TCP, TLS) on a stream whose CONNECT asks for one.
 
-To those above, a connection stands when its session does: `connect_result` and `accept` wait for the
-handshake, `recv` and `recv_from` give what the session has unpacked. All other handles pass through.
+For its callers a connection is up when its session is: `connect_result` and `accept` wait for the
+handshake, `recv` and `recv_from` return what the session has unpacked. All other handles pass through.
 Rule 1: the stream is read in `poll`, and by a read that finds nothing: a bounded number of bytes each.
-Rule 2: a client that says nothing, too much, or nonsense is dropped, and the ledger is told; so it is of a
-session that ends by itself, and of what was passed over.
+Rule 2: a client that sends nothing, too much, or nonsense is dropped, and a note of it is kept in the ledger;
+so are a session that ends by itself, and TPDUs that were ignored.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from trcvtui.net.layers.layered_stream import (
 )
 from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, Unread, WouldBlock
 
-# Below a CONNECT's own limit of an attempt (5 s), so that a partner who is there and says nothing is told
-# from one who is not there.
+# Less than a CONNECT's own limit of an attempt (5 s): so a partner that accepts and is silent shows another
+# error than one that cannot be reached.
 ATTEMPT_LIMIT_NS: Final = 4_000_000_000  # ns
 
 
@@ -40,27 +40,26 @@ class ReadyKernel(Kernel, Protocol):
     """A kernel that can say which handles its last poll saw."""
 
     def ready_handles(self) -> Mapping[Handle, str] | None:
-        """Return the handles with their owners; None: look at everything."""
+        """Return the handles with their owners; None: every handle must be tried."""
 
 
 def unknown_ready_handles() -> Mapping[Handle, str] | None:
-    """Return None: everything must be looked at."""
     return None
 
 
 class LayerKernel(KernelProxy):
-    """`clock` gives the time in ns; `told` hears of clients that were dropped, and of sessions that ended.
+    """`clock` returns the time in ns; `report_note` gets the notes of dropped clients and ended sessions.
 
-    `caught` takes an exception in a session of a CONNECT, which ends then.
-    `polls`: clients go into the poll set before they are accepted; False: nobody here has one.
-    `work`: the bound that others share; None: one of its own.
+    `caught` gets an exception in a session of a CONNECT; that session is ended.
+    `polls`: clients are put into the poll set before they are accepted; False: there is no poll set.
+    `work`: a work budget shared with others; None: a new one.
     """
 
     def __init__(
         self,
         inner: Kernel,
         clock: Callable[[], int],
-        told: NoteSink,
+        report_note: NoteSink,
         caught: ErrorHandler = raise_error,
         polls: bool = True,
         work: ScanBudget | None = None,
@@ -69,24 +68,24 @@ class LayerKernel(KernelProxy):
         self._work = work or ScanBudget()
         self._begins = work is None  # else its owner says when a scan begins
         self._clock = clock
-        self._told, self._caught = told, caught
+        self._report_note, self._caught = report_note, caught
         self._polls = polls
         self._owners: dict[Handle, str] = {}
         self._wanted: dict[Handle, LayerSettings] = {}
-        self._fixed: set[Handle] = set()  # bound to a port that somebody chose
-        self._ends: dict[Handle, Endpoint] = {}  # of handles that join a port which is listened on already
+        self._fixed: set[Handle] = set()  # bound to a chosen local port
+        self._ends: dict[Handle, Endpoint] = {}  # of handles that share the port of an earlier listener
         self._connecting: dict[Handle, Endpoint] = {}
         self._streams: dict[Handle, LayeredStream] = {}
         self._listeners: dict[Handle, SharedListener] = {}  # by member
         self._ports: dict[Endpoint, SharedListener] = {}
-        self._free_ports: dict[str, int] = {}  # by address: the one that stands for "any" on a shared port
+        self._free_ports: dict[str, int] = {}  # by address: the port that was taken for port 0, to share it
         self._ready_inside: Callable[[], Mapping[Handle, str] | None]
         self._ready_inside = getattr(inner, "ready_handles", unknown_ready_handles)
 
     # -- what the poll saw ---------------------------------------------------------------------------------
 
     def poll(self) -> None:
-        """Take the readiness of every handle, and go on with every session that has news."""
+        """Take the readiness of every handle, and advance every session that has news."""
         if self._begins:
             self._work.begin_scan(self._clock())
         self.inner.poll()
@@ -94,7 +93,7 @@ class LayerKernel(KernelProxy):
             try:
                 if not listener.has_failed:
                     listener.poll(self._clock())
-            except Exception as error:
+            except Exception as error:  # a fault in one session must not end the scan of all others
                 listener.has_failed = True
                 self._caught(listener.owner, error)
         for handle, stream in self._streams.items():
@@ -112,7 +111,7 @@ class LayerKernel(KernelProxy):
 
     def _listeners_in_turn(self) -> list[SharedListener]:
         listeners = list(dict.fromkeys(self._listeners.values()))
-        first = self._work.scan % len(listeners) if listeners else 0
+        first = self._work.scan % len(listeners) if listeners else 0  # else the first could use up all work
         return listeners[first:] + listeners[:first]
 
     def _make_share(self, handle: Handle, settings: LayerSettings) -> BudgetShare:
@@ -125,10 +124,10 @@ class LayerKernel(KernelProxy):
     def _report_notes(self, handle: Handle, stream: LayeredStream) -> None:
         owner, partner = self._owners.get(handle, ""), str(stream.peer)
         for remark in stream.session.take_remarks():
-            self._told(LayerNote(owner, TPDU_IGNORED, partner, remark))
+            self._report_note(LayerNote(owner, TPDU_IGNORED, partner, remark))
         end = stream.take_end_text()
         if end:
-            self._told(LayerNote(owner, SESSION_ENDED, partner, end))
+            self._report_note(LayerNote(owner, SESSION_ENDED, partner, end))
 
     def readable(self, handle: Handle) -> bool:
         """Return whether there is something to read, an end, or a client that has finished its handshake."""
@@ -145,7 +144,7 @@ class LayerKernel(KernelProxy):
         stream = self._streams.get(handle)
         if stream is None or is_gone:
             return is_gone
-        stream.pump()  # the partner's last word may stand inside the session
+        stream.pump()  # the partner may have ended inside the session (close_notify, DR)
         return stream.is_over or stream.end_fault is not None
 
     @staticmethod
@@ -170,7 +169,7 @@ class LayerKernel(KernelProxy):
         return made
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
-        """Set the options; those of an accepted client say whose it is, and its session goes on."""
+        """Set the options; those of an accepted client name its CONNECT, so its handshake can be answered."""
         refused = self.inner.set_options(handle, options)
         stream = self._streams.get(handle)
         if stream is None:
@@ -185,7 +184,7 @@ class LayerKernel(KernelProxy):
         """Bind to a local end; a port that is shared is bound once."""
         wanted = self._wanted.get(handle)
         if wanted is None or not wanted.shares_port:
-            if wanted is not None and end.port:
+            if wanted is not None and end.port:  # see `abort`
                 self._fixed.add(handle)
             return self.inner.bind(handle, end)
         end = end if end.port else Endpoint(end.address, self._free_ports.get(end.address, 0))
@@ -199,7 +198,7 @@ class LayerKernel(KernelProxy):
         return fault
 
     def listen(self, handle: Handle, backlog: int) -> Fault | None:
-        """Start to listen, or join those who listen on the same port."""
+        """Start to listen, or join the CONNECTs that listen on the same port."""
         wanted = self._wanted.get(handle)
         if wanted is None:
             return self.inner.listen(handle, backlog)
@@ -209,7 +208,7 @@ class LayerKernel(KernelProxy):
             if fault is not None:
                 return fault
             party = BudgetShare(self._work, self._owners.get(handle, ""), EventKind.CLIENTS_WAIT)
-            joined = SharedListener(self.inner, handle, self._told, self._polls, party, self._caught)
+            joined = SharedListener(self.inner, handle, self._report_note, self._polls, party, self._caught)
             end = self.inner.local_end(handle)
             if wanted.shares_port and end is not None:
                 self._ports[end] = joined
@@ -221,7 +220,7 @@ class LayerKernel(KernelProxy):
         return self._ends.get(handle) or self.inner.local_end(handle)
 
     def poll_add(self, handle: Handle) -> Fault | None:
-        """Put the handle into the poll set; a client with a session, or who joins a port, is in it."""
+        # In the poll set already: an accepted client with a session, and the listener of a shared port.
         if handle in self._ends or (handle in self._streams and handle not in self._connecting):
             return None
         return self.inner.poll_add(handle)
@@ -231,7 +230,7 @@ class LayerKernel(KernelProxy):
         member = self._find_member(handle)
         if member is None:
             return self.inner.accept(handle)
-        if not member.ready:
+        if not member.ready:  # a client may have come since the poll
             self._listeners[handle].poll(self._clock())
         if not member.ready:
             return WOULD_BLOCK
@@ -250,7 +249,7 @@ class LayerKernel(KernelProxy):
         return fault
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
-        """Return None when the session stands, WOULD_BLOCK while it does not, the Fault exactly once."""
+        """Return None when the session is up, WOULD_BLOCK until then, a Fault exactly once."""
         end = self._connecting.get(handle)
         if end is None:
             return self.inner.connect_result(handle)
@@ -266,7 +265,7 @@ class LayerKernel(KernelProxy):
         if stream.session.is_up:
             del self._connecting[handle]
             return None
-        if stream.end_fault is not None or stream.is_over:
+        if stream.end_fault is not None or stream.is_over:  # a FIN in the handshake counts as a reset
             return stream.end_fault or Fault("session", "ECONNRESET")
         if self._clock() - stream.since >= ATTEMPT_LIMIT_NS:
             stream.time_out("no handshake in 4 s")
@@ -281,14 +280,14 @@ class LayerKernel(KernelProxy):
         got = stream.read(into)
         if got is not None:
             return len(got.data)
-        if stream.is_held_back:
+        if stream.is_held_back:  # before the end: bytes that were not looked at come first
             return HELD_BACK
         if stream.end_fault is not None:
             return stream.end_fault
         return 0 if stream.is_over else WOULD_BLOCK
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
-        """Take one message; its end is told by `loss`."""
+        """Take one message; the end of the session is reported by `loss` alone."""
         stream = self._streams.get(handle)
         if stream is None:
             return self.inner.recv_from(handle, into)
@@ -310,19 +309,19 @@ class LayerKernel(KernelProxy):
         return self.inner.loss(handle)
 
     def unread(self, handle: Handle) -> int:
-        """Return how many received bytes wait: in the stack as they are, in the session unpacked."""
+        """Return how many received bytes wait: raw ones in the stack, unpacked ones in the session."""
         stream = self._streams.get(handle)
         return self.inner.unread(handle) + (stream.session.held_bytes if stream else 0)
 
     def list_unread(self, handles: Collection[Handle]) -> list[Handle]:
-        """Return those of the poll's handles at which something is unread; a session with news is one."""
+        """Return those of the poll's handles at which something is unread, and all handles with a session."""
         plain = [
             handle for handle in handles if handle not in self._streams and handle not in self._listeners
         ]
         return self.inner.list_unread(plain) + [h for h in handles if h in self._streams]
 
     def peek(self, handle: Handle, skip: int) -> Unread:
-        """Return what lies unread; in a session what is unpacked, whose end its calls tell."""
+        """Return what is unread; of a session what it has unpacked, without its end (see `loss`)."""
         stream = self._streams.get(handle)
         if stream is not None:
             return stream.session.unread(stream.peer, skip)
@@ -337,12 +336,11 @@ class LayerKernel(KernelProxy):
     # -- the end ---------------------------------------------------------------------------------------------
 
     def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
-        """Send FIN, after the session's own last word."""
-        self._send_goodbye(handle)
+        self._send_goodbye(handle)  # before the FIN
         return self.inner.shutdown(handle, both)
 
     def _send_goodbye(self, handle: Handle) -> bool:
-        """Let a session say its last word; its socket is freed whatever that raises."""
+        """Let a session send its goodbye; an exception is reported and ends the session, not the caller."""
         try:
             return handle in self._streams and self._streams[handle].send_goodbye()
         except Exception as error:
@@ -351,22 +349,22 @@ class LayerKernel(KernelProxy):
             return False
 
     def abort(self, handle: Handle) -> Fault | None:
-        """Send RST and free the handle; a client that has only asked is told no in its own words.
+        """Send RST and free the handle; a client that waits for an answer to its CR gets a DR.
 
-        A session with a last word of its own says it, and then a FIN, but for a fixed local port: a FIN would
-        keep that from the next attempt for a minute (TIME_WAIT).
+        A session with a goodbye (close_notify) sends it and a FIN, not an RST. Not so at a fixed local port:
+        after a FIN the port would be blocked for a minute (TIME_WAIT).
         """
         stream = self._streams.get(handle)
         asked = None if stream is None else find_choice_session(stream.session)
         if stream is not None and asked is not None:
             asked.refuse(is_known=True)
             stream.flush()
-            stream.is_told = True  # by the call that turns it away
+            stream.is_told = True  # the caller reports why it refused this client
         says_goodbye = asked is None and self._send_goodbye(handle) and handle not in self._fixed
         stays = self._forget(handle)
         if stays:
             return None
-        if says_goodbye:  # a RST could overtake it (RFC 8446 6.1): the stream ends by FIN
+        if says_goodbye:  # a RST could overtake it (RFC 8446 6.1), and unread bytes would make the FIN a RST
             self.inner.discard(handle, DRAIN_BYTES)
         return self.inner.close(handle) if asked or says_goodbye else self.inner.abort(handle)
 

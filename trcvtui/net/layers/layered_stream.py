@@ -1,8 +1,8 @@
-"""One TCP stream with a session on it: reads the kernel into the session, writes the session's bytes out.
+"""One TCP stream with a session on it: reads from the kernel into the session, and sends the session's bytes.
 
-Rule 1: a scan moves a bounded number of bytes, in a bounded number of steps (Work); what has been read
-and not looked at comes before what the stack has. What the stack does not take waits here, a message at most.
-Rule 2: a message that the partner has begun ends within MESSAGE_LIMIT_NS, or the session does.
+Rule 1: a scan moves a bounded number of bytes, in a bounded number of steps (Work). Bytes that were read and
+not looked at come before those in the stack. Bytes that the stack does not take wait here, a message at most.
+Rule 2: a message that the partner has begun ends within MESSAGE_LIMIT_NS, or the session is ended.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault, WouldBlock
 
 READ_BYTES: Final = 64 * 1024  # bytes of one read
 READS_A_CALL: Final = 4
-MESSAGE_LIMIT_NS: Final = 30_000_000_000  # ns; only while the session takes bytes
+MESSAGE_LIMIT_NS: Final = 30_000_000_000  # ns; counted only while the session takes bytes
 
 
 class LayeredStream:
-    """A session at work. `fault` is what the kernel said last; None with `is_over`: the partner's FIN.
+    """A session at work. `fault` is the kernel's last one; None with `is_over`: the partner's FIN.
 
-    `party` pays for what is done with the partner's bytes. `is_held_back`: not all was looked at.
+    `party` pays for the work on the partner's bytes. `is_held_back`: some of them were not looked at.
     """
 
     def __init__(
@@ -44,28 +44,29 @@ class LayeredStream:
         self.fault: Fault | None = None
         self.is_over = False
         self.has_spoken = False
-        self.is_told = False  # the reason of its end
+        self.is_told = False  # whether the reason of its end was reported
         self.has_failed = False
         self._kernel = kernel
-        self._unfinished = 0  # the number of the message that is watched
-        self._begun = since  # ns: since when
+        self._unfinished = 0  # the number of the message whose time is checked
+        self._begun = since  # ns: when that message began
         self._output = bytearray()  # handshake and answers
-        self._carried: memoryview = memoryview(b"")  # of the data that is being sent
-        self._carried_size = self._data_size = self._told = 0
+        self._carried: memoryview = memoryview(b"")  # encoded bytes of the data that the stack has not taken
+        self._carried_size = self._data_size = self._reported = 0
         self.flush()
 
     # -- in -----------------------------------------------------------------------------------------------
 
     def pump(self) -> None:
         """Read what has come, as far as the session takes it, and answer."""
-        for _ in range(READS_A_CALL):
+        for _ in range(READS_A_CALL):  # Rule 1
+            # A partner that asks and reads no answer would fill `_output`.
             if self.is_over or not self.session.wants_more or len(self._output) > READ_BYTES:
                 self.is_held_back = False
                 break
             self.is_held_back = True
             if not self._may_work():
                 break
-            if self.session.has_backlog:
+            if self.session.has_backlog:  # Rule 1: before new bytes
                 self._feed(_NO_BYTES)
             elif not self._read():
                 self.is_held_back = False
@@ -74,7 +75,7 @@ class LayeredStream:
 
     @property
     def has_backlog(self) -> bool:
-        """Return whether there is work that no news of the stack tells of."""
+        """Return whether there is work here though the stack has no news."""
         return not self.is_over and self.session.has_backlog
 
     def _may_work(self) -> bool:
@@ -108,21 +109,21 @@ class LayeredStream:
             return session.feed(data, max(1, party.units_left))
 
         party.spend(party.work.handshake(party, str(self.peer), step) if session.is_costly else step())
-        if session.partner_is_done:  # its last word is answered at once (RFC 5246 7.2.1)
+        if session.partner_is_done:  # its close_notify is answered at once (RFC 5246 7.2.1)
             self.is_over = True
             self.send_goodbye()
 
     def read_last_bytes(self) -> None:
-        """Take what a partner has left that went before it could have had an answer: no step is worth it."""
+        """Take the bytes of a partner that went before any answer, without a handshake step for it."""
         got = self._kernel.recv(self.handle, memoryview(_SCRATCH))
         if isinstance(got, int) and got:
             self.has_spoken = True
-            self.session.feed(memoryview(_SCRATCH)[:got], 0)
+            self.session.feed(memoryview(_SCRATCH)[:got], 0)  # 0: a handshake with it would be wasted time
         self.session.note_partner_end()
         self.is_over = True
 
     def read(self, into: memoryview) -> LayerMessage | None:
-        """Take what the session has, after a look at the stream when it has nothing."""
+        """Take what the session has; if it has nothing, read the stream first."""
         if not self.session.has_data:
             self.pump()
         return self.session.read(into)
@@ -136,7 +137,7 @@ class LayeredStream:
         return None if ended is None else Fault("session", ended.error, words=ended.words)
 
     def fail(self) -> None:
-        """End it after an exception: nothing more is asked of the session."""
+        """End it after an exception; the session is not called again."""
         self.fault, self.is_over, self.has_failed = self.fault or Fault("session", "EPROTO"), True, True
 
     def time_out(self, why: str) -> None:
@@ -144,16 +145,16 @@ class LayeredStream:
         self.flush()
 
     def check_message_time(self, now: int) -> None:
-        """End a message that has begun and does not end."""
+        """End the session over a message that does not end (Rule 2)."""
         session = self.session
         number = session.unfinished_message if session.is_up and session.wants_more else 0
-        if not number or number != self._unfinished or self.is_held_back:  # nobody pays for our own pace
+        if not number or number != self._unfinished or self.is_held_back:  # held back: the delay is our own
             self._unfinished, self._begun = number, now
         elif now - self._begun >= MESSAGE_LIMIT_NS:
             self.time_out(f"a message that has not ended in {MESSAGE_LIMIT_NS // 1_000_000_000} s")
 
     def take_end_text(self) -> str:
-        """Return in words why the session has ended by itself, once; "" while it has not."""
+        """Return, once, why the session has ended by itself; "" while it has not."""
         if self.is_told or self.session.ended is None:
             return ""
         self.is_told = True
@@ -162,7 +163,8 @@ class LayeredStream:
     # -- out ----------------------------------------------------------------------------------------------
 
     def send_goodbye(self) -> bool:
-        """Say the session's last word, not in the middle of data; return whether the stack has taken it."""
+        """Send the session's goodbye (close_notify); return whether the stack has taken it."""
+        # Inside half-sent data it would be read as a part of it: then the stream ends without a goodbye.
         if self._carried or self.has_failed or not self.session.say_goodbye():
             return False
         self.flush()
@@ -175,45 +177,45 @@ class LayeredStream:
         while self._output and self.fault is None:
             sent = self._kernel.send(self.handle, memoryview(bytes(self._output)))
             if not isinstance(sent, int):
-                return  # not now; a Fault shows at the next read
+                return  # no room now; the next read reports a Fault
             del self._output[:sent]
 
     def send(self, data: memoryview) -> int | WouldBlock | Fault:
-        """Send data and return how many bytes of it are with the stack now.
+        """Send data and return how many bytes of it the stack has taken now.
 
-        The caller comes again with the rest of the same data until the stack has all of it. What has been
-        encoded must go: the first byte counts as taken even when the stack had no room for any.
+        The caller calls again with the rest of the same data until the stack has all of it. Encoded data must
+        be sent: the first byte counts as taken even if the stack had no room for any.
         """
         self.flush()
         if self.session.ended is not None:
             return self.end_fault or WOULD_BLOCK
-        if self._output:
+        if self._output:  # the session's own bytes come first: they were encoded before this data
             return WOULD_BLOCK
         if not self._carried:
             carried = self.session.encode(bytes(data))
             self._carried, self._carried_size = memoryview(carried), len(carried)
-            self._data_size, self._told = len(data), 0
+            self._data_size, self._reported = len(data), 0
         sent = self._kernel.send(self.handle, self._carried)
-        if isinstance(sent, Fault) and sent.error == "EAGAIN":  # a plan's
-            if self._told or not self.session.can_take_back:
+        if isinstance(sent, Fault) and sent.error == "EAGAIN":  # only a fault plan answers that
+            if self._reported or not self.session.can_take_back:
                 sent = WOULD_BLOCK
             else:
                 self._carried = memoryview(b"")  # else the next job would send this one's bytes
                 return sent
         if isinstance(sent, Fault):
-            self.pump()  # the partner's last word may have come before
+            self.pump()  # the partner's reason (alert, DR) may be unread: it says more than the errno
             return sent if self.session.ended is None else self.end_fault or sent
         if isinstance(sent, int):
             self._carried = self._carried[sent:]
         taken = self._count_taken()
-        new, self._told = taken - self._told, taken
+        new, self._reported = taken - self._reported, taken
         return new or WOULD_BLOCK
 
     def _count_taken(self) -> int:
-        """Return how many bytes of the data count as gone: all of them only when all that carries them is."""
+        """Return how many bytes of the data count as sent: all only when all encoded bytes are sent."""
         if not self._carried:
             return self._data_size
-        if self._data_size == 1:  # it is never read in part: what is left of it waits here
+        if self._data_size == 1:  # its first byte, which counts as taken, is its last: the rest waits here
             self._output += self._carried
             self._carried = memoryview(b"")
             return 1
@@ -227,10 +229,10 @@ _NO_BYTES = memoryview(b"")
 
 # -- several CONNECTs at one port: the client's first message says which of them it wants -----------------
 #
-# Rule 1: at most CLIENTS_WAITING clients are unfinished at a time, each for HANDSHAKE_LIMIT_NS at most; the
-# same number wait for each CONNECT.
-# Rule 2: the work of a scan is bounded (Work): who is not accepted yet waits in the stack.
-# Rule 3: who says nothing delays nobody: the newest client takes the place of the oldest silent one.
+# Rule 1: at most CLIENTS_WAITING clients are in a handshake at a time, each for HANDSHAKE_LIMIT_NS at most;
+# at most CLIENTS_WAITING finished ones wait for each CONNECT.
+# Rule 2: the work of a scan is bounded (Work): clients that are not accepted yet wait in the stack.
+# Rule 3: a silent client delays no other one: the newest client takes the place of the oldest silent one.
 
 CLIENTS_WAITING: Final = 16
 CLIENTS_QUEUED: Final = 64  # in the stack, between two polls
@@ -238,7 +240,7 @@ HANDSHAKE_LIMIT_NS: Final = 5_000_000_000  # ns
 
 
 class LayerNote(NamedTuple):
-    """What happened to a client of a CONNECT, and why; `for_all`: of all CONNECTs that listen there."""
+    """What happened to a client of a CONNECT, and why; `for_all`: it concerns all CONNECTs at the port."""
 
     connect: str
     what: str
@@ -248,7 +250,7 @@ class LayerNote(NamedTuple):
 
 
 NoteSink = Callable[[LayerNote], None]
-ErrorHandler = Callable[[str, Exception], None]  # the CONNECT, what its session has raised
+ErrorHandler = Callable[[str, Exception], None]  # (CONNECT, the exception of its session)
 
 
 def raise_error(owner: str, error: Exception) -> None:
@@ -261,34 +263,34 @@ SESSION_ENDED: Final = "session ended"
 GAVE_WAY_TEXT: Final = (
     f"{CLIENTS_WAITING} clients were there before it was done, and a newer one takes its place"
 )
-QUEUE_FULL_TEXT: Final = f"{CLIENTS_WAITING} clients wait there already, and nobody takes them"
+QUEUE_FULL_TEXT: Final = f"the queue is full: {CLIENTS_WAITING} clients wait and none was accepted"
 
 
 class ChoiceSession(Protocol):
-    """A session whose partner asks for one of several: it waits until it is given to somebody, or refused."""
+    """A session whose partner asks for one of several CONNECTs; it waits to be given to one, or refused."""
 
     has_asked: bool
 
     def asks_for_name_of(self, settings: LayerSettings) -> bool:
-        """Return whether it asks for the name of this CONNECT, which several may have."""
+        """Return whether it asks for the name of this CONNECT; several CONNECTs may have the same."""
 
     def find_mismatch(self, settings: LayerSettings) -> str:
-        """Return "" when this CONNECT is the one that is asked for, else why not."""
+        """Return "" if this is the CONNECT that it asks for, else why not."""
 
     def accept_for(self, settings: LayerSettings) -> None: ...
 
     def refuse(self, is_known: bool) -> None:
-        """Say no; `is_known`: somebody has that name, but not for this partner, or not now."""
+        """Refuse it; `is_known`: a CONNECT has that name, but not for this partner, or not now."""
 
 
 def find_choice_session(session: object) -> ChoiceSession | None:
-    """Return the session if its partner has asked for somebody; None: not yet, or it knows no such thing."""
+    """Return the session if its partner has asked for a CONNECT; None: not yet, or it is no ChoiceSession."""
     found: ChoiceSession | None = session if getattr(session, "has_asked", False) else None  # type: ignore[assignment]
     return found
 
 
 class PortMember:
-    """One CONNECT that listens: its settings, and who has come for it."""
+    """One CONNECT that listens: its settings, and the clients that it can accept."""
 
     def __init__(self, owner: str, settings: LayerSettings) -> None:
         self.owner = owner
@@ -297,13 +299,13 @@ class PortMember:
 
 
 class SharedListener:
-    """One real listener with its members, and the clients that have not finished their handshake."""
+    """One listening socket with its members, and the clients that have not finished their handshake."""
 
     def __init__(
         self,
         kernel: Kernel,
         handle: Handle,
-        told: NoteSink,
+        report_note: NoteSink,
         polls: bool,
         party: BudgetShare,
         caught: ErrorHandler,
@@ -313,13 +315,13 @@ class SharedListener:
         self._party = party
         self.members: dict[Handle, PortMember] = {}
         self.clients: list[LayeredStream] = []
-        self._kernel, self._told, self._polls = kernel, told, polls
+        self._kernel, self._report_note, self._polls = kernel, report_note, polls
 
     def poll(self, now: int) -> None:
-        for client in tuple(self.clients):  # who has come before goes on before
+        for client in tuple(self.clients):  # earlier clients before new ones
             self._advance_safely(client, now)
         while not self._leaves_in_stack() and self._kernel.readable(self.handle):
-            if self._party.units_left <= 0:
+            if self._party.units_left <= 0:  # Rule 2
                 self._party.note_waiting()
                 break
             got = self._kernel.accept(self.handle)
@@ -335,15 +337,15 @@ class SharedListener:
                 self._kernel.abort(got.handle)
 
     def _leaves_in_stack(self) -> bool:
-        """Return whether newcomers stay in the stack: their only CONNECT has its fill, and drops nobody.
+        """Return whether new clients stay in the stack: the only CONNECT at the port is full.
 
-        Where several share a port, each client is asked whom it wants, and told when that one is full.
+        If several share the port, each client is accepted, and is refused if the CONNECT it asks for is full.
         """
         member = self._any_member()
         return not member.settings.shares_port and self._is_full(member)
 
     def _make_room(self) -> None:
-        if len(self.clients) >= CLIENTS_WAITING:
+        if len(self.clients) >= CLIENTS_WAITING:  # Rules 1 and 3
             oldest = next((one for one in self.clients if not one.has_spoken), self.clients[0])
             self._drop_client(oldest, GAVE_WAY_TEXT)
 
@@ -358,7 +360,7 @@ class SharedListener:
         newest = LayeredStream(self._kernel, got.handle, got.peer, session, now, self._party)
         self._make_room()
         self.clients.append(newest)
-        self._advance_safely(newest, now)  # who has something to say is never the one that gives way
+        self._advance_safely(newest, now)  # at once: if it has sent bytes it is not the silent one of Rule 3
 
     def _advance_safely(self, client: LayeredStream, now: int) -> None:
         try:
@@ -370,19 +372,20 @@ class SharedListener:
 
     def _advance(self, client: LayeredStream, now: int) -> None:
         session = client.session
+        # A client that left before its first bytes were read costs no handshake (the attack: connect and go).
         if session.is_costly and not client.has_spoken and self._kernel.loss(client.handle) is not None:
             client.read_last_bytes()
         else:
             client.pump()
         for remark in session.take_remarks():
-            self._told(LayerNote(self.owner, TPDU_IGNORED, str(client.peer), remark))
+            self._report_note(LayerNote(self.owner, TPDU_IGNORED, str(client.peer), remark))
         if (asked := find_choice_session(session)) is not None:
             self._assign_client(client, asked)
         elif session.is_up:
             self._hand_over(client, self._any_member())
         elif client.is_over or session.ended is not None:
             self._fail(client, str(session.ended.detail if session.ended else "closed before the handshake"))
-        elif now - client.since >= HANDSHAKE_LIMIT_NS:
+        elif now - client.since >= HANDSHAKE_LIMIT_NS:  # Rule 1
             client.time_out("no handshake in 5 s")
             self._fail(client, "no handshake in 5 s")
 
@@ -393,14 +396,14 @@ class SharedListener:
         if meant and not self._is_full(meant[0]):
             self._hand_over(client, meant[0])
             return
-        asked = (named or members)[0]
+        asked = (named or members)[0]  # an unknown name: any member, with `for_all`
         why = QUEUE_FULL_TEXT if meant else session.find_mismatch(asked.settings)
         session.refuse(is_known=bool(named))
         client.flush()
         self._drop_client(client, why, asked, for_all=not named)
 
     def _hand_over(self, client: LayeredStream, member: PortMember) -> None:
-        if not self._is_full(member):
+        if not self._is_full(member):  # else it stays among the unfinished, up to its time limit
             self.clients.remove(client)
             member.ready.append(client)
 
@@ -411,25 +414,24 @@ class SharedListener:
     def _fail(self, client: LayeredStream, why: str) -> None:
         session: LayerSession = client.session
         member = self._any_member()
-        told = session.ended is not None and not hasattr(session, "has_asked")
-        if session.ended is not None and told and not self._is_full(member):
-            ended = session.ended
+        ended = session.ended
+        # Not for a ChoiceSession: its partner has not said which CONNECT it wants.
+        if ended is not None and not hasattr(session, "has_asked") and not self._is_full(member):
             member.ready.append(Fault("session", ended.error, words=ended.words, peer=str(client.peer)))
         self._drop_client(client, why)
 
     def _drop_client(
         self, client: LayeredStream, why: str, asked: PortMember | None = None, for_all: bool = False
     ) -> None:
-        """Let a client go; `asked`: whom it wanted, where it has said so; `for_all`: nobody is that one."""
+        """Close a client; `asked`: the CONNECT that it asked for; `for_all`: no CONNECT has that name."""
         self.clients.remove(client)
         owner = (asked or self._any_member()).owner
-        self._told(LayerNote(owner, CLIENT_DROPPED, str(client.peer), why, for_all))
+        self._report_note(LayerNote(owner, CLIENT_DROPPED, str(client.peer), why, for_all))
         self._kernel.close(client.handle)
 
     @property
     def owner(self) -> str:
-        """Return one CONNECT that listens here."""
-        return self._any_member().owner
+        return self._any_member().owner  # for notes that concern all of them
 
     def _any_member(self) -> PortMember:
         return next(iter(self.members.values()))

@@ -1,9 +1,9 @@
 """One end of TLS over a stream of bytes, by the standard library's ssl; no sockets.
 
-Rule 1: bytes in, bytes out; whatever comes, nothing raises: what cannot be right ends the session.
-Rule 2: at most CAP bytes wait here, read or unread: who does not take them must not feed more (`wants_more`).
+Rule 1: bytes in, bytes out; no input makes it raise: an input that cannot be right ends the session.
+Rule 2: at most MOST_HELD_BYTES wait here, read or unread; then no more may be fed (`wants_more`).
 One feed reads as many records as it may; the others wait in front of the library (`has_backlog`).
-Rule 3: nobody is believed whose certificate was not verified, unless the project says so in plain words.
+Rule 3: a partner whose certificate was not verified is refused, unless the project allows it explicitly.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from trcvtui.net.connection.resources import HANDSHAKE_UNITS as HANDSHAKE_UNITS
 from trcvtui.net.layer import Credentials, LayerMessage, LayerSession, SessionEnd, TlsError
 from trcvtui.net.results import Endpoint, Unread
 
-# X509_V_ERR_...: what is wrong with the partner's certificate; every other number discards it.
+# X509_V_ERR_...: what is wrong with the partner's certificate; every other number is DISCARDED.
 _VERIFY_ERRORS: Final = {
     2: TlsError.NO_CA,  # UNABLE_TO_GET_ISSUER_CERT
     9: TlsError.DISCARDED,  # CERT_NOT_YET_VALID
@@ -56,11 +56,11 @@ _REASON_ERRORS: Final = {
     "BAD_EXTENSION": TlsError.EXTENSION,
     "UNSOLICITED_EXTENSION": TlsError.EXTENSION,
 }
-_ALERT_INFIX: Final = "_ALERT_"  # SSLV3_ALERT_BAD_CERTIFICATE: the partner says so
+_ALERT_INFIX: Final = "_ALERT_"  # SSLV3_ALERT_BAD_CERTIFICATE: an alert that the partner has sent
 
 
 def session_end_of(problem: Exception) -> SessionEnd:
-    """Return why a session ends that met this exception."""
+    """Return the reason of a session's end from an exception of the ssl library."""
     if isinstance(problem, ssl.SSLCertVerificationError):
         error = _VERIFY_ERRORS.get(problem.verify_code, TlsError.DISCARDED)
         return SessionEnd(error, f"the partner's certificate: {problem.verify_message}")
@@ -86,30 +86,30 @@ class TlsSettings(Credentials, frozen=True):
 
 
 MOST_HELD_BYTES: Final = 128 * 1024  # bytes
-RECORD_BYTES: Final = 16 * 1024  # what one record carries at most
+RECORD_BYTES: Final = 16 * 1024  # the most data in one record (RFC 8446 5.1)
 NO_LIMIT: Final = 1 << 62
 MOST_CONTEXTS: Final = 256
-# What a record begins with; only a server may refuse with its first.
+# The first byte of a record; a server's first record may be an alert, a client's may not.
 HANDSHAKE_RECORD: Final = 0x16
 ALERT_RECORD: Final = 0x15
 
-# What the library raises, of bytes, of files, and of a server's name that is none.
+# What the library raises: for bytes, for files, and for an invalid server name.
 _LIBRARY_ERRORS: Final = (ssl.SSLError, OSError, ValueError)
 
 
 class TlsSession:
-    """One end. `ended` is the reason of a failure; a partner who closed in good order `partner_is_done`."""
+    """One end. `ended`: the reason of a failure; `partner_is_done`: the partner closed in good order."""
 
-    unfinished_message = 0  # records are no messages, and what is not complete of one is bounded
+    unfinished_message = 0  # no time limit: a record is no message, and an incomplete one is bounded in size
 
     def __init__(self, credentials: Credentials, is_active: bool) -> None:
         self.ended: SessionEnd | None = None
-        self.can_take_back = False  # records are counted
+        self.can_take_back = False  # records are numbered: one that is encoded must be sent
         self.is_up = False
         self.partner_is_done = False
         self._has_fed = False
         self._has_said_goodbye = False
-        self._stopped_short = False  # records may wait that were not read
+        self._stopped_short = False  # there may be records that were not read
         self._first_bytes = (HANDSHAKE_RECORD, ALERT_RECORD) if is_active else (HANDSHAKE_RECORD,)
         self._plain = bytearray()
         self._incoming = ssl.MemoryBIO()
@@ -153,6 +153,7 @@ class TlsSession:
         """
         if self.ended is not None or self.partner_is_done:
             return 0
+        # Checked here, since the library would wait for the rest of a record of up to 16 KiB.
         if not self._has_fed and data and data[0] not in self._first_bytes:
             self._end(SessionEnd(TlsError.PLAIN, f"no TLS: it begins with {data[0]:02X}, not with 16"))
             return 0
@@ -168,10 +169,10 @@ class TlsSession:
 
     @property
     def is_costly(self) -> bool:
-        return not self.is_up
+        return not self.is_up  # signatures and key exchange: ms, while a record takes us
 
     def note_partner_end(self) -> None:
-        """Note the end of the stream: without the partner's close_notify somebody may have cut it."""
+        """Note the end of the stream: without a close_notify an attacker may have cut it (TRUNCATED)."""
         if self.ended is not None or self.partner_is_done:
             return
         self._incoming.write_eof()
@@ -181,18 +182,17 @@ class TlsSession:
             self._end(SessionEnd(TlsError.HANDSHAKE, "closed in the middle of the handshake"))
 
     def take_remarks(self) -> list[str]:
-        """Return nothing: the library passes over nothing that it tells."""
-        return []
+        return []  # the library does not report what it ignores
 
     def time_out(self, why: str) -> None:
         if not self.is_up:
-            self._end(SessionEnd(TlsError.SILENT, "the handshake does not go on"))
+            self._end(SessionEnd(TlsError.SILENT, "the handshake does not continue"))
 
     def say_goodbye(self) -> bool:
-        """Tell the partner that nothing more comes (close_notify), once; return whether it has been told."""
+        """Send close_notify, once; return whether it was sent, now or earlier."""
         if self.is_up and self.ended is None and self._engine is not None and not self._has_said_goodbye:
             self._has_said_goodbye = True
-            with suppress(*_LIBRARY_ERRORS):  # ours is in the output; the partner's own may come or not
+            with suppress(*_LIBRARY_ERRORS):  # ours is in the output; unwrap raises until the partner's comes
                 self._engine.unwrap()
         return self._has_said_goodbye
 
@@ -209,7 +209,7 @@ class TlsSession:
         return LayerMessage(data, size)
 
     def encode(self, data: bytes) -> bytes:
-        """Return the records that carry this data; b"" when none can."""
+        """Return the records that carry this data; b"" if the session is not up, or fails."""
         if not self.is_up or self._engine is None:
             return b""
         try:
@@ -228,7 +228,7 @@ class TlsSession:
 
     def _read_records(self, most: int) -> int:
         units = 0
-        if not self.is_up:
+        if not self.is_up:  # a step costs its units, also one that fails: else garbage would be free work
             self._shake_hands()
             units = HANDSHAKE_UNITS
         self._stopped_short = False
@@ -250,7 +250,7 @@ class TlsSession:
         assert self._engine is not None
         count = 0
         while self.ended is None and not self.partner_is_done:
-            if len(self._plain) >= MOST_HELD_BYTES or count >= most:
+            if len(self._plain) >= MOST_HELD_BYTES or count >= most:  # Rule 2
                 self._stopped_short = True
                 break
             count += 1
@@ -260,7 +260,7 @@ class TlsSession:
                 break
             except ssl.SSLZeroReturnError:
                 got = b""
-            except ssl.SSLEOFError:
+            except ssl.SSLEOFError:  # RFC 8446 6.1: a FIN alone may be forged
                 self._end(SessionEnd(TlsError.TRUNCATED, "the stream ended without a close_notify"))
                 break
             except _LIBRARY_ERRORS as problem:
@@ -291,7 +291,7 @@ _key_log: Final[list[str]] = []
 def log_keys(name: str) -> None:
     """Let sessions of contexts made from now on write their secrets into a file; "" ends it."""
     _key_log[:] = [name] if name else []
-    _make_context.cache_clear()
+    _make_context.cache_clear()  # a context in the cache would not write them
 
 
 def _file_stamp(file: str) -> tuple[int, int]:
@@ -307,15 +307,16 @@ def _make_context(
     for name in _key_log:
         context.keylog_filename = name
     context.minimum_version = ssl.TLSVersion.TLSv1_2
+    # Renegotiation would let a partner repeat the costly handshake at will (CVE-2011-1473).
     context.options |= ssl.OP_NO_COMPRESSION | ssl.OP_NO_RENEGOTIATION | ssl.OP_NO_TICKET
     if not is_active:
-        context.num_tickets = 0
-    # SAN or nothing: the common name is no name any more; with `checks_name` alone.
+        context.num_tickets = 0  # OP_NO_TICKET does not cover TLS 1.3
+    # Only a subjectAlternateName counts as a name (RFC 6125), and only with `checks_name`.
     context.hostname_checks_common_name = False
     context.check_hostname = is_active and credentials.checks_name and not credentials.is_unverified
     asks = is_active or credentials.asks_client
     context.verify_mode = ssl.CERT_REQUIRED if asks and not credentials.is_unverified else ssl.CERT_NONE
-    context.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN  # a certificate that is trusted needs nobody above
+    context.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN  # a trusted certificate needs no issuer above it
     for file in credentials.authorities:
         context.load_verify_locations(cafile=file)
     if credentials.certificate:
@@ -324,16 +325,16 @@ def _make_context(
 
 
 def _no_password() -> str:
-    return ""
+    return ""  # without it the library would ask at the terminal
 
 
 def find_certificate_flaw(certificate: str, key: str) -> str:
-    """Return what is wrong with PEM files: "" or words for the engineer; `key` "": a certificate to trust."""
+    """Return what is wrong with PEM files, "" for nothing; `key` "": a certificate to trust."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     try:
         check_readable(certificate)  # the library would wait for the other end of a FIFO
         if is_disk_replaced():
-            return ""  # it was a good one when it was read
+            return ""  # a replay: the file was checked when the run was recorded
         context.load_verify_locations(cafile=certificate)
     except OSError as problem:
         return _file_flaw(problem, certificate, "no certificate in PEM")

@@ -1,4 +1,4 @@
-"""What one system calls otherwise than another: poll sets, socket options, what a stack holds, cut links."""
+"""Differences between systems: poll sets, socket options, what a stack holds, cut links."""
 
 from __future__ import annotations
 
@@ -23,14 +23,12 @@ HUP: Final = 0x10
 RDHUP: Final = getattr(select, "EPOLLRDHUP", 0)
 HAS_POLL: Final = hasattr(select, "poll")
 GONE_MASK: Final = ERR | HUP | RDHUP
-# An ICMP message raises ERR alone while an attempt to connect goes on: no verdict.
-# select has no HUP: there ERR is how a refusal shows.
+# While an attempt to connect is running, an ICMP message raises ERR alone: that is no verdict.
+# select has no HUP: there a refusal shows as ERR.
 VERDICT: Final = OUT | HUP if HAS_POLL else OUT | ERR
 
 
 class PollSet(Protocol):
-    """What select.epoll offers."""
-
     def register(self, fd: int, mask: int) -> None: ...
     def unregister(self, fd: int) -> None: ...
     def poll(self, timeout: float, maxevents: int) -> list[tuple[int, int]]: ...
@@ -38,7 +36,7 @@ class PollSet(Protocol):
 
 
 class PollList:
-    """The poll set of a system without epoll; there the RST of a socket that is not read may show late."""
+    """The poll set of a system without epoll. There the RST of a socket that is not read may show late."""
 
     def __init__(self) -> None:
         self._wanted: dict[int, int] = {}
@@ -63,12 +61,12 @@ class PollList:
 
 
 def new_poll_set() -> PollSet:
-    """Return an empty poll set; raises OSError (EMFILE) when the system has no descriptor for it."""
+    """Return an empty poll set; raise OSError (EMFILE) if the system has no descriptor for it."""
     return select.epoll() if hasattr(select, "epoll") else PollList()
 
 
 def poll_once(wanted: dict[int, int], timeout: float = 0) -> list[tuple[int, int]]:
-    """Return (descriptor, events) of those that are ready within so many seconds, -1: waiting for ever."""
+    """Return (descriptor, events) of those that are ready within so many seconds; -1: wait without limit."""
     if HAS_POLL:
         poller = select.poll()
         for fd, mask in wanted.items():
@@ -98,11 +96,11 @@ def error_name(problem: OSError | ValueError | KeyError) -> str:
     return ERROR_ALIASES.get(name, name)
 
 
-KEEP_ALIVE_LIMITS_S: Final = (1, 32767)
-KEEP_ALIVE_PROBES: Final = 2
-SMALL_SEND_BUFFER: Final = 4608
+KEEP_ALIVE_LIMITS_S: Final = (1, 32767)  # those of Linux (MAX_TCP_KEEPIDLE), kept on all systems
+KEEP_ALIVE_PROBES: Final = 2  # idle + 2 intervals: a dead link is found within 3 x I
+SMALL_SEND_BUFFER: Final = 4608  # bytes; both are the minima of Linux (SOCK_MIN_SNDBUF, SOCK_MIN_RCVBUF)
 SMALL_RECEIVE_BUFFER: Final = 2304
-RTO_MAX_MS: Final = 1000
+RTO_MAX_MS: Final = 1000  # the least that TCP_RTO_MAX_MS takes
 LARGEST_C_INT: Final = (1 << 31) - 1  # a socket option is a C int
 
 TCP_LEVEL: Final = socket.IPPROTO_TCP
@@ -112,9 +110,9 @@ TCP_RTO_MAX_MS: Final = 44 if sys.platform == "linux" else None
 TCP_KEEPIDLE: Final = getattr(socket, "TCP_KEEPIDLE", None) or getattr(socket, "TCP_KEEPALIVE", None)
 TCP_KEEPINTVL: Final = getattr(socket, "TCP_KEEPINTVL", None)
 TCP_KEEPCNT: Final = getattr(socket, "TCP_KEEPCNT", None)
-# TCP_USER_TIMEOUT, TCP_RXT_CONNDROPTIME, TCP_MAXRT, and how many milliseconds their unit has.
+# TCP_USER_TIMEOUT, TCP_RXT_CONNDROPTIME, TCP_MAXRT: the option, and its unit in milliseconds.
 USER_TIMEOUT: Final = {"linux": (18, 1), "darwin": (0x80, 1000), "win32": (5, 1000)}.get(sys.platform)
-# On Windows SO_REUSEADDR allows stealing a listening port; SO_EXCLUSIVEADDRUSE is its like.
+# On Windows SO_REUSEADDR allows stealing a listening port; SO_EXCLUSIVEADDRUSE does there what it does here.
 REUSE_OPTION: Final = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
 RESET_ON_CLOSE: Final = struct.pack("hh" if sys.platform == "win32" else "ii", 1, 0)
 
@@ -128,7 +126,7 @@ def apply_options(sock: socket.socket, options: SocketOptions) -> tuple[str, ...
         if (name in ("TCP_KEEPIDLE", "TCP_KEEPINTVL") and not low <= value <= high)
         or not _set_option(sock, level, option, value)
     ]
-    # Nobody asked for this one: where it is unknown, `probes_often` says so.
+    # The project does not ask for this one, so a refusal is not reported: see `probes_often`.
     _set_option(sock, TCP_LEVEL, TCP_RTO_MAX_MS, RTO_MAX_MS)
     if not limit_unacknowledged(sock, options.user_timeout_ms) and options.user_timeout_ms:
         refused.append("TCP_USER_TIMEOUT")
@@ -136,9 +134,9 @@ def apply_options(sock: socket.socket, options: SocketOptions) -> tuple[str, ...
 
 
 def limit_unacknowledged(sock: socket.socket, milliseconds: int) -> bool:
-    """Limit how long sent data may stay unacknowledged; return whether the system took it."""
+    """Limit how long sent data may stay unacknowledged; return whether the system took the option."""
     option, unit = USER_TIMEOUT or (None, 1)
-    return _set_option(sock, TCP_LEVEL, option, -(-milliseconds // unit))
+    return _set_option(sock, TCP_LEVEL, option, -(-milliseconds // unit))  # rounded up: 0 would be no limit
 
 
 def probes_often(sock: socket.socket) -> bool:
@@ -150,7 +148,7 @@ def probes_often(sock: socket.socket) -> bool:
 
 
 def _list_options(options: SocketOptions) -> Iterator[tuple[str, int, int | None, int]]:
-    """Yield (name, level, option or None where unknown, value) in the order of setting."""
+    """Yield (name, level, option or None if unknown, value) in the order of setting."""
     yield "TCP_NODELAY", TCP_LEVEL, socket.TCP_NODELAY, int(options.nodelay)
     yield "TCP_KEEPIDLE", TCP_LEVEL, TCP_KEEPIDLE, options.keep_alive_s
     yield "TCP_KEEPINTVL", TCP_LEVEL, TCP_KEEPINTVL, options.keep_alive_s
@@ -162,7 +160,7 @@ def _list_options(options: SocketOptions) -> Iterator[tuple[str, int, int | None
 
 
 def _set_option(sock: socket.socket, level: int, option: int | None, value: int) -> bool:
-    if option is None or not -LARGEST_C_INT <= value <= LARGEST_C_INT:
+    if option is None or not -LARGEST_C_INT <= value <= LARGEST_C_INT:  # setsockopt would raise OverflowError
         return False
     try:
         sock.setsockopt(level, option, value)
@@ -180,18 +178,18 @@ else:
     CAN_IOCTL = True
 
 PEEK_BYTES: Final = 65536
-MOST_DATAGRAMS: Final = 1024  # of one look
+MOST_DATAGRAMS: Final = 1024  # of one peek
 _FIONREAD_BUFFER: Final = bytearray(4)  # where FIONREAD writes
 _ZERO_COUNT: Final = bytes(4)
-# TCP_INFO: the state stands first; of a listener tcpi_unacked is the number of its clients.
+# TCP_INFO: its first byte is the state; of a listener tcpi_unacked is the number of waiting clients.
 LISTEN_STATE: Final = b"\x0a"
 # States of a stream that the partner has ended: TIME_WAIT, CLOSE, CLOSE_WAIT, LAST_ACK, CLOSING.
 END_STATES: Final = {b"\x06": "fin", b"\x07": "rst", b"\x08": "fin", b"\x09": "fin", b"\x0b": "fin"}
 CLIENTS_AT: Final = 24
 SO_PEEK_OFF, SO_MEMINFO, DROPS_AT = 42, 55, 32
-MOST_READS: Final = 64  # a partner who sends byte by byte must not keep the scan here
-# struct tcp_info of Linux: milliseconds since the last ACK, bytes not yet sent. Newer ones have the bytes
-# that were sent again (4.19), and the window that the other end has told.
+MOST_READS: Final = 64  # a partner that keeps sending single bytes must not keep the scan here
+# Offsets in struct tcp_info of Linux: milliseconds since the last ACK, bytes not yet sent. Newer systems add
+# the retransmitted bytes (4.19) and the window of the other end.
 LAST_ACK_AT: Final = 56
 ROUND_TRIP_AT: Final = 68  # us, smoothed
 UNSENT_AT: Final = 144
@@ -202,7 +200,7 @@ LONG_TCP_INFO_BYTES: Final = 232
 
 
 def count_unread(sock: socket.socket | None) -> int:
-    """Return how many received bytes wait in the stack; at most 65536 where it does not count them."""
+    """Return how many received bytes wait in the stack; at most 65536 if it does not count them."""
     try:
         if sock is None:
             return 0
@@ -214,20 +212,20 @@ def count_unread(sock: socket.socket | None) -> int:
 
 
 def may_have_unread(sock: socket.socket) -> bool:
-    """Return whether something lies at a socket that the poll saw; also of a listener and of datagrams."""
+    """Return whether something is unread at a socket that the poll saw; True for listeners and datagrams."""
     if not CAN_IOCTL:
         return True
     try:
         fcntl.ioctl(sock, termios.FIONREAD, _FIONREAD_BUFFER)
     except OSError:  # a listener
         return True
-    return _FIONREAD_BUFFER != _ZERO_COUNT or sock.type == socket.SOCK_DGRAM
+    return _FIONREAD_BUFFER != _ZERO_COUNT or sock.type == socket.SOCK_DGRAM  # 0: maybe an empty datagram
 
 
 def peek_at(sock: socket.socket, skip: int, is_gone: bool) -> Unread:
-    """Return what lies unread at a socket that the poll saw; `is_gone`: with an end.
+    """Return what is unread at a socket that the poll saw; `is_gone`: the poll saw an end.
 
-    Where the system does not count (no FIONREAD) bytes are looked at only while no end has been seen.
+    If the system does not count (no FIONREAD) bytes are peeked only while no end has been seen.
     """
     try:
         if sock.type == socket.SOCK_DGRAM:
@@ -237,10 +235,13 @@ def peek_at(sock: socket.socket, skip: int, is_gone: bool) -> Unread:
             return Unread(clients=int.from_bytes(info[CLIENTS_AT : CLIENTS_AT + 4], sys.byteorder))
         size = _ioctl_int(sock, termios.FIONREAD) if CAN_IOCTL else 0
         most = min(size, PEEK_DEPTH) if CAN_IOCTL else 0 if is_gone else PEEK_BYTES
+        # A peek at an empty queue would take a pending error away from the next recv.
         data = sock.recv(most, socket.MSG_PEEK)[skip:] if most > skip else b""
         end = END_STATES.get(info[:1], "") if is_gone else ""
         room = sock.getsockopt(BASE, socket.SO_RCVBUF)
-        return Unread(max(size, skip + len(data)), data, end, size * 2 >= room)
+        return Unread(
+            max(size, skip + len(data)), data, end, size * 2 >= room
+        )  # half of SO_RCVBUF is overhead
     except (OSError, ValueError):
         return Unread()
 
@@ -249,7 +250,7 @@ def _peek_datagrams(sock: socket.socket, skip: int) -> Unread:
     found: list[WaitingMessage] = []
     dropped = 0
     if sys.platform == "linux":
-        if sock.getsockopt(BASE, SO_PEEK_OFF) < 0:
+        if sock.getsockopt(BASE, SO_PEEK_OFF) < 0:  # -1: each peek would return the same datagram
             sock.setsockopt(BASE, SO_PEEK_OFF, 0)
         drops = sock.getsockopt(BASE, SO_MEMINFO, DROPS_AT + 4)[DROPS_AT:]
         dropped = int.from_bytes(drops, sys.byteorder)
@@ -262,7 +263,7 @@ def _peek_datagrams(sock: socket.socket, skip: int) -> Unread:
 
 
 def discard_unread(sock: socket.socket | None, most: int) -> int:
-    """Read away at most so many queued bytes, in MOST_READS calls at most, and return how many."""
+    """Read and drop at most so many queued bytes, in MOST_READS calls at most; return how many."""
     waste, gone = bytearray(min(most, PEEK_BYTES)), 0
     try:
         for _ in range(MOST_READS):
@@ -273,12 +274,12 @@ def discard_unread(sock: socket.socket | None, most: int) -> int:
                 break
             gone += taken
     except (OSError, ValueError):
-        pass  # empty, or at an end: what was read away is what counts
+        pass  # empty, or at an end
     return gone
 
 
 def tcp_info(sock: socket.socket | None) -> PathInfo | None:
-    """Return the send side's state from TCP_INFO, or None where the system does not say."""
+    """Return the send side's state from TCP_INFO, None if the system does not provide it."""
     if sock is None or sys.platform != "linux":
         return None
     try:
@@ -289,21 +290,18 @@ def tcp_info(sock: socket.socket | None) -> PathInfo | None:
         return None
     (last_ack_ms,) = struct.unpack_from("=I", info, LAST_ACK_AT)
     (unsent,) = struct.unpack_from("=I", info, UNSENT_AT)
-    return PathInfo(max(0, queued - unsent), unsent, last_ack_ms, often)
+    return PathInfo(max(0, queued - unsent), unsent, last_ack_ms, often)  # two calls: they can disagree
 
 
 def read_end_figures(sock: socket.socket) -> tuple[int, int, int] | None:
-    """Return of the other end: round trip in us, the window it has told, bytes that we sent to it again.
-
-    None where the system does not say.
-    """
+    """Return the round trip in us, the other end's window, bytes retransmitted to it; None if unknown."""
     if sys.platform != "linux":
         return None
     try:
         info = sock.getsockopt(TCP_LEVEL, socket.TCP_INFO, LONG_TCP_INFO_BYTES)
     except OSError:
         return None
-    if len(info) < LONG_TCP_INFO_BYTES:
+    if len(info) < LONG_TCP_INFO_BYTES:  # an older kernel
         return None
     (round_trip,) = struct.unpack_from("=I", info, ROUND_TRIP_AT)
     (again,) = struct.unpack_from("=Q", info, SENT_AGAIN_AT)
@@ -316,12 +314,12 @@ def _ioctl_int(sock: socket.socket, request: int) -> int:
     return int(number)
 
 
-# -- a wire that goes silent without privileges: a packet filter at a socket that lets nothing in ----------
+# -- a cut wire without privileges: a packet filter at a socket that lets nothing in ----------------------
 #
 # Linux lets a program put a classic BPF filter on its own sockets. "Take 0 bytes" on every socket of a
-# CONNECT, and on the bench's own sockets at the other end of them, silences that wire both ways without FIN
-# or RST; the stack's own timers find out. A partner outside this bench still hears the PLC's segments, only
-# its answers are dropped; a socket that is already closed (TIME_WAIT, an unfinished FIN) keeps what it had.
+# CONNECT, and on the bench's own sockets at their other ends, silences that wire both ways without FIN or
+# RST; the stack's own timers notice it. A partner outside this bench still receives the PLC's segments, and
+# only its answers are dropped. A socket that is closed already (TIME_WAIT, an unfinished FIN) is not silent.
 
 CAN_CUT: Final = sys.platform == "linux"
 CANNOT_CUT: Final = "this system cannot drop packets at a socket: link works on Linux and with --kernel sim"
@@ -336,7 +334,7 @@ SocketEnds = tuple[object, object]
 
 
 class CutLinks:
-    """Whose wires are cut, and which sockets are deaf because of whom."""
+    """The owners whose wires are cut, and for each deaf socket the owners that made it deaf."""
 
     def __init__(self, sockets: Mapping[int, socket.socket]) -> None:
         self._sockets = sockets
@@ -345,15 +343,13 @@ class CutLinks:
         self._deaf: dict[int, set[str]] = {}
 
     def owner(self, handle: int) -> str:
-        """Return on whose behalf the handle exists."""
         return self._owners.get(handle, "")
 
     def is_down(self, handle: int) -> bool:
-        """Return whether the wire of the handle's owner is cut."""
         return bool(self._down) and self.owner(handle) in self._down
 
     def add_handle(self, handle: int, owner: str) -> None:
-        """Take in a new handle; on a cut wire it is born deaf."""
+        """Take in a new handle; on a cut wire it is deaf at once."""
         self._owners[handle] = owner
         if self._down:
             self._deafen_wires([handle])
@@ -370,13 +366,13 @@ class CutLinks:
             return ""
         self._down.add(owner)
         refused = self._deafen_wires(list(self._sockets))
-        if refused:
+        if refused:  # all sockets or none: a wire that is cut in part would mislead
             self._mend_link(owner)
             return f"the system refuses a packet filter: {refused}"
         return ""
 
     def _deafen_wires(self, handles: Iterable[int]) -> str:
-        """Let both ends of each cut wire among these hear nothing; return the errno of a refusal, or ""."""
+        """Silence both ends of each cut wire among these handles; return the errno of a refusal, or ""."""
         by_ends = {ends: handle for handle, sock in self._sockets.items() if (ends := _read_ends(sock))}
         refused = ""
         for handle in handles:
@@ -403,13 +399,13 @@ class CutLinks:
         self._down.discard(owner)
         for handle, owners in list(self._deaf.items()):
             owners.discard(owner)
-            if not owners:
+            if not owners:  # the wire of its other end may still be cut
                 del self._deaf[handle]
                 _detach_filter(self._sockets[handle])
 
 
 def _read_ends(sock: socket.socket) -> SocketEnds | None:
-    """Return local and remote end of a connection, None while there is none."""
+    """Return the local and the remote end of a connection, None before there is one."""
     try:
         return sock.getsockname(), sock.getpeername()
     except (OSError, ValueError):
@@ -417,5 +413,5 @@ def _read_ends(sock: socket.socket) -> SocketEnds | None:
 
 
 def _detach_filter(sock: socket.socket) -> None:
-    with suppress(OSError, ValueError):  # a descriptor that is gone has nothing left to hear
+    with suppress(OSError, ValueError):  # the socket may be closed
         sock.setsockopt(socket.SOL_SOCKET, SO_DETACH_FILTER, 0)

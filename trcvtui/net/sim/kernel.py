@@ -1,7 +1,7 @@
 """The simulated network: the Kernel calls on in-memory TCP, a virtual clock and seeded chance.
 
-It answers as Linux does (the shared facts are tests/net/contract.py) and moves only with `advance`.
-As in the real kernel, what `poll` saw is one picture for the whole scan, for handles of the poll set.
+It answers as Linux does (the shared facts are tests/net/contract.py). Its time moves only with `advance`.
+As in the real kernel, the result of `poll` holds for the whole scan, for handles of the poll set.
 """
 
 from __future__ import annotations
@@ -29,29 +29,26 @@ from trcvtui.net.sim.network import LOOPBACK, PortTable, SimSocket, SimWire, is_
 from trcvtui.net.sim.stream import StreamPhase
 from trcvtui.net.sim.timers import MS
 
-# Datagrams of one sender stay in order; one that finds nobody, a cut link or a full queue is gone.
+# Datagrams of one sender stay in order; one that finds no socket, a cut link or a full queue is lost.
 
 LARGEST_DATAGRAM: Final = 65507  # 65535 less the headers of IP and UDP
-# net.core.rmem_default of Linux, and what a queued datagram costs of it there (256 of up to 100 bytes fit).
+# net.core.rmem_default of Linux, and what a queued datagram takes of it (256 of up to 100 bytes fit).
 RECEIVE_ROOM: Final = 212_992
 DATAGRAM_COST: Final = 832
 COST_OF_A_BYTE: Final = 2
 
 
 class DatagramWire:
-    """Carries datagrams between the sockets of the one machine."""
-
     def __init__(self, wire: SimWire) -> None:
         self.wire = wire
         self.ports = PortTable()
         self._bound: dict[int, list[SimDatagramSocket]] = {}
 
     def add_socket(self, socket: SimDatagramSocket) -> None:
-        """Let datagrams reach a socket whose end is known."""
+        """Deliver datagrams to a socket from now on; its end is known."""
         self._bound.setdefault(socket.claim.port, []).append(socket)
 
     def remove_socket(self, socket: SimDatagramSocket) -> None:
-        """Let nothing reach the socket any more."""
         self.ports.release(socket.claim)
         holders = self._bound.get(socket.claim.port, [])
         if socket in holders:
@@ -70,15 +67,15 @@ class DatagramWire:
                 target.queue_datagram(source, data)
 
     def deliver(self, source: Endpoint, remote: Endpoint, data: bytes) -> bool:
-        """Hand over a datagram from elsewhere; return whether a socket there had room for it."""
+        """Deliver a datagram from outside; return whether a socket had room for it."""
         return True in [target.queue_datagram(source, data) for target in self._find_sockets(remote)]
 
     def withdraw(self, end: Endpoint) -> list[tuple[Endpoint, bytes]]:
-        """Let what is unread at an end never have come, and return it."""
+        """Take back what is unread at an end, and return it."""
         return [each for target in self._find_sockets(end) for each in target.withdraw()]
 
     def _find_sockets(self, end: Endpoint) -> list[SimDatagramSocket]:
-        """Return who gets a datagram: of a broadcast all that are bound to it or to any address, else one."""
+        """Return the receivers of a datagram: one socket; of a broadcast all at its address or 0.0.0.0."""
         is_broadcast = self.wire.is_broadcast(end.address)
         holders = self._bound.get(end.port, []) if is_broadcast or self.wire.owns_address(end.address) else []
         heard = (end.address, ANY_ADDRESS)
@@ -106,19 +103,16 @@ class SimDatagramSocket(SimSocket):
         return bool(self._queue)
 
     def bind(self, end: Endpoint) -> str:
-        """Bind to a local end; port 0 takes a free one. UDP has port numbers of its own."""
-        error = self._bind_error(end) or self._datagrams.ports.bind(self.claim, end)
+        error = self._bind_error(end) or self._datagrams.ports.bind(self.claim, end)  # not the ports of TCP
         if not error:
             self._datagrams.add_socket(self)
         return error
 
     def listen(self, backlog: int) -> str:
-        """Refuse: nobody connects to datagrams."""
         return "EOPNOTSUPP"
 
     def connect(self, end: Endpoint) -> str:
-        """Refuse: each datagram names its target."""
-        return "EOPNOTSUPP"
+        return "EOPNOTSUPP"  # each datagram names its target
 
     def send_to(self, data: memoryview, end: Endpoint) -> str:
         """Send one datagram; a socket without a port takes a free one."""
@@ -148,8 +142,9 @@ class SimDatagramSocket(SimSocket):
         return Unread(messages=tuple(found), dropped=self._dropped)
 
     def queue_datagram(self, source: Endpoint, data: bytes) -> bool:
-        """Queue a datagram; return False where there is no room: it is the newest that is dropped."""
+        """Queue a datagram; return False if there is no room: then it is dropped."""
         cost = _datagram_cost(data)
+        # An empty queue takes a datagram of any size.
         if self._queue and self._used + cost > self.tuning.receive_room:
             self._dropped += 1
             return False
@@ -159,14 +154,14 @@ class SimDatagramSocket(SimSocket):
         return True
 
     def withdraw(self) -> list[tuple[Endpoint, bytes]]:
-        """Let what is unread never have come, and return it."""
+        """Take back what is unread, and return it."""
         unread = list(self._queue)
         self._queue.clear()
         self._used = 0
         return unread
 
     def read(self, into: memoryview) -> Datagram | WouldBlock:
-        """Take the oldest datagram; what is larger than the view is cut off."""
+        """Take the oldest datagram; bytes that do not fit into the view are lost."""
         if not self._queue:
             return WOULD_BLOCK
         source, data = self._queue.popleft()
@@ -192,11 +187,11 @@ LOOPBACK_INTERFACE: Final = LocalAddress(
 
 
 class SeededRandom(random.Random):
-    """What a seed decides; it has a name of ours, so a state of a run may name it."""
+    """Chance from a seed; a class of this package, because a run's state may name only such classes."""
 
 
 class SimKernel:
-    """A Kernel whose network, peers included, lives in memory."""
+    """A Kernel whose network, with its peers, is in memory."""
 
     def __init__(
         self,
@@ -217,8 +212,8 @@ class SimKernel:
         self._sockets: dict[Handle, SimSocket] = {}
         self._made = 0
         self._ready: dict[Handle, SimSocket] = {}
-        self._seen: dict[Handle, bool] = {}  # the last poll's picture; True = gone
-        self._is_news = False  # has anything become ready since somebody asked
+        self._seen: dict[Handle, bool] = {}  # the result of the last poll; True = gone
+        self._is_news = False  # something has become ready since the last `take_ready_flag`
 
     # -- the world -----------------------------------------------------------------------------------
 
@@ -228,7 +223,7 @@ class SimKernel:
 
     @property
     def next_due_ns(self) -> int | None:
-        """Return when something happens by itself next, None: never."""
+        """Return when the next timer is due, None: there is none."""
         return self.wire.agenda.next_due
 
     def advance(self, now_ns: int) -> None:
@@ -247,12 +242,11 @@ class SimKernel:
         return agenda.now
 
     def take_ready_flag(self) -> bool:
-        """Return whether anything has become ready since this was asked."""
+        """Return whether anything has become ready since the last call."""
         is_news, self._is_news = self._is_news, False
         return is_news
 
     def set_link(self, owner: str, up: bool) -> str:
-        """Cut the wire of all handles of an owner without a word to anybody, or mend it; "" = done."""
         self.wire.set_link(owner, up)
         return ""
 
@@ -271,11 +265,11 @@ class SimKernel:
     # -- the poll set --------------------------------------------------------------------------------
 
     def poll(self) -> None:
-        """Take the picture; it costs what is ready, not what exists."""
+        # Only the ready ones: a poll must not cost more with many idle handles.
         self._seen = {handle: socket.is_gone for handle, socket in self._ready.items()}
 
     def readable(self, handle: Handle) -> bool:
-        """Return whether the last poll saw the handle; one outside the set is looked at now."""
+        """Return whether the last poll saw the handle; one outside the poll set is tried now."""
         if handle in self._seen:
             return True
         socket = self._sockets.get(handle)
@@ -370,7 +364,7 @@ class SimKernel:
         return NewClient(self._add_socket(SimSocket(self.wire, socket.owner, stream)), stream.remote)
 
     def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
-        """Return the address of a name; without a table nobody knows any but localhost."""
+        """Return the address of a name; only those of `names` and localhost are known."""
         if handle not in self._sockets:
             return Fault("resolve", "EBADF")
         if name in ("localhost", "localhost."):
@@ -388,7 +382,7 @@ class SimKernel:
             return Fault("connect", "EBADF" if socket is None else "ENOTCONN")
         if stream.phase is StreamPhase.SYN_SENT:
             return WOULD_BLOCK
-        if stream.unread:  # a partner who has sent them and reset at once was there
+        if stream.unread:  # bytes prove that it was connected, also if the partner sent RST right after them
             return None
         return _make_fault(
             "connect", stream.take_error() or ("ENOTCONN" if stream.phase is StreamPhase.OVER else "")
@@ -486,7 +480,6 @@ class SimKernel:
     # -- the end -------------------------------------------------------------------------------------
 
     def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
-        """Send FIN; both=False keeps reading (half-close). A listener stops to listen."""
         socket = self._sockets.get(handle)
         return _make_fault("shutdown", "EBADF" if socket is None else socket.shutdown(both))
 

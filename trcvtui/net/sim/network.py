@@ -32,7 +32,7 @@ BROADCAST_ADDRESS: Final = "255.255.255.255"
 
 
 def simulated_broadcast(address: str) -> str:
-    """Return the broadcast address of a simulated network: its mask is that of `--netns`."""
+    """Return the broadcast address of the simulated network of an address; masks are those of `--netns`."""
     return broadcast_address(address, "255.0.0.0" if is_loopback(address) else "255.255.255.0")
 
 
@@ -41,8 +41,6 @@ LAST_FREE_PORT: Final = 60999
 
 
 class PortTable:
-    """All claims of one machine, by port."""
-
     def __init__(self) -> None:
         self._claims: dict[int, list[PortClaim]] = {}
         self._next = FIRST_FREE_PORT
@@ -67,7 +65,7 @@ class PortTable:
         return claim.port != 0
 
     def listen(self, claim: PortClaim) -> str:
-        """Make the claim exclusive; return "" or the errno name."""
+        """Make the claim exclusive; return "" or the errno name. Without a port it gets a free one."""
         if not claim.port and not self.claim_free_port(claim, claim.address):
             return "EADDRINUSE"
         if self._is_taken(claim, claim.address, claim.port):
@@ -80,7 +78,7 @@ class PortTable:
         self._claims.setdefault(claim.port, []).append(claim)
 
     def release(self, claim: PortClaim) -> None:
-        """Drop a claim; one that is not entered is no fault."""
+        """Drop a claim, if it was entered."""
         holders = self._claims.get(claim.port)
         if holders is not None and claim in holders:
             holders.remove(claim)
@@ -96,7 +94,7 @@ class PortTable:
         )
 
     def _free_port(self) -> int:
-        """Return a port that nobody holds, 0 when there is none."""
+        """Return a port without a claim, 0 if there is none."""
         for _ in range(FIRST_FREE_PORT, LAST_FREE_PORT + 1):
             port = self._next
             self._next = port + 1 if port < LAST_FREE_PORT else FIRST_FREE_PORT
@@ -107,7 +105,7 @@ class PortTable:
 
 NO_HOST_AFTER: Final = 3070 * MS  # ARP unanswered
 TIME_WAIT: Final = 60 * SECOND
-PLAYED_SEND_ROOM: Final = 8 << 20  # bytes of a played partner that nobody has taken
+PLAYED_SEND_ROOM: Final = 8 << 20  # bytes of a partner played from a capture that the PLC has not taken
 
 
 class SimListener:
@@ -124,7 +122,7 @@ class SimListener:
 
 
 class SimWire:
-    """The one machine that all handles share: loopback and its own addresses, nobody else."""
+    """The one machine that all handles share: it has loopback and its own addresses; there is no other."""
 
     def __init__(self, addresses: tuple[str, ...], latency: int) -> None:
         self.addresses = addresses
@@ -132,7 +130,7 @@ class SimWire:
         self.ports = PortTable()
         self.agenda = TimerQueue()
         self._latency = latency
-        self.played: dict[str, list[SimStream]] = {}  # owner -> calls that no machine answers by itself
+        self.played: dict[str, list[SimStream]] = {}  # owner -> calls that only a played partner answers
         self._down: dict[str, None] = {}
         self._listeners: dict[Endpoint, SimListener] = {}
         self._streams: dict[tuple[Endpoint, Endpoint], SimStream] = {}
@@ -150,7 +148,7 @@ class SimWire:
         self.agenda.cancel(ticket)
 
     def call_after_latency(self, act: Callable[[], None]) -> None:
-        """Do what comes of something that leaves now; without latency inside the call."""
+        """Call when a thing that leaves now arrives; without latency at once."""
         if self._latency:
             self.call_at(self.now + self._latency, act)
         else:
@@ -188,7 +186,7 @@ class SimWire:
             return
         if partner.phase is not StreamPhase.OVER:
             partner.handle_segment(segment)
-        elif partner.lingering and not segment.data:
+        elif partner.lingering and not segment.data:  # TIME_WAIT answers a FIN or probe again
             if segment.flags:
                 partner.acknowledge()
         elif not segment.flags & SegmentFlag.RST:
@@ -202,7 +200,7 @@ class SimWire:
         self._listeners[listener.claim.end] = listener
 
     def stop_listening(self, listener: SimListener) -> None:
-        """Refuse newcomers, and reset those that are queued."""
+        """Refuse new clients, and reset the queued ones."""
         assert listener.claim.end is not None
         self._listeners.pop(listener.claim.end, None)
         for client in listener.queue:
@@ -210,9 +208,9 @@ class SimWire:
         listener.queue.clear()
 
     def has_connection(self, client: SimStream) -> bool:
-        """Return whether a connection with the same two ends stands; TIME_WAIT is none (timestamps)."""
+        """Return whether there is a connection with the same two ends."""
         old = self._streams.get((client.local, client.remote))
-        return old is not None and not old.lingering
+        return old is not None and not old.lingering  # TIME_WAIT may be reused, with timestamps (RFC 6191)
 
     def connect(self, client: SimStream) -> None:
         """Begin a connection whose ends are free."""
@@ -231,7 +229,7 @@ class SimWire:
         """Carry a SYN to the machine that has the address."""
         if client.owner in self._down or not self.owns_address(client.remote.address):
             return
-        if client.local == client.remote:
+        if client.local == client.remote:  # a simultaneous open with itself
             client.partner = client
             client.establish(client.make_syn_ack().edge)
         else:
@@ -250,7 +248,7 @@ class SimWire:
                 self.carry(server, server.make_syn_ack())
 
     def call_as_partner(self, local: Endpoint, target: Endpoint) -> SimStream | None:
-        """Let a played partner call a listener; None: the same ends have a connection."""
+        """Let a played partner call a listener; None: these two ends have a connection already."""
         client = self._make_played_stream(local, target)
         if self.has_connection(client):
             return None
@@ -258,7 +256,7 @@ class SimWire:
         return client
 
     def answer_as_partner(self, owner: str) -> SimStream | None:
-        """Let a played partner take the newest call of an owner; None: it does not call."""
+        """Let a played partner answer the newest call of an owner; None: it does not call."""
         client = self._take_newest_call(owner)
         if client is None:
             return None
@@ -297,9 +295,9 @@ class SimWire:
         """Return the server side of a new connection, None when the queue holds backlog + 1 already."""
         ends = (client.remote, client.local)
         old = self._streams.get(ends)
-        if old is not None:  # the partner's machine has forgotten it, else it could not begin anew
+        if old is not None:  # the client has lost it, else it could not use the same ends again
             self._remove_stream(old) if old.lingering else old.handle_reset()
-        if len(listener.queue) > listener.backlog:
+        if len(listener.queue) > listener.backlog:  # Linux drops the SYN: the client sends it again
             return None
         claim = PortClaim(client.remote.address, listener.claim.port, listener.claim.reuse)
         server = SimStream(self, listener.owner, claim, *ends, replace(listener.tuning))
@@ -314,7 +312,7 @@ class SimWire:
     # -- the end -------------------------------------------------------------------------------------
 
     def remove_ended(self, stream: SimStream, linger: bool) -> None:
-        """Take a connection that has ended out of the tables, at once or after TIME_WAIT."""
+        """Remove an ended connection from the tables, at once or (`linger`) after TIME_WAIT."""
         stream.lingering = linger
         if linger:
             self.call_at(self.now + TIME_WAIT, lambda: self._remove_stream(stream))
@@ -337,9 +335,9 @@ class SimWire:
 
 KEEP_ALIVE_LIMITS_S: Final = (1, 32767)
 KEEP_ALIVE_DEFAULT: Final = 7200 * SECOND
-SMALL_SEND_BUFFER: Final = 2 * 4608  # Linux doubles what it is asked for
+SMALL_SEND_BUFFER: Final = 2 * 4608  # Linux doubles the value of SO_SNDBUF and SO_RCVBUF
 SMALL_RECEIVE_BUFFER: Final = 2 * 2304
-# What a second connect on the same socket answers.
+# The answer to a second connect on the same socket.
 SECOND_CONNECT_ERRORS: Final = {
     StreamPhase.SYN_SENT: "EALREADY",
     StreamPhase.OPEN: "EISCONN",
@@ -348,7 +346,7 @@ SECOND_CONNECT_ERRORS: Final = {
 
 
 class SimSocket:
-    """One socket. `changed` is called whenever its readiness may be another one."""
+    """One socket. `changed` is called whenever its readiness may have changed."""
 
     __slots__ = ("_wire", "changed", "claim", "listener", "owner", "polled", "stream", "tuning")
 
@@ -367,10 +365,9 @@ class SimSocket:
 
     @property
     def is_readable(self) -> bool:
-        """Return whether poll would see it; a socket that is nothing yet shows HUP."""
         if self.stream is not None:
             return self.stream.is_readable
-        return self.listener is None or bool(self.listener.queue)
+        return self.listener is None or bool(self.listener.queue)  # neither: a fresh socket shows HUP
 
     @property
     def is_gone(self) -> bool:
@@ -432,7 +429,7 @@ class SimSocket:
             return SECOND_CONNECT_ERRORS[self.stream.phase]
         if not is_valid_end(end) and self.owner not in self._wire.played:
             return "EINVAL"
-        remote = Endpoint(LOOPBACK, end.port) if end.address == ANY_ADDRESS else end
+        remote = Endpoint(LOOPBACK, end.port) if end.address == ANY_ADDRESS else end  # as Linux does
         is_broadcast = self._wire.is_broadcast(remote.address)
         error = "ENETUNREACH" if is_broadcast else self._route_error(remote.address)
         if error:
@@ -473,7 +470,7 @@ class SimSocket:
         return "ENOTCONN" if self.stream is None or self.stream.phase is StreamPhase.OVER else ""
 
     def shutdown(self, both: bool) -> str:
-        """Send FIN; a listener stops to listen when reading is shut as well."""
+        """Send FIN; a listener stops listening if reading is shut, too (`both`)."""
         if self.stream is not None:
             return self.stream.shutdown(both)
         if self.listener is None:
@@ -484,7 +481,7 @@ class SimSocket:
         return ""
 
     def free(self, abort: bool) -> None:
-        """Let the connection, the listener and the port go."""
+        """Free the connection, the listener and the port."""
         self._stop_listening()
         if self.stream is None:
             self._wire.ports.release(self.claim)
@@ -503,5 +500,4 @@ class SimSocket:
 
 
 def is_valid_end(end: Endpoint) -> bool:
-    """Return whether it is a dotted address and a port."""
     return parse_octets(end.address) is not None and 0 <= end.port < 65536

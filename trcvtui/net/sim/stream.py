@@ -1,7 +1,7 @@
 """One end of a simulated TCP connection: handshake, data, FIN, RST and timers, as a program sees Linux.
 
-Rule 1: state changes before a segment is carried: without latency the answer comes inside the call.
-Rule 2: an error is told to one call; afterwards read answers 0 and write EPIPE.
+Rule 1: change the state before a segment is carried: without latency the answer comes inside that call.
+Rule 2: an error is reported to one call; afterwards read answers 0 and write EPIPE.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from trcvtui.net.kernel import PathInfo
 from trcvtui.net.results import ANY_ADDRESS, OWN_END, PEEK_DEPTH, WOULD_BLOCK, Endpoint, Unread, WouldBlock
 from trcvtui.net.sim.timers import LONGEST_WAIT, MS, SECOND, SYN_WAITS, KeepAlive, Retry, Ticket, TimerResult
 
-# Positions count bytes from 0; FIN is one number after the last byte. A window never shrinks, and sending
-# again goes back to the first unacknowledged byte.
+# Positions count bytes from 0; FIN is one number after the last byte. A window never shrinks, and a
+# retransmission begins at the first unacknowledged byte.
 
 SEGMENT_BYTES: Final = 1460
 
 
 class SegmentFlag:
-    """What a segment means besides its data; plain numbers, each segment is asked several times."""
+    """What a segment means besides its data. Plain numbers, for speed: each segment is checked often."""
 
     NONE = 0
     SYN_ACK = 1
@@ -33,7 +33,7 @@ class SegmentFlag:
 
 
 class Segment(NamedTuple):
-    """What is carried: where its data stand in the stream, what is acknowledged, how far the window goes."""
+    """A TCP segment: the position of its data, what it acknowledges, and the end of the window (`edge`)."""
 
     seq: int
     ack: int
@@ -53,10 +53,10 @@ class SendHalf:
     def __init__(self, room: int) -> None:
         self.room = room
         self.fin = self.fin_acked = False
-        self.next = 0  # what the next new segment begins with
+        self.next = 0  # the position where the next segment begins
         self._queue = bytearray()
         self._first = 0  # where the queue begins: the first unacknowledged position
-        self._edge = 0  # how far the partner's window goes
+        self._edge = 0  # the end of the partner's window
 
     @property
     def queued_bytes(self) -> int:
@@ -65,12 +65,11 @@ class SendHalf:
 
     @property
     def in_flight(self) -> int:
-        """Return how many bytes are in flight."""
         return len(self._queue) - self.unsent
 
     @property
     def unsent(self) -> int:
-        """Return how many bytes the partner's window holds back."""
+        """Return how many bytes wait for the partner's window."""
         return max(0, self._first + len(self._queue) - self.next)
 
     @property
@@ -80,7 +79,7 @@ class SendHalf:
 
     @property
     def is_waiting(self) -> bool:
-        """Return whether anything is unacknowledged or held back."""
+        """Return whether anything is unacknowledged, or waits for the window."""
         return self._first < self.next or bool(self._queue)
 
     def put(self, data: memoryview) -> int:
@@ -90,13 +89,13 @@ class SendHalf:
         return len(taken)
 
     def open_window(self, edge: int) -> bool:
-        """Let the window go to edge; return whether that is farther than before."""
+        """Move the end of the window; return whether the window has grown."""
         wider = edge > self._edge
-        self._edge = max(self._edge, edge)
+        self._edge = max(self._edge, edge)  # a late segment does not shrink it
         return wider
 
     def acknowledge(self, ack: int) -> bool:
-        """Drop what has arrived there; return whether anything of it is new."""
+        """Drop what has arrived; return whether this acknowledges anything new."""
         taken = ack - self._first
         if taken <= 0:
             return False
@@ -106,7 +105,7 @@ class SendHalf:
         return True
 
     def rewind(self) -> None:
-        """Send everything unacknowledged again."""
+        """Begin again at the first unacknowledged byte."""
         self.next = self._first
 
     def emit(self) -> tuple[int, bytes, int] | None:
@@ -123,13 +122,12 @@ class SendHalf:
         return (seq, data, SegmentFlag.NONE) if data else None
 
     def withdraw(self, size: int) -> int:
-        """Forget the newest bytes of what the window holds back, so many at most; return how many."""
+        """Forget the newest bytes that wait for the window, so many at most; return how many."""
         size = min(size, self.unsent)
         del self._queue[len(self._queue) - size :]
         return size
 
     def clear(self) -> None:
-        """Forget what is queued: the connection is over."""
         self._queue.clear()
         self.next = self._first
 
@@ -144,7 +142,7 @@ class ReceiveHalf:
         self.fin = False
         self.inbox = bytearray()
         self.next = 0  # the position that is expected next
-        self._offered = room  # how far the window has been opened
+        self._offered = room  # the end of the window that the partner knows
 
     def read(self, into: memoryview, most: int) -> int:
         """Move bytes to the program; return how many."""
@@ -154,24 +152,24 @@ class ReceiveHalf:
         return size
 
     def offer_window(self) -> int:
-        """Return how far the window goes now."""
+        """Return the end of the window now."""
         self._offered = max(self._offered, self.next + self.room - len(self.inbox))
         return self._offered
 
     @property
     def should_update_window(self) -> bool:
-        """Return whether the window has doubled: Linux tells no less, so small reads cost no segment each."""
-        left, free = self._offered - self.next, self.room - len(self.inbox)
-        return 2 * left <= self.room and free >= 2 * left and free >= min(self.room // 2, SEGMENT_BYTES)
+        """Return whether the window has doubled: Linux announces no less, so small reads cost no segments."""
+        offered, free = self._offered - self.next, self.room - len(self.inbox)
+        return 2 * offered <= self.room and free >= 2 * offered and free >= min(self.room // 2, SEGMENT_BYTES)
 
     def has_new_bytes(self, segment: Segment) -> bool:
         """Return whether it carries bytes that are not here yet."""
         return segment.seq + len(segment.data) > self.next
 
     def accept(self, segment: Segment) -> None:
-        """Take in what is next in line; a partner never sends beyond the window that it was told."""
+        """Append the new bytes of a segment; a partner never sends beyond the window that it knows."""
         known = self.next - segment.seq
-        if known < 0:  # something in front of it was lost
+        if known < 0:  # a segment before it was lost: the partner will send both again
             return
         fresh = segment.data[known:] if known else segment.data
         self.inbox += fresh
@@ -182,16 +180,16 @@ class ReceiveHalf:
             self.next += 1
 
 
-SEND_BUFFER: Final = 2_621_440  # with the receive buffer the 4.19 MB that Linux swallowed before EAGAIN
+SEND_BUFFER: Final = 2_621_440  # with the receive buffer 4.19 MB: what Linux took before EAGAIN
 RECEIVE_BUFFER: Final = 1_572_864
 ORPHAN_LIFE: Final = 120 * SECOND
-RTO_MAX: Final = 1 * SECOND  # TCP_RTO_MAX_MS is accepted here
+RTO_MAX: Final = 1 * SECOND  # as on a Linux that accepts TCP_RTO_MAX_MS
 
 
 class PortClaim(Struct, eq=False):
-    """One socket's hold on a local end; port 0 = none yet.
+    """A local end that a socket occupies; port 0 = none yet.
 
-    `fixed` says that the program asked for this very port: it is then kept until the handle is freed.
+    `fixed`: the program chose this port; it is then occupied until the handle is freed.
     """
 
     address: str = ANY_ADDRESS
@@ -205,16 +203,14 @@ class PortClaim(Struct, eq=False):
         return Endpoint(self.address, self.port) if self.port else None
 
 
-class StreamPhase(Enum):
-    """Where the connection stands, as far as its program can tell."""
-
+class StreamPhase(Enum):  # as its program sees it: FIN and TIME_WAIT are no phases
     SYN_SENT = "connecting"
     OPEN = "open"
     OVER = "over"
 
 
 class Tuning(Struct):
-    """The socket options that change what happens; a stream shares its socket's. Times in ns."""
+    """The socket options that have an effect; a stream shares those of its socket. Times in ns."""
 
     keep_alive: int = 0
     user_timeout: int = 0
@@ -224,8 +220,6 @@ class Tuning(Struct):
 
 
 class Wire(Protocol):
-    """What a stream needs of the network."""
-
     @property
     def now(self) -> int: ...
     def call_at(self, due: int, act: Callable[[], None]) -> Ticket: ...
@@ -237,11 +231,11 @@ class Wire(Protocol):
 
 
 def ignore_change() -> None:
-    """Do nothing: what a stream's change means while no handle has it."""
+    """Do nothing: the `changed` of a stream without a handle."""
 
 
 class SimStream:
-    """One end. `partner` is the other one, once the handshake has found it."""
+    """One end. `partner` is the other one, None before the handshake."""
 
     __slots__ = (
         "_alive", "_alive_ticket", "_closed_first", "_end_ticket", "_in", "_out", "_retry",
@@ -258,8 +252,8 @@ class SimStream:
         self.changed: Callable[[], None] = ignore_change
         self.phase = StreamPhase.SYN_SENT
         self.error = ""
-        self.always_answers = False  # so no partner has to ask whether it lives
-        self.held = True  # a program, or an accept queue, still has it
+        self.always_answers = False  # then its partner needs no keep-alive timer
+        self.held = True  # by a program, or an accept queue
         self.lingering = False  # in TIME_WAIT
         self.read_shut = False
         self.heard = wire.now  # when the last segment came
@@ -277,16 +271,15 @@ class SimStream:
 
     @property
     def is_gone(self) -> bool:
-        """Return whether FIN, an error or an own shutdown shows (RDHUP, ERR or HUP)."""
+        """Return whether poll would show RDHUP, ERR or HUP: FIN, an error or an own shutdown."""
         return self._in.fin or self.read_shut or self.phase is StreamPhase.OVER
 
     @property
     def is_readable(self) -> bool:
-        """Return whether a read would not block."""
         return bool(self._in.inbox) or self.is_gone
 
     def peek(self, skip: int) -> Unread:
-        """Return what lies unread, and the partner's end."""
+        """Return what is unread, and how the partner has ended."""
         half, is_reset = self._in, self.phase is StreamPhase.OVER and self.error == "ECONNRESET"
         end = "rst" if is_reset else "fin" if half.fin else ""
         size = len(half.inbox)
@@ -298,7 +291,7 @@ class SimStream:
 
     @property
     def pending_bytes(self) -> int:
-        """Return how many bytes that were written no program has read."""
+        """Return how many written bytes the partner's program has not read."""
         return self._out.queued_bytes + (len(self.partner._in.inbox) if self.partner is not None else 0)
 
     def path(self) -> PathInfo:
@@ -308,17 +301,17 @@ class SimStream:
     # -- what a program does -------------------------------------------------------------------------
 
     def apply_options(self) -> None:
-        """Obey the tuning after a change; keep-alive counts on from the last segment."""
+        """Apply the tuning after a change; the keep-alive time still counts from the last segment."""
         self._out.room, self._in.room = self.tuning.send_room, self.tuning.receive_room
         self._start_keep_alive()
 
     def read(self, into: memoryview, most: int) -> int | WouldBlock | str:
         """Move at most `most` bytes into the view; a str is an errno name."""
-        if self._in.inbox:
+        if self._in.inbox:  # bytes come before FIN, and FIN before an error, as on Linux
             return self._read_inbox(into, most)
         if self._in.fin:
             return 0
-        if self.error:
+        if self.error:  # Rule 2
             return self.take_error()
         return 0 if self.is_gone else WOULD_BLOCK
 
@@ -345,7 +338,6 @@ class SimStream:
         return taken
 
     def take_error(self) -> str:
-        """Return the pending errno name and clear it."""
         error, self.error = self.error, ""
         return error
 
@@ -364,12 +356,12 @@ class SimStream:
     def _send_fin(self) -> None:
         if not self._out.fin:
             self._out.fin = True
-            self._closed_first = not self._in.fin
+            self._closed_first = not self._in.fin  # only the first one to close gets TIME_WAIT
             self._send_queued()
 
     def close(self) -> None:
-        """Let go: FIN after the queued data, or RST when received data is unread."""
-        if self.phase is not StreamPhase.OPEN or self._in.inbox:
+        """Send FIN after the queued data, or RST; the stream lives on without a program."""
+        if self.phase is not StreamPhase.OPEN or self._in.inbox:  # RFC 2525 2.17: RST if data is unread
             self.abort()
             return
         self.held = False
@@ -387,13 +379,13 @@ class SimStream:
             self._wire.carry(self, RESET_SEGMENT)
 
     def withdraw(self, size: int) -> None:
-        """Let the newest bytes that the partner's program has not read never have come, so many at most."""
+        """Take back the newest bytes that the partner's program has not read, so many at most."""
         size -= self._out.withdraw(size)
         inbox = self.partner._in.inbox if self.partner is not None else bytearray()
         del inbox[max(len(inbox) - size, 0) :]
 
     def end_as_partner(self) -> None:
-        """Let the partner's program end the connection, as one that is played has ended it."""
+        """End it as the captured PLC did: this is the played partner's end, the PLC's end gets OWN_END."""
         if self.partner is not None and self.partner.phase is StreamPhase.OPEN:
             self.partner.end_with_error(OWN_END)
         self.abort()
@@ -418,7 +410,6 @@ class SimStream:
             self._wire.carry_syn(self)
 
     def fail_no_host(self) -> None:
-        """End an attempt to which no machine has answered."""
         if self.phase is StreamPhase.SYN_SENT:
             self.end_with_error("EHOSTUNREACH")
 
@@ -427,7 +418,7 @@ class SimStream:
         return Segment(0, 0, self._in.offer_window(), b"", SegmentFlag.SYN_ACK)
 
     def establish(self, edge: int) -> None:
-        """Become established; edge is how far the partner's window goes."""
+        """Become established; `edge` is the end of the partner's window."""
         self._stop_retry()
         self.phase = StreamPhase.OPEN
         self.heard = self._wire.now
@@ -455,7 +446,7 @@ class SimStream:
             self.establish(segment.edge)
 
     def handle_reset(self) -> None:
-        """End because of a RST, or because the partner's machine has begun anew with the same ends."""
+        """End because of a RST, or of a new connection of the partner with the same ends."""
         if self.phase is StreamPhase.OPEN:
             # In CLOSE_WAIT Linux calls it EPIPE: the FIN was the end, the RST answers our later data.
             self.end_with_error("EPIPE" if self._in.fin and not self._out.fin else "ECONNRESET")
@@ -476,7 +467,7 @@ class SimStream:
         return self._in.fin and self._out.fin_acked
 
     def _accept_segment(self, segment: Segment) -> None:
-        if self.read_shut and segment.data and self._in.has_new_bytes(segment):  # nobody will ever read it
+        if self.read_shut and segment.data and self._in.has_new_bytes(segment):  # RFC 1122 4.2.2.13: RST
             self.end_with_error("ECONNRESET")
             self._wire.carry(self, RESET_SEGMENT)
             return
@@ -492,11 +483,10 @@ class SimStream:
         self._wire.carry(self, Segment(self._out.next, self._in.next, self._in.offer_window(), b"", flags))
 
     def acknowledge(self) -> None:
-        """Answer a segment that came to a connection in TIME_WAIT."""
         self._send_bare()
 
     def _send_queued(self) -> None:
-        """Send what the partner's window lets through, and FIN after the last byte."""
+        """Send what the partner's window allows, and FIN after the last byte."""
         if self.phase is not StreamPhase.OPEN:
             return
         sent = self._out.emit()
@@ -525,7 +515,7 @@ class SimStream:
         if verdict is TimerResult.DEAD:
             self.end_with_error("ETIMEDOUT")
         elif probing:
-            self._send_bare(SegmentFlag.PROBE)
+            self._send_bare(SegmentFlag.PROBE)  # a zero window: probe it, there is nothing to send again
             self._start_retry_timer()
         else:
             self._out.rewind()
@@ -549,7 +539,7 @@ class SimStream:
             self._send_bare(SegmentFlag.PROBE)
 
     def fall_silent(self) -> None:
-        """Answer nothing from now on; the partner begins to ask."""
+        """Answer nothing from now on; the partner starts its keep-alive."""
         self.always_answers = False
         self._wire.set_link(self.owner, False)
         if self.partner is not None:
@@ -558,7 +548,7 @@ class SimStream:
     # -- the end -------------------------------------------------------------------------------------
 
     def end_with_error(self, error: str) -> None:
-        """End with this error, without a word to the partner."""
+        """End with this error; the partner gets no segment."""
         self.error = error
         self._end(linger=False)
 

@@ -1,6 +1,6 @@
-"""Virtual time of the simulated network: an agenda, and the two clocks that can end a TCP connection.
+"""Virtual time of the simulated network: a queue of timers, and the two that can end a TCP connection.
 
-The figures are those measured on Linux; all times are in ns.
+The figures were measured on Linux; all times are in ns.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SYN_WAITS: Final = (1024 * MS,) * 5 + tuple(1024 * MS << n for n in range(1, 7))
 
 
 class Ticket:
-    """One thing to do at a time; cancelled by taking its act away."""
+    """One timer of the queue; without its `act` it is cancelled."""
 
     __slots__ = ("act",)
 
@@ -32,7 +32,7 @@ class Ticket:
 
 
 class TimerQueue:
-    """What is due when, in the order of time and, at the same time, of entering."""
+    """Timers in the order of their time; those of the same time in the order of entering."""
 
     def __init__(self) -> None:
         self.now = 0
@@ -47,18 +47,18 @@ class TimerQueue:
         return ticket
 
     def cancel(self, ticket: Ticket | None) -> None:
-        """Take a ticket back; memory stays in proportion to what is really due."""
         if ticket is None or ticket.act is None:
             return
         ticket.act = None
         self._cancelled += 1
+        # A heap cannot drop an entry cheaply: only when most of them are cancelled it is made anew.
         if self._cancelled > 64 and self._cancelled > len(self._heap) // 2:
             self._heap = [entry for entry in self._heap if entry[2].act is not None]
             heapq.heapify(self._heap)
             self._cancelled = 0
 
     def run_until(self, now: int) -> None:
-        """Do all that is due up to now, each at its own time."""
+        """Call all that is due up to now, each at its own time."""
         while self._heap and self._heap[0][0] <= now:
             due, _, ticket = heapq.heappop(self._heap)
             act, ticket.act = ticket.act, None
@@ -71,7 +71,7 @@ class TimerQueue:
 
     @property
     def next_due(self) -> int | None:
-        """Return when the next thing is to be done, None where nothing is."""
+        """Return the time of the next timer, None if there is none."""
         while self._heap and self._heap[0][2].act is None:
             heapq.heappop(self._heap)
             self._cancelled -= 1
@@ -79,10 +79,10 @@ class TimerQueue:
 
 
 class TimerResult(Enum):
-    """What a clock says when it strikes."""
+    """The decision when a timer is due."""
 
     WAIT = "wait"
-    ASK = "ask"
+    ASK = "ask"  # send a probe, or the data again
     DEAD = "dead"
 
 
@@ -100,15 +100,15 @@ class KeepAlive:
     def check_due(self, now: int, heard: int, busy: bool, user_timeout: int) -> TimerResult:
         """Decide at `due`, and set the next one; busy = sent or unsent data is waiting for the partner."""
         silent = now - heard
-        if heard >= self._asked_at:
+        if heard >= self._asked_at:  # the last probe was answered
             self._probes = 0
         self.due = now + self.interval
-        if busy:
+        if busy:  # Linux sends no keep-alive probe then: retransmission decides
             return TimerResult.WAIT
         if silent < self.interval:
             self.due = heard + self.interval
             return TimerResult.WAIT
-        # A user timeout takes the place of the probe count, and lengthens the time as well.
+        # A user timeout replaces the probe count (tcp_keepalive_timer), and can make the time longer, too.
         if silent >= user_timeout and self._probes > 0 if user_timeout else self._probes >= KEEP_ALIVE_PROBES:
             return TimerResult.DEAD
         self._probes += 1
@@ -132,17 +132,16 @@ class Retry:
         self._unanswered = 0
 
     def start(self, now: int) -> None:
-        """Begin to wait for an acknowledgement or an open window."""
+        """Start to wait for an acknowledgement or an open window."""
         self.stop()
         self.due = now + FIRST_RETRY_WAITS[0]
 
     def note_answer(self) -> None:
-        """Note that the partner lives, though its window stays closed."""
-        self._unanswered = 0
+        self._unanswered = 0  # a zero window that is confirmed can last for ever (RFC 9293 3.8.6.1)
 
     def check_due(self, now: int, probing: bool, user_timeout: int, longest: int) -> TimerResult:
-        """Decide at `due`, and set the next one; probing = the window is closed and nothing is in flight."""
-        if self._since is None and (probing or self._tries > 0):
+        """Decide at `due`, and set the next one; probing = zero window and nothing in flight."""
+        if self._since is None and (probing or self._tries > 0):  # the tail probe does not start the limit
             self._since = now
         if self._is_exhausted(now, user_timeout):
             return TimerResult.DEAD

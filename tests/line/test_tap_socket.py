@@ -318,7 +318,7 @@ def test_observers_that_hang_are_told_as_stale_and_read_again_when_they_go_on(
         os.kill(server, signal.SIGSTOP)
         until(lambda: not turned() and agent.is_stale)
         said = capsys.readouterr().err
-        assert "found nothing for 3 s" in said and "found a tap that tells nothing" in said
+        assert "found nothing for 3 s" in said and "found a tap that sends nothing" in said
         os.kill(server, signal.SIGCONT)
         until(lambda: sees_bytes() and not agent.is_stale)
     for end in (device, plc):

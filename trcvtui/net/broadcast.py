@@ -42,9 +42,7 @@ def receive_datagram(
     got = kernel.recv_from(handle, into)
     if hearing is None or got is not WOULD_BLOCK:
         return got
-    for _ in range(
-        MOST_OWN_BROADCASTS
-    ):  # the stack loops our own broadcasts back; a CPU gets none of its own
+    for _ in range(MOST_OWN_BROADCASTS):  # the stack loops our own back; a CPU does not receive its own
         got = kernel.recv_from(hearing, into)
         if not isinstance(got, Datagram) or got.source != own:
             return got

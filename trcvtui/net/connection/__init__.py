@@ -1,1 +1,1 @@
-"""Connections of every kind: their descriptions, how they come up, work, end, and who owns them."""
+"""Connections of every kind: their descriptions, set-up, data, end, and the claims of instances on them."""

@@ -1,6 +1,6 @@
-"""What is configured: TCP_CONNECTCONFIG, UDP_CONFIG, ADDR_PARAM, and a dialect's policy.
+"""Configurations: TCP_CONNECTCONFIG, UDP_CONFIG, ADDR_PARAM, and a dialect's policy.
 
-Nothing here needs a kernel, so that a dialect's table of answers needs none.
+Nothing here imports a kernel: so a dialect's table of answers needs none.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ class ConnectionPolicy(Struct, frozen=True):
     """What a dialect decides about connections; times in ns."""
 
     retry_ns: int = 1_000_000_000
-    pauses_after_idle: bool = False  # an active end whose connection fell before a byte moved waits retry_ns
+    pauses_after_idle: bool = False  # an active end waits retry_ns if its connection ended before any byte
     attempt_limit_ns: int = 5_000_000_000
     strict_local_address: bool = False
-    listens_at_once: bool = False  # the listener is there in the scan that begins the set-up
+    listens_at_once: bool = False  # it listens already in the scan that begins the set-up
     check_remote_ip: bool = True
     check_remote_port: bool = False
     second_client: str = "reject"
     backlog: int = 128  # clients that the listener's queue holds
     small_buffers: bool = False
-    tpdu_default: int = 1024  # bytes of a DT to a partner of ISO-on-TCP who tells no size
+    tpdu_default: int = 1024  # bytes of a DT to a partner of ISO-on-TCP that names no size
     narrow_tsaps: bool = False  # as an S7-1200: E0 or E1 with 00 or 01 after it, then ASCII
     keep_alive_s: int = SYSTEM_KEEP_ALIVE_S
-    broadcasts: bool = False  # the manual has UDP to broadcast addresses: they are sent, and heard
-    user_timeout: bool = True  # sent bytes that nobody acknowledges for 3 intervals end the connection
+    broadcasts: bool = False  # UDP broadcasts are sent and received: the manual has them
+    user_timeout: bool = True  # sent bytes without an acknowledgement for 3 intervals end the connection
 
 
 ANY_END: Final = Endpoint(ANY_ADDRESS, 0)
@@ -46,10 +46,10 @@ LONGEST_KEEP_ALIVE_S: Final = 32767  # what a stack takes (Linux, MAX_TCP_KEEPID
 class ConnectConfig(Struct, frozen=True):
     """One CONNECT. Addresses are dotted IPv4 text; ports 0..65535, or `@NAME` for RemotePort.
 
-    `description`: the bytes that an engineer has for it; `flaw`: what a CPU finds wrong with them.
-    `remote_name`: the partner's name, asked for at each attempt; "": `remote_address` says where it is.
-    `any_local`: the system's own routing gives an active end its local address.
-    `is_datagram`: UDP; the partner of each datagram stands in an ADDR. `history`: bytes that are kept.
+    `description`: its bytes, as an engineer has written them; `flaw`: what a CPU finds wrong with them.
+    `remote_name`: the partner's name, resolved at each attempt; "": `remote_address` is used.
+    `any_local`: the system's routing chooses the local address of an active end.
+    `is_datagram`: UDP; the partner of each datagram is in an ADDR. `history`: received bytes that are kept.
     """
 
     name: str
@@ -70,17 +70,16 @@ class ConnectConfig(Struct, frozen=True):
 
     @property
     def is_message_oriented(self) -> bool:
-        """Return whether the partner's messages arrive whole, one a job."""
+        """Return whether each job takes one whole message of the partner, not bytes of a stream."""
         return self.is_datagram or (self.session is not None and self.session.is_message_oriented)
 
     @property
     def keep_alive_s(self) -> int:
-        """Return the keep-alive interval in seconds that is in force."""
         return min(self.keep_alive_interval_s or self.keep_alive_default_s, LONGEST_KEEP_ALIVE_S)
 
     @property
     def keep_alive_limit_note(self) -> str:
-        """Return in words that another interval is in force than the one asked for, else ""."""
+        """Return a text if another interval is in force than the configured one, else ""."""
         if self.keep_alive_interval_s <= self.keep_alive_s:
             return ""
         asked, taken = self.keep_alive_interval_s, self.keep_alive_s
@@ -88,12 +87,12 @@ class ConnectConfig(Struct, frozen=True):
 
     @property
     def dead_after_ms(self) -> int:
-        """Return after how many milliseconds of silence the link counts as dead: 3 intervals (7.15.4)."""
+        """Return the milliseconds of silence after which the link is dead: 3 intervals (manual 7.15.4)."""
         return 3000 * self.keep_alive_s
 
 
 def parse_address(text: str) -> str | None:
-    """Return the address when it is exactly four octets 0..255, else None; never ask a resolver."""
+    """Return the address if it is exactly four octets 0..255, else None; never ask a resolver."""
     numbers = parse_octets(text)
     return ".".join(map(str, numbers)) if numbers is not None else None
 
@@ -110,9 +109,9 @@ class UdpConfig(Struct, frozen=True):
 
 
 class AddrParam(Struct, frozen=True):
-    """One ADDR_PARAM as it stands in the file; `@NAME` for RemotePort, resolved at each send.
+    """One ADDR_PARAM as it is in the file; `@NAME` for RemotePort, resolved at each send.
 
-    `description`: the bytes of a TADDR_Param, or of what stands there instead; None: only an end is given.
+    `description`: the bytes of a TADDR_Param, or of what is there in its place; None: only an end is given.
     """
 
     name: str
@@ -130,9 +129,9 @@ class AddrParam(Struct, frozen=True):
 
 
 class RemoteAddress:
-    """One ADDR_PARAM at work: USEND_C reads it, URECV_C writes the source of a datagram into it.
+    """One ADDR_PARAM at run time: USEND_C reads it, URECV_C writes the source of a datagram into it.
 
-    `generation` counts the writes.
+    `generation` counts the changes.
     """
 
     def __init__(self, param: AddrParam) -> None:
@@ -143,13 +142,12 @@ class RemoteAddress:
         self.generation = 0
 
     def set_end(self, source: Endpoint) -> None:
-        """Become the source of a datagram."""
         if (self.address, self.port) != (source.address, source.port):
             self.address, self.port = source.address, source.port
             self.generation += 1
 
     def resolve_target(self, resolve: Callable[[str], int | None]) -> Endpoint | Fault:
-        """Return where a datagram goes; `resolve` says where `@NAME` listens now."""
+        """Return where a datagram goes; `resolve` returns the port where `@NAME` listens now."""
         port = resolve(self.port) if isinstance(self.port, str) else self.port
         if port is None:
             return Fault("resolve", f"{self.port} does not listen")
@@ -158,5 +156,5 @@ class RemoteAddress:
         return Endpoint(self.address, port)
 
     def __str__(self) -> str:
-        """Return `127.0.0.1:2000`, or `127.0.0.1:@P1` as long as the file's name stands there."""
+        """Return `127.0.0.1:2000`, or `127.0.0.1:@P1` if RemotePort is still a name."""
         return f"{self.address}:{self.port}"

@@ -1,11 +1,11 @@
 """One connection: what TCON, TRCV, TDISCON and T_RESET do, at most one set-up step a scan.
 
-Rule 1: `step` does at most one thing a scan, whichever block asks first; the others read the same answer.
+Rule 1: `step` takes at most one step a scan, for the first block that calls it; the others get its result.
 Rule 2: a loss is found once, stored under its incarnation, and given to every block that asks (5.3 e).
-Rule 3: a FIN never overtakes bytes: while somebody receives, or is about to (`readers`), the incarnation
-ends after the last of them. A sender that meets the loss first knows it at once; the loss is
-pending until the receiver has read on.
-Rule 4: a client that comes after the partner's FIN or RST is its successor, and waits; it is not reset.
+Rule 3: a FIN never overtakes bytes: while a block receives, or is about to (`readers`), the incarnation
+ends after the last byte. A sender that finds the loss first gets it at once; the loss is then pending until
+the receiver has read all bytes.
+Rule 4: a client that comes after the partner's FIN or RST is its successor: it waits and is not reset.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ from trcvtui.net.results import HELD_BACK, OWN_END, WOULD_BLOCK, Datagram, Endpo
 class LossKind(Enum):
     CLOSED_BY_PARTNER = auto()
     RESET_BY_PARTNER = auto()
-    REFUSED = auto()  # at the end of a handshake that was over for us: the partner does not take us
+    REFUSED = auto()  # by the partner, after our side of the TLS handshake was complete
     LINK_DEAD = auto()
     FAILED = auto()
     OURS = auto()
 
 
-# What is said of bytes that a loss has kept from DATA.
+# Why bytes never reached DATA.
 LOSS_REASONS: Final = {
     LossKind.CLOSED_BY_PARTNER: "FIN",
     LossKind.RESET_BY_PARTNER: "RST",
@@ -54,21 +54,21 @@ LOSS_REASONS: Final = {
     LossKind.FAILED: "the connection failed",
     LossKind.OURS: "closed on our side",
 }
-# 3.2: this whole family, on an established connection, means that the link is dead.
+# 3.2: on an established connection each of these means that the link is dead.
 LINK_DEAD_ERRORS: Final = frozenset({"ETIMEDOUT", "EHOSTUNREACH", "ENETUNREACH", "EHOSTDOWN", "ENETDOWN"})
-# The partner has ended a session, with a word of its own or without the one that belongs there.
+# The partner has ended a session: with an alert, or with a FIN that lacks its close_notify.
 PARTNER_END_ERRORS: Final = frozenset({TlsError.REFUSED, TlsError.TRUNCATED})
-LOSSES_KEPT: Final = 8
+LOSSES_KEPT: Final = 8  # of the newest incarnations: a block asks at its next call
 
 
 class ConnectionLoss(Struct, frozen=True):
-    """How one incarnation ended; `release_fault` is a failure to take its socket out of the poll set."""
+    """How one incarnation ended; `release_fault`: taking its socket out of the poll set failed."""
 
     kind: LossKind
     peer: str
     fault: Fault | None = None
     release_fault: Fault | None = None
-    is_played: bool = False  # closed by the PLC of a capture: which of its blocks did is not known
+    is_played: bool = False  # closed by the PLC of a capture; the capture does not show which block did
 
     @property
     def reason(self) -> str:
@@ -78,7 +78,7 @@ class ConnectionLoss(Struct, frozen=True):
 def classify_loss(fault: Fault | None, peer: str, may_refuse: bool = False) -> ConnectionLoss:
     """Return the loss that a call's answer means; None is the partner's FIN.
 
-    `may_refuse`: we have called, and nothing of the partner's data has come: an alert of TLS refuses us.
+    `may_refuse`: we are the active end and have no data of the partner: then a TLS alert is a refusal.
     """
     if fault is not None and fault.error == OWN_END:
         return ConnectionLoss(LossKind.OURS, peer, is_played=True)
@@ -103,14 +103,14 @@ class State(StrEnum):
     CONNECTED = "connected"
 
 
-# Rule 1: bytes that nobody acknowledges for 3 keep-alive intervals end the connection; idle ones are left to
-# keep-alive, which takes as long.
-# Rule 2: a partner that lives but does not read has closed its window: then no limit, it may take for ever.
-# Rule 3: where closed windows are probed often, an ACK older than the limit is a dead link.
+# Rule 1: bytes that are not acknowledged for 3 keep-alive intervals end the connection. An idle connection is
+# left to keep-alive, which takes as long.
+# Rule 2: a partner that lives but does not read has a zero window: that may last without limit.
+# Rule 3: if a zero window is probed often, a last ACK older than the limit means a dead link.
 
 
 class SentState(Enum):
-    SETTLED = auto()  # the partner's stack has acknowledged all, or this system does not say
+    SETTLED = auto()  # the partner's stack has acknowledged all, or this system does not provide it
     UNDER_WAY = auto()
     DEAD = auto()
 
@@ -123,7 +123,7 @@ class SocketUse(Enum):
 
 
 class DeadLinkWatch:
-    """The watch over one connection's sent bytes; `begin` with each TCP connection."""
+    """Watches one connection's sent bytes for a dead link; call `begin` with each TCP connection."""
 
     def __init__(self, config: ConnectConfig, kernel: Kernel, is_on: bool) -> None:
         self._limit_ms = config.dead_after_ms
@@ -132,20 +132,20 @@ class DeadLinkWatch:
         self._set_ms = 0
 
     def begin(self, handle: Handle) -> None:
-        """Limit how long bytes may stay unacknowledged; before "connected" it would cut attempts too."""
-        self._set_ms = 0
+        """Limit how long bytes may stay unacknowledged."""
+        self._set_ms = 0  # set here and not before connect: there it would shorten the attempt
         self._set_limit(handle, closed_window=False)
 
     def check(self, handle: Handle) -> SentState:
-        """Look once; done in each scan as long as bytes are under way."""
+        """Return the state of the sent bytes; to be called in each scan while some are under way."""
         path = self._kernel.path(handle)
         if path is None or not (path.unacked or path.unsent):
             self._set_limit(handle, closed_window=False)
             return SentState.SETTLED
-        closed_window = path.unacked == 0
-        self._set_limit(handle, closed_window)
-        speaks = not path.probes_often or path.last_ack_ms < self._limit_ms
-        return SentState.DEAD if self._is_on and closed_window and not speaks else SentState.UNDER_WAY
+        closed_window = path.unacked == 0  # nothing in flight, but bytes to send
+        self._set_limit(handle, closed_window)  # Rule 2: TCP_USER_TIMEOUT would count there, too
+        answers = not path.probes_often or path.last_ack_ms < self._limit_ms  # Rule 3
+        return SentState.DEAD if self._is_on and closed_window and not answers else SentState.UNDER_WAY
 
     def _set_limit(self, handle: Handle, closed_window: bool) -> None:
         limit = self._limit_ms if self._is_on and not closed_window else 0
@@ -155,7 +155,7 @@ class DeadLinkWatch:
 
 
 class Connection:
-    """One CONNECT at work. Blocks talk to this, never to the kernel."""
+    """One CONNECT at run time. Blocks use this, never the kernel."""
 
     SET_UP: ClassVar[type[SetUp]] = SetUp
 
@@ -179,10 +179,10 @@ class Connection:
         self.keeping = DirectionClaims()  # blocks that build it, and hold it
         self.readers: dict[str, Callable[[bool], bool]] = {}  # instance -> would it read? True: in its turn
         self.bytes_received = self.recvs = self.bytes_sent = self.sends = 0
-        self.pending_loss: ConnectionLoss | None = None  # known, but somebody still reads what came before it
+        self.pending_loss: ConnectionLoss | None = None  # known, but a block still reads the bytes before it
         self.since_scan = 0  # the scan in which the state last changed to connected
         self.retry_at: int | None = None
-        self.link_is_dead = False  # from its loss until the partner's machine answers
+        self.link_is_dead = False  # from the loss until the partner's machine answers
         self.handle: Handle | None = None
         ids, note, work = resources.connection_ids, self._note, resources.work
         self._new_set_up = partial(self.SET_UP, config, kernel, policy, resolve, ids, note, work)
@@ -190,7 +190,9 @@ class Connection:
         self._kernel, self._resources, self._policy, self._write = kernel, resources, policy, write
         self._name = config.name
         self._local: Endpoint | None = None
-        self._early: list[tuple[State, StepFault | None]] = []  # steps that were taken as it was queued
+        self._early: list[
+            tuple[State, StepFault | None]
+        ] = []  # steps taken by `open`, to be shown one a scan
         self._stepped_in = -1
         self._step_fault: StepFault | None = None
         self._losses: dict[int, ConnectionLoss] = {}  # of the newest incarnations
@@ -199,7 +201,7 @@ class Connection:
 
     @property
     def is_up(self) -> bool:
-        """Return whether the connection stands, as far as anybody knows."""
+        """Return whether it is connected, and no loss is known."""
         return self.state is State.CONNECTED and self.pending_loss is None
 
     @property
@@ -213,7 +215,7 @@ class Connection:
                 yield handle, SocketUse.DATAGRAMS if self.config.is_datagram else use
 
     def is_up_for(self, claim: Claim) -> bool:
-        """Return whether the connection stands for this instance: a reader has it to the last byte."""
+        """Return whether it is up for this instance: for a reader up to the last byte (Rule 3)."""
         return self.is_up or (self.state is State.CONNECTED and self._is_reader(claim))
 
     def _is_reader(self, claim: Claim | None) -> bool:
@@ -226,17 +228,16 @@ class Connection:
         if self.receiving.is_used_by_others(asking):
             return True
         own = "" if asking is None else asking.instance
-        waits = not self.receiving.holds_refused(asking)  # else nobody's turn comes before that of `asking`
+        waits = not self.receiving.holds_refused(asking)  # False: the refused `asking` bars other readers
         return any(name != own and would(waits) for name, would in self.readers.items())
 
     @property
     def partner(self) -> str:
-        """Return the partner's address and port as text, "" while there is none."""
         return str(self.peer or "")
 
     @property
     def local(self) -> Endpoint | None:
-        """Return the local end of the connection, or of the listener."""
+        """Return the local end of the connection, or else of the listener."""
         return self._local or self.set_up.local
 
     @property
@@ -246,14 +247,12 @@ class Connection:
     # -- set-up: TCON ------------------------------------------------------------------------
 
     def open(self, now: int, has_addr: bool = True) -> Fault | None:
-        """Queue the set-up job; the steps follow one a scan. `has_addr`: for UDP, its opener can send.
-
-        A listener that is made at once shows what failed in the steps of any other.
-        """
+        """Queue the set-up job; its steps follow, one a scan. `has_addr`: for UDP, the block has an ADDR."""
         fault = self._resources.queue.put(self.config.name)
         if fault is not None:
             return fault
         at_once = self._policy.listens_at_once and not (self.config.active or self.config.is_datagram)
+        # The faults of a listener that is made at once show in the same steps as those of any other.
         self._early = self._listen_at_once(now) if at_once else []
         self.state = State.QUEUED
         return None
@@ -265,7 +264,7 @@ class Connection:
         return [(State.CREATED, None), (State.ESTABLISHING, self._prepare(now))]
 
     def _note_early_faults(self) -> None:
-        """Note what failed in a first step whose turn to tell never comes."""
+        """Note the faults of early steps that were never shown, because the set-up was ended before."""
         for _, failed in self._early:
             if failed is not None:
                 self._note(EventKind.ATTEMPT_FAILED, self.set_up.remote, failed.detail, failed.fault)
@@ -273,7 +272,7 @@ class Connection:
 
     def step(self, scan: int, now: int) -> StepFault | None:
         """Take one step of the set-up, once a scan; return what failed in this scan's step."""
-        if self._stepped_in != scan:
+        if self._stepped_in != scan:  # Rule 1
             self._stepped_in = scan
             self._step_fault = failed = self._take_step(now)
             if failed is not None:
@@ -358,24 +357,23 @@ class Connection:
     # -- a second client ---------------------------------------------------------------------------
 
     def serve_listener(self) -> bool:
-        """Turn second clients away, bounded work a scan; return whether blocks must look at this CONNECT."""
+        """Handle second clients, bounded work a scan; return whether blocks must look at this CONNECT."""
         if self.end_if_loss_pending():
             return True
         listener = self.set_up.listener
         if listener is None or self.state is not State.CONNECTED or not self._kernel.readable(listener):
             return False
-        if self._policy.second_client == "queue":
+        if self._policy.second_client == "queue":  # it waits in the stack
             return False
         before = self.incarnation
-        while not self._has_ended():  # accept ends when the scan has done its part (Work)
+        while not self._has_ended():  # Rule 4; without work left in this scan `accept_partner` gives None
             got = self.set_up.accept_partner()
-            # When a newcomer could not be taken over, nobody is left: the next step adopts one that waits.
             if not isinstance(got, NewClient):
                 break
-            if self._has_ended():  # between the look and the accept
+            if self._has_ended():  # between the check and the accept: Rule 4
                 self.set_up.keep_successor(got)
                 return True
-            if not self._handle_second_client(got):
+            if not self._handle_second_client(got):  # it failed: the next step accepts another that waits
                 break
         else:
             return True
@@ -397,11 +395,11 @@ class Connection:
     # -- data: TRCV -----------------------------------------------------------------------------
 
     def receive(self, into: memoryview, instance: str = "") -> int | WouldBlock | ConnectionLoss:
-        """Read at most len(into) bytes; a loss is answered after the last queued byte, and releases."""
+        """Read at most len(into) bytes; a loss is returned after the last queued byte, and releases."""
         assert self.handle is not None
         got = self._kernel.recv(self.handle, into)
         if got is WOULD_BLOCK and self.pending_loss is not None:
-            self._kernel.renew(self.handle)  # the loss came after the poll, bytes perhaps before that
+            self._kernel.renew(self.handle)  # the loss came after the poll; bytes may have come before it
             got = self._kernel.recv(self.handle, into)
         if got is WOULD_BLOCK:
             return WOULD_BLOCK if self.pending_loss is None else self._end_after_last_byte(self.pending_loss)
@@ -415,14 +413,14 @@ class Connection:
         return WOULD_BLOCK
 
     def _end_after_last_byte(self, loss: ConnectionLoss) -> WouldBlock | ConnectionLoss:
-        """Release the connection after the last byte; a whole frame that others have read shows first."""
+        """Release the connection, or wait until a block has shown a whole frame that it has read."""
         if not self.receiving.has_frame():
             return self._release_lost(loss)
         self.pending_loss = loss
         return WOULD_BLOCK
 
     def receive_message(self, into: memoryview, instance: str) -> Datagram | WouldBlock | ConnectionLoss:
-        """Take one message; what there is no room for is gone. A loss is answered after the last message."""
+        """Take one message; bytes without room are lost. A loss is returned after the last message."""
         assert self.handle is not None
         got = self._kernel.recv_from(self.handle, into)
         if got is WOULD_BLOCK and self.pending_loss is not None:
@@ -438,7 +436,7 @@ class Connection:
         return WOULD_BLOCK if loss is None else self._end_after_last_byte(loss)
 
     def _note_received(self, content: memoryview, instance: str, cut: int = 0) -> None:
-        """Note what a call has read; `cut`: so many bytes of a datagram had no room."""
+        """Note the bytes of one receive call; `cut`: so many bytes of a datagram had no room."""
         self.recvs += 1
         offset, size = self.bytes_received, len(content) + cut
         self.bytes_received = offset + size
@@ -448,11 +446,8 @@ class Connection:
         self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, size, instance, at, cut))
 
     def check_loss(self, asking: Claim | None = None) -> ConnectionLoss | None:
-        """Look for a loss without consuming data; release the connection when there is one.
-
-        While somebody else than `asking` receives, or is about to, the loss is left to that one (rule 3).
-        """
-        if self.handle is None or self._has_other_readers(asking):
+        """Check for a loss without consuming data; release the connection if there is one."""
+        if self.handle is None or self._has_other_readers(asking):  # Rule 3: the loss is left to the reader
             return None
         return self._look_for_loss(self.handle, asking)
 
@@ -465,18 +460,18 @@ class Connection:
     def _apply_loss(self, loss: ConnectionLoss, asking: Claim | None = None) -> ConnectionLoss:
         if not self._has_other_readers(asking):
             return self._release_lost(loss)
-        self.pending_loss = loss
+        self.pending_loss = loss  # Rule 3
         return loss
 
     def end_if_loss_pending(self) -> bool:
-        """Release a lost connection that nobody reads any more; return whether it was one."""
+        """Release a lost connection that no block reads any more; return whether it was one."""
         if self.pending_loss is None or self._has_other_readers(None):
             return False
         self._release_lost(self.pending_loss)
         return True
 
     def find_loss(self, incarnation: int, asking: Claim | None = None) -> ConnectionLoss | None:
-        """Return how that incarnation ended, None while it stands; to its receiver it stands to the last."""
+        """Return how an incarnation ended, None while it is up (for its receiver: up to the last byte)."""
         if self.state is State.CONNECTED and self.incarnation == incarnation:
             if self.pending_loss is None or self._is_reader(asking):
                 return None
@@ -487,7 +482,7 @@ class Connection:
         return 0 if self.handle is None else self._kernel.unread(self.handle)
 
     def note_dropped(self, offset: int, size: int, reason: str, incarnation: int | None = None) -> None:
-        """Note bytes of an incarnation (default: this) that never reach DATA; offset -1: still queued."""
+        """Note bytes of an incarnation (default: this one) that never reach DATA; offset -1: in the stack."""
         if size:
             of = self.incarnation if incarnation is None else incarnation
             position = self.received.skip(size) if offset < 0 else -1
@@ -498,9 +493,9 @@ class Connection:
 
     def _release_lost(self, loss: ConnectionLoss) -> ConnectionLoss:
         assert self.handle is not None
-        left = self.unread()
-        self.note_dropped(-1, left, loss.reason)
-        idle = loss.kind is LossKind.REFUSED or not (left or self.bytes_received or self.bytes_sent)
+        unread = self.unread()
+        self.note_dropped(-1, unread, loss.reason)
+        idle = loss.kind is LossKind.REFUSED or not (unread or self.bytes_received or self.bytes_sent)
         self._pauses = idle and self.config.active and self._policy.pauses_after_idle
         loss = replace(loss, release_fault=self._kernel.poll_del(self.handle))
         self._kernel.close(self.handle)
@@ -514,12 +509,12 @@ class Connection:
     # -- data: TSEND ----------------------------------------------------------------------------
 
     def check_before_sending(self) -> ConnectionLoss | None:
-        """Look for a loss on behalf of a send job: the stack would still take bytes after a FIN."""
+        """Check for a loss before a send job sends."""
         assert self.handle is not None
-        return self._look_for_loss(self.handle)
+        return self._look_for_loss(self.handle)  # after the partner's FIN the stack would still take bytes
 
     def send(self, data: memoryview, instance: str = "") -> int | WouldBlock | Fault | ConnectionLoss:
-        """Give bytes to the local stack and return how many it took; a Fault is EAGAIN that a plan said."""
+        """Give bytes to the local stack; return how many it took. A Fault is a planned EAGAIN."""
         assert self.handle is not None
         got = self._kernel.send(self.handle, data)
         if isinstance(got, int):
@@ -531,7 +526,6 @@ class Connection:
         return WOULD_BLOCK
 
     def _note_sent(self, content: memoryview, instance: str) -> None:
-        """Note what the stack has taken: the rest of a job that is cut was never sent."""
         self.sends += 1
         offset, size = self.bytes_sent, len(content)
         self.bytes_sent = offset + size
@@ -539,12 +533,12 @@ class Connection:
         self._write(BytesSent(self._name, self.incarnation, self.sends, offset, size, instance, at))
 
     def unacknowledged(self) -> int | None:
-        """Return how many bytes of ours the partner's stack has not acknowledged; None: nobody knows."""
+        """Return how many sent bytes the partner's stack has not acknowledged; None: unknown."""
         path = None if self.handle is None else self._kernel.path(self.handle)
         return None if path is None else path.unacked + path.unsent
 
     def check_dead_link(self) -> bool:
-        """Look after bytes that are under way; return whether the link has turned out to be dead."""
+        """Check the bytes that are under way; return whether the link was found to be dead."""
         sent = SentState.SETTLED if self.handle is None else self._dead_link.check(self.handle)
         if sent is SentState.SETTLED:
             self._resources.unsettled.pop(self._name, None)
@@ -556,13 +550,13 @@ class Connection:
     # -- close and reset: TDISCON, T_RESET ----------------------------------------------------------
 
     def queue_job(self) -> Fault | None:
-        """Queue a disconnect or reset job; it runs in the same scan when there is room."""
+        """Queue a disconnect or reset job; it runs in the same scan if the queue has room."""
         return self._resources.queue.put(self.config.name)
 
     def disconnect(self) -> Fault | None:
-        """Close the connection and the listener (TDISCON); return the first call that failed.
+        """Close the connection and the listener (TDISCON); return the first Fault. All is freed either way.
 
-        ENOTCONN of shutdown means that the partner's RST was quicker (80A2). All is freed either way.
+        ENOTCONN of shutdown means that the partner's RST came first (80A2).
         """
         self._note_early_faults()
         fault = None
@@ -579,7 +573,7 @@ class Connection:
         """Abort the connection with RST (T_RESET); the listener stays; the next attempt starts at once."""
         assert self.handle is not None
         removed = self._kernel.poll_del(self.handle)
-        # On Linux SO_LINGER and close succeed on a dead socket: only this probe can fail (80A3).
+        # On Linux SO_LINGER and close succeed on a dead socket, too: only this probe can fail (80A3).
         probed = self._kernel.probe(self.handle)
         self.note_dropped(-1, self.unread(), "COM_RST")
         freed = self._kernel.abort(self.handle)
@@ -589,7 +583,7 @@ class Connection:
         return fault
 
     def stop(self) -> None:
-        """Free everything without a word to any block (PLC STOP)."""
+        """Free everything, without a result for any block (PLC STOP)."""
         if self.state is not State.CLOSED:
             self.disconnect()
             self._note(EventKind.STOPPED)
@@ -597,11 +591,8 @@ class Connection:
         self.set_up.forget_port()
 
     def abandon(self) -> None:
-        """Close what is open and forget the rest, in whatever state an exception has left it.
-
-        What the kernel answers does not count: a replay has no answers here.
-        """
-        with suppress(Exception):
+        """Close and forget everything, whatever state an exception has left behind."""
+        with suppress(Exception):  # the kernel's answers do not count: a replay has none recorded here
             self.set_up.free()
         with suppress(Exception):
             if self.handle is not None:
@@ -617,8 +608,8 @@ class Connection:
     def _close_orderly(self, handle: Handle) -> Fault | None:
         removed = self._kernel.poll_del(handle)
         closed = self._kernel.shutdown(handle)
-        read_away = self._kernel.discard(handle, DRAIN_BYTES)
-        self.note_dropped(-1, read_away + self._kernel.unread(handle), "disconnected")
+        discarded = self._kernel.discard(handle, DRAIN_BYTES)  # close with unread bytes would send RST
+        self.note_dropped(-1, discarded + self._kernel.unread(handle), "disconnected")
         freed = self._kernel.close(handle)
         return removed or closed or freed
 

@@ -1,7 +1,7 @@
 """Connection descriptions as bytes: TCON_IP_v4, TCON_IP_RFC, ... and TADDR_Param (STEP 7 help).
 
-Rule: the bytes are the description; a value is read from them, and whatever they hold can be read.
-All numbers are big-endian. Which field lies where stands in `system_types.py`.
+Rule: the bytes are the description; values are read from them, and any bytes can be read.
+All numbers are big-endian. The layouts of the structures are in `system_types.py`.
 """
 
 from __future__ import annotations
@@ -25,28 +25,28 @@ FieldValue = int | bool | str | bytes
 
 
 class Description(Struct, frozen=True):
-    """A structure and the bytes that stand for it, which may be more or fewer than it has."""
+    """A structure and the bytes of one description, which may be more or fewer than the structure has."""
 
     structure: Structure
     data: bytes
 
     def value(self, name: str) -> FieldValue:
-        """Return the value of a field; bytes that are not there count as 0."""
+        """Return the value of a field; missing bytes count as 0."""
         field = self.structure.field(name)
         assert field is not None, name
         raw = self.data[field.offset : field.offset + field.size]
         return _decode_field(field, raw + bytes(field.size - len(raw)))
 
     def number(self, name: str) -> int:
-        """Return a number; 0 where the structure has no such field."""
+        """Return a number; 0 if the structure has no such field."""
         return int(self.value(name)) if self.structure.field(name) is not None else 0
 
     def text(self, name: str) -> str:
-        """Return an address or a name; "" where the structure has no such field."""
+        """Return an address or a name; "" if the structure has no such field."""
         return str(self.value(name)) if self.structure.field(name) is not None else ""
 
     def byte_field(self, name: str) -> bytes:
-        """Return bytes or a selector; b"" where the structure has no such field."""
+        """Return bytes or a selector; b"" if the structure has no such field."""
         found = self.value(name) if self.structure.field(name) is not None else b""
         assert isinstance(found, bytes)
         return found
@@ -65,7 +65,7 @@ def _decode_field(field: DescriptionField, raw: bytes) -> FieldValue:
             return ".".join(map(str, raw))
         case FieldType.SELECTOR:
             return raw[2 : 2 + int.from_bytes(raw[:2], "big")]
-        case FieldType.NAME:
+        case FieldType.NAME:  # a STRING: longest length, length, characters
             return raw[2 : 2 + raw[1]].decode("latin-1")
         case FieldType.BYTES:
             return raw
@@ -78,7 +78,7 @@ def pack(structure: Structure, values: Mapping[str, FieldValue]) -> bytes:
         raw = _encode_field(field, values[field.name]) if field.name in values else b""
         data[field.offset : field.offset + len(raw)] = raw
         if field.type is FieldType.NAME:
-            data[field.offset] = LONGEST_NAME  # the first byte of a STRING is its longest length
+            data[field.offset] = LONGEST_NAME  # its longest length is not 0 without a value, too
     return bytes(data)
 
 
@@ -98,8 +98,9 @@ def _encode_field(field: DescriptionField, value: FieldValue) -> bytes:
 
 
 def find_structure(data: bytes) -> Structure | None:
-    """Return the connection description that has so many bytes; a shortened one has to name its type, too."""
+    """Return the connection description that has so many bytes, None if there is none."""
     size, configured = len(data), CONNECTIONS["TCON_Configured"]
+    # It may be shorter; then its size is not enough to know it.
     if size == configured.size - configured.spare and data[4] == CONFIGURED_TYPE:
         return configured
     return next((one for one in CONNECTIONS.values() if one.size == size), None)
@@ -109,7 +110,7 @@ def find_structure(data: bytes) -> Structure | None:
 
 
 class DescriptionRow(NamedTuple):
-    """One line of the view: where, which field, which bytes, what they say, what is wrong with them."""
+    """One line of the view; `remark`: what is wrong with the bytes."""
 
     offset: int
     field: str
@@ -119,7 +120,7 @@ class DescriptionRow(NamedTuple):
 
 
 def rows(description: Description, remarks: Mapping[str, str]) -> tuple[DescriptionRow, ...]:
-    """Return the description field by field, and what lies between and after the fields.
+    """Return the description field by field, with the bytes between and after the fields.
 
     `remarks` are by field name, "" for the whole.
     """
@@ -138,12 +139,11 @@ def rows(description: Description, remarks: Mapping[str, str]) -> tuple[Descript
 
 
 def selector_hex(data: bytes) -> str:
-    """Return the bytes of a T-selector: `E0 02`."""
     return data.hex(" ").upper()
 
 
 def format_selector(data: bytes) -> str:
-    """Return a T-selector as a person reads it, and always its bytes: `TCP-1 (54 43 50 2D 31)`, `E0 02`."""
+    """Return a T-selector as text if it is one, and always its bytes: `TCP-1 (54 43 50 2D 31)`, `E0 02`."""
     is_text = len(data) > 1 and all(0x20 < byte < 0x7F for byte in data)
     return f"{data.decode('ascii')} ({selector_hex(data)})" if is_text else selector_hex(data)
 

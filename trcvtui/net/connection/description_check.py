@@ -1,6 +1,6 @@
-"""What a connection description says, and what a CPU would have against it (STEP 7 help, TCON).
+"""The meaning of a connection description, and the first flaw that a CPU would report (STEP 7 help, TCON).
 
-Rule: each question is a row of a table, asked in this order; the first that finds something is the answer.
+Rule: the checks are a table (`_CHECKS`), in the order of a CPU; the first that finds a flaw is the answer.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from trcvtui.net.results import ANY_ADDRESS, is_group, is_loopback
 MOST_ID: Final = 4095
 UDP_TYPE: Final = 19
 CHECKS_NAME_BIT: Final = 1  # bit 0 of ExtTLSCapabilities
-RESERVED_PORTS: Final = frozenset({20, 21, 80, 102, 135, 161, 162, 443, 34962, 34963, 34964})
-FIRST_DYNAMIC_PORT: Final = 49152
+RESERVED_PORTS: Final = frozenset({20, 21, 80, 102, 135, 161, 162, 443, 34962, 34963, 34964})  # of a CPU
+FIRST_DYNAMIC_PORT: Final = 49152  # RFC 6335 6
 TCON_PARAM_SIZE: Final = 64
 TSAP_FIRST_BYTES: Final = b"\xe0\xe1"  # the first byte of a T-selector for programs; E1 on an S7-1200 alone
 TSAP_SIZES: Final = range(2, 17)  # of TCON_Param
@@ -65,18 +65,18 @@ class Flaw(StrEnum):
 
 
 class DescriptionFlaw(NamedTuple):
-    """One flaw: what it is, in which field (""  the whole), and in words what was found and expected."""
+    """One flaw: its kind, its field ("": the whole description), and a text: what was found and expected."""
 
     flaw: Flaw
     field: str
     text: str
 
 
-FlawAnswer = tuple[Flaw, str, str]  # of a question, as a DescriptionFlaw
+FlawAnswer = tuple[Flaw, str, str]  # the result of a check, with the fields of a DescriptionFlaw
 
 
 class LinkSpec(Struct, frozen=True):
-    """What a description says, whatever its structure."""
+    """The meaning of a description, the same for all structures."""
 
     protocol: Transport
     identity: int
@@ -89,7 +89,7 @@ class LinkSpec(Struct, frozen=True):
     local_tsap: bytes = b""
 
 
-# Structure -> the numbers of ConnectionType that it takes (80B6).
+# Structure -> the numbers of ConnectionType that it may have (80B6).
 _CONNECTION_TYPES: Final = {
     "TCON_IP_v4": {11: Transport.TCP, 17: Transport.TCP, 19: Transport.UDP},
     "TCON_IP_V4_SEC": {11: Transport.TCP, 17: Transport.TCP},
@@ -101,7 +101,7 @@ _CONNECTION_TYPES: Final = {
 }
 
 
-# What the newer structures call a field -> TCON_Param's name.
+# The field's name in the newer structures -> its name in TCON_Param.
 _PARAM_FIELD_NAMES: Final = {
     "ActiveEstablished": "active_est",
     "RemoteAddress": "rem_staddr",
@@ -111,7 +111,7 @@ _PARAM_FIELD_NAMES: Final = {
 
 
 def field_name(description: Description, name: str) -> str:
-    """Return what this structure calls a field of TCON_IP_v4."""
+    """Return the name in this structure for a field of TCON_IP_v4."""
     return _PARAM_FIELD_NAMES.get(name, name) if description.structure.name == "TCON_Param" else name
 
 
@@ -126,7 +126,7 @@ def speaks_iso(structure: str) -> bool:
 
 
 def read_spec(description: Description) -> LinkSpec:
-    """Return what a description says; what is wrong in it is nobody's matter here."""
+    """Return the meaning of a description, without a check for flaws."""
     if description.structure.name == "TCON_Param":
         return _read_param_meaning(description)
     types = _CONNECTION_TYPES[description.structure.name]
@@ -162,11 +162,11 @@ def _read_param_meaning(description: Description) -> LinkSpec:
 
 
 class DescribedConnect(Struct, frozen=True):
-    """A description and what the bench has written beside it.
+    """A description, and what the project file says besides.
 
-    `own_address` stands for InterfaceId. `takes_free_port`: the bench has named the port that is listened
-    on; `remote_is_known`: it says where the partner listens (`@NAME`). `structures`: what the instructions
-    take, () all. `narrow_tsaps`: the CPU is an S7-1200.
+    `own_address` is the address of InterfaceId. `takes_free_port`: LocalPort 0 is no flaw, because the file
+    names the port; `remote_is_known`: it names where the partner listens (`@NAME`). `structures`: those that
+    the instructions accept, () all. `narrow_tsaps`: the CPU is an S7-1200.
     """
 
     description: Description
@@ -179,12 +179,12 @@ class DescribedConnect(Struct, frozen=True):
 
 
 def find_flaw(asked: DescribedConnect) -> DescriptionFlaw | None:
-    """Return the first flaw, None where a CPU would try to connect."""
+    """Return the first flaw, None if a CPU would try to connect."""
     found = next((found for question in _CHECKS if (found := question(asked)) is not None), None)
     return DescriptionFlaw(found[0], field_name(asked.description, found[1]), found[2]) if found else None
 
 
-# -- the questions -----------------------------------------------------------------------------------------
+# -- the checks --------------------------------------------------------------------------------------------
 
 
 def _check_structure(asked: DescribedConnect) -> FlawAnswer | None:
@@ -215,6 +215,7 @@ def _check_configured(asked: DescribedConnect) -> FlawAnswer | None:
 
 
 def _check_interface(asked: DescribedConnect) -> FlawAnswer | None:
+    # A description with a name may leave the choice of the interface to the CPU: 0.
     names_own = asked.meaning.remote_name or asked.description.structure.name.startswith("TCON_QDN")
     field = "local_device_id" if asked.description.structure.field("local_device_id") else "InterfaceId"
     if asked.description.number(field) == 0 and not names_own:
@@ -278,7 +279,7 @@ def _first_bytes(asked: DescribedConnect) -> bytes:
 
 
 def check_narrow_tsap(local: bytes) -> DescriptionFlaw | None:
-    """Return what an S7-1200 alone has against a local T-selector (S7-1200 System Manual)."""
+    """Return the flaw of a local T-selector that only an S7-1200 reports (S7-1200 System Manual)."""
     text = ""
     if len(local) >= 2 and local[0] in TSAP_FIRST_BYTES and local[1] > 1:
         text = f"after {local[0]:02X} 00 or 01, not {local[1]:02X}"
@@ -301,7 +302,7 @@ def _check_param_tsap(asked: DescribedConnect) -> FlawAnswer | None:
 
 
 def _check_param_lengths(asked: DescribedConnect) -> FlawAnswer | None:
-    """Judge the lengths in a TCON_Param (S7-1200 System Manual)."""
+    # S7-1200 System Manual, TCON_Param
     if asked.description.structure.name != "TCON_Param":
         return None
     number, says = asked.description.number, asked.meaning
@@ -356,7 +357,7 @@ def _check_remote(asked: DescribedConnect) -> FlawAnswer | None:
     if is_group(says.remote_address):
         text = f"{says.remote_address} is no address of one partner, and multicast groups are not joined"
         return Flaw.REMOTE, "RemoteAddress", text
-    # On loopback the bench and its peers share one address.
+    # On loopback that is no mistake: the bench and its peers share the address.
     if says.remote_address == asked.own_address and not is_loopback(says.remote_address):
         return Flaw.REMOTE, "RemoteAddress", f"{says.remote_address} is this PLC's own address"
     return None
@@ -418,9 +419,9 @@ _PARAM_TYPES: Final = {Transport.TCP: 17, Transport.ISO: 18, Transport.UDP: 19}
 
 
 def to_tcon_param(says: LinkSpec, has_interface: bool) -> Description | None:
-    """Return the TCON_Param that says the same; None: it has no place for that.
+    """Return the TCON_Param with the same meaning, None if it cannot have it.
 
-    `has_interface`: the description names an interface, which is the first one here.
+    `has_interface`: the description names an interface; here it is always the first one.
     """
     if says.protocol not in _PARAM_TYPES or says.remote_name:
         return None

@@ -1,7 +1,7 @@
-"""What one PLC has only so much of: work a scan, claims on a connection, IDs, jobs, buffers, connections.
+"""The limited resources of one PLC: work in a scan, claims on a connection, IDs, jobs, buffers, connections.
 
-Jobs, buffers and connections fail like kernel calls (`queue`, `buffer`, `budget`), so the same fault plan
-reaches them; no plan reaches the others.
+Jobs, buffers and connections fail like kernel calls (`queue`, `buffer`, `budget`). A fault plan can make jobs
+and buffers fail, but not the others.
 """
 
 from __future__ import annotations
@@ -18,26 +18,27 @@ from trcvtui.net.received_ring import ReceivedRings
 from trcvtui.net.results import Fault
 from trcvtui.wording import format_ns
 
-# -- work: whatever partners send, a scan has so many units for it, and no more ---------------------------
+# -- work: a scan has a fixed number of units for what partners send --------------------------------------
 #
-# A unit is about 5 us of one core: one TPDU, one TLS record; what costs more has a price. A quarter of the
-# interval is for such work. A party is one layer of one CONNECT: its stream, or the clients at its port.
-# Rule 1: a step is begun while its party has units left, so that a party oversteps by one step at most.
-# Rule 2: who had to wait gets an equal share in the next scan, put by for it, and nothing beside; all others
-# take from what is left over, at most half of the rest each: none gets nothing because of its place.
-# Rule 3: what waits stays where it is, in the stack if it can. It is told once an episode, not once a scan.
-# Rule 4: TLS handshakes have, beside their units, a tenth of the interval by the clock, one step at least.
+# A unit is about 5 us of one core: one TPDU, one TLS record; dearer work has a price in units. A quarter of
+# the interval is for such work. A party is one layer of one CONNECT: its stream, or the clients at its port.
+# Rule 1: a step begins only while its party has units left: a party exceeds its share by one step at most.
+# Rule 2: parties that had to wait get equal shares of the next scan, reserved for them, and nothing more.
+# Each other party takes at most half of the rest, so that none gets nothing because of its place.
+# Rule 3: waiting bytes and clients stay where they are, in the stack if they can. A wait is reported once an
+# episode, not once a scan.
+# Rule 4: TLS handshakes have, besides units, a tenth of the interval by the clock, and one step at least.
 
-NS_PER_UNIT: Final = 20_000  # of the interval
+NS_PER_UNIT: Final = 20_000  # of the interval: 5 us of work, a quarter of it
 LEAST_UNITS: Final = 32  # units of a scan, however short
 DEFAULT_INTERVAL_NS: Final = 10_000_000  # ns
-LEAST_SHARE: Final = 16  # units; where that many parties wait that nobody would get so much, they take turns
-EPISODE_REST_NS: Final = 10_000_000_000  # ns: who has not had to wait for so long, begins a new episode
-HANDSHAKE_DIVISOR: Final = 10  # one part of the interval in so many
-FADE_SHIFT: Final = 6  # the longest step is forgotten by 1 / 2**FADES a scan
+LEAST_SHARE: Final = 16  # units; if so many parties wait that shares would be smaller, they take turns
+EPISODE_REST_NS: Final = 10_000_000_000  # ns without a wait, after which the next wait is a new episode
+HANDSHAKE_DIVISOR: Final = 10  # the part of the interval for handshakes
+FADE_SHIFT: Final = 6  # the longest step is forgotten by 1 / 2**FADE_SHIFT a scan
 
-# Prices in units. A read costs a system call and a copy of up to 64 KiB; with TLS a client costs an object of
-# the library and its end beside the accept.
+# Prices in units. A read is a system call and a copy of up to 64 KiB. A TLS client costs an object of the
+# library, and its end, besides the accept.
 READ_UNITS: Final = 2
 ACCEPT_UNITS: Final = 16
 TURN_AWAY_UNITS: Final = 16
@@ -46,19 +47,19 @@ HANDSHAKE_UNITS: Final = 64
 
 OVER_BUDGET_TEXT: Final = "more than one scan has time for; the rest waits for the next scans"
 
-WaitReport = Callable[[str, EventKind, str, str], None]  # CONNECT, what, the partner or "", in words
+WaitReport = Callable[[str, EventKind, str, str], None]  # CONNECT, kind, the partner or "", text
 
 
 def ignore_wait(owner: str, what: EventKind, partner: str, why: str) -> None:
-    """Say it to nobody."""
+    """Do nothing."""
 
 
 class BudgetShare:
-    """One layer of one CONNECT. `what` is said of it when it has to wait."""
+    """The share of one party. `what` is the kind of event when it has to wait."""
 
     def __init__(self, work: ScanBudget, owner: str, what: EventKind) -> None:
         self.work, self.owner, self.what = work, owner, what
-        self._granted_in = -1
+        self._granted_in = -1  # scan
         self._left = 0
 
     @property
@@ -73,14 +74,14 @@ class BudgetShare:
         self.work.count_spent(self, units)
 
     def note_waiting(self, partner: str = "", what: EventKind | None = None) -> None:
-        """Note that something waits for the next scan: its share is put by."""
+        """Note that something waits for the next scan: a share of that is reserved."""
         self.work.note_waiting(self, partner, what or self.what)
 
 
 class ScanBudget:
-    """The work of one PLC's scans. `clock` gives ns; a simulated one stands still within a scan.
+    """The work of one PLC's scans. `clock` returns ns; a simulated one does not move within a scan.
 
-    `said` hears when something has to wait, once an episode; begin() once a scan.
+    `said` is called when something has to wait, once an episode. Call begin_scan() once a scan.
     """
 
     def __init__(self, clock: Callable[[], int] = int, interval_ns: int = DEFAULT_INTERVAL_NS) -> None:
@@ -90,7 +91,7 @@ class ScanBudget:
         self.set_interval(interval_ns)
         self._now = 0
         self._waiting: dict[BudgetShare, None] = {}  # in the order in which they will get their shares
-        self._put_by: dict[BudgetShare, int] = {}
+        self._reserved: dict[BudgetShare, int] = {}  # the shares of this scan
         self._rest = self.units
         self._episodes: dict[tuple[str, EventKind], int] = {}  # when it last had to wait; the oldest first
         self._shaken = 0  # ns of handshakes in this scan
@@ -102,54 +103,55 @@ class ScanBudget:
         self.units = max(LEAST_UNITS, interval_ns // NS_PER_UNIT)
 
     def begin_scan(self, now: int) -> None:
-        """Begin a scan: put by the shares of those who had to wait in the last one."""
+        """Begin a scan: reserve shares for the parties that had to wait in the last one."""
         self.scan += 1
         self._now = now
         self._shaken = self._steps = 0
         self._longest -= self._longest >> FADE_SHIFT
-        self._put_by.clear()
+        self._reserved.clear()
         self._rest = self.units
         if self._waiting:
             turn = list(self._waiting)[: max(1, self.units // LEAST_SHARE - 1)]
-            share = self.units // (len(turn) + 1)
+            share = self.units // (len(turn) + 1)  # Rule 2; one share more is the rest for all others
             self._rest -= share * len(turn)
             for party in turn:
                 del self._waiting[party]
-                self._put_by[party] = share
+                self._reserved[party] = share
         if self._episodes:
-            for who in list(takewhile(self._has_episode_ended, self._episodes)):
-                del self._episodes[who]
+            for key in list(takewhile(self._has_episode_ended, self._episodes)):
+                del self._episodes[key]
 
-    def _has_episode_ended(self, who: tuple[str, EventKind]) -> bool:
-        return self._now - self._episodes[who] >= EPISODE_REST_NS
+    def _has_episode_ended(self, key: tuple[str, EventKind]) -> bool:
+        return self._now - self._episodes[key] >= EPISODE_REST_NS
 
     def grant(self, party: BudgetShare) -> int:
-        share = self._put_by.get(party)
+        share = self._reserved.get(party)
         return (self._rest + 1) // 2 if share is None else share
 
     def count_spent(self, party: BudgetShare, units: int) -> None:
-        """Take units from what is left over, unless the party has a share of its own."""
-        if party not in self._put_by:
+        """Take units from the rest, unless the party has a reserved share."""
+        if party not in self._reserved:
             self._rest = max(0, self._rest - units)
 
     def note_waiting(self, party: BudgetShare, partner: str, what: EventKind) -> None:
-        """Keep a share of the next scan for a party; say so when an episode begins."""
+        """Reserve a share of the next scan for a party; report it when an episode begins."""
         self._waiting[party] = None
         self._report_once(party.owner, what, partner, OVER_BUDGET_TEXT)
 
     def _report_once(self, owner: str, what: EventKind, partner: str, why: str) -> None:
-        if self._episodes.pop((owner, what), None) is None:
+        if self._episodes.pop((owner, what), None) is None:  # Rule 3: else an attacker fills the ledger
             self.said(owner, what, partner, why)
-        self._episodes[owner, what] = self._now
+        self._episodes[owner, what] = self._now  # last again: the oldest are first
 
     # -- handshakes ------------------------------------------------------------------------------------
 
     def may_handshake(self) -> bool:
-        """Return whether the next step of a handshake fits into the tenth, or is the first of the scan."""
+        """Return whether the next step fits into the time of handshakes, or is the first of the scan."""
+        # Rule 4: it is assumed to take as long as the longest so far.
         return not self._steps or self._shaken + self._longest <= self._interval // HANDSHAKE_DIVISOR
 
     def handshake(self, party: BudgetShare, partner: str, step: Callable[[], int]) -> int:
-        """Take one step of a handshake by the clock; return what `step` returns, its units."""
+        """Call one step of a handshake and measure its time; return what `step` returns, its units."""
         began = self.clock()
         units = step()
         took = self.clock() - began
@@ -163,19 +165,19 @@ class ScanBudget:
         return units
 
 
-# -- claims: who works on one direction of a connection, the lock of "CONNECT in use" ---
+# -- claims: which instances use one direction of a connection; the lock behind "CONNECT in use" ------------
 #
-# Rule 1: a claim is one instance's; it is given back, or ends with the connection.
-# Rule 2: a claim whose instance is gone is an orphan: it keeps others out, but nobody works under it.
-# Rule 3: tasks of one priority see each other's claims. A task of another priority comes in between look and
-# take, so each sees its own (manual 7.15.1 and 7.15.2, notes: never share a CONNECT between such tasks).
+# Rule 1: a claim belongs to one instance; it is given back, or ends with the connection.
+# Rule 2: a claim whose instance is gone is an orphan: it keeps others out, but no instance works under it.
+# Rule 3: tasks of one priority see each other's claims. A task of another priority can interrupt between
+# check and take, so each sees its own (manual 7.15.1 and 7.15.2, notes: such tasks must not share a CONNECT).
 
 
 class Claim:
-    """One instance's hold; `priority` is its task's, None where every task sees every claim.
+    """The claim of one instance; `priority` is its task's, None if every task sees every claim.
 
     `has_frame`: its job has read all that it needs, and shows it in its next call. `is_refused`: its last
-    call could start no job, so that it reads nothing, though it keeps others out.
+    call could start no job; so it reads nothing, but keeps others out.
     """
 
     __slots__ = ("has_frame", "instance", "is_orphan", "is_refused", "priority")
@@ -187,7 +189,7 @@ class Claim:
 
 
 class DirectionClaims:
-    """The claims on one direction of one connection: who takes it is the only one of its priority."""
+    """The claims on one direction of one connection: at most one of each priority takes it."""
 
     def __init__(self) -> None:
         self._claims: list[Claim] = []
@@ -196,13 +198,13 @@ class DirectionClaims:
         for held in self._claims:
             if held is claim:
                 return None
-            if held.priority == claim.priority:
+            if held.priority == claim.priority:  # Rule 3
                 return held
         self._claims.append(claim)
         return None
 
     def hold(self, claim: Claim) -> None:
-        """Hold it beside others: who builds a connection keeps nobody of its own priority out."""
+        """Add a claim without keeping out others of its priority: several blocks may build a connection."""
         if claim not in self._claims:
             self._claims.append(claim)
 
@@ -210,20 +212,17 @@ class DirectionClaims:
         return next((held for held in self._claims if held.priority != claim.priority), None)
 
     def give_back(self, claim: Claim) -> None:
-        """End a claim; one that is not held is nothing."""
+        """End a claim, if it is held."""
         if claim in self._claims:
             self._claims.remove(claim)
 
     def release_instance(self, instance: str) -> None:
-        """End every claim of an instance, whether it is still there or not."""
+        """End every claim of an instance, orphans, too."""
         self._claims = [held for held in self._claims if held.instance != instance]
 
     def is_used_by_others(self, claim: Claim | None) -> bool:
-        """Return whether an instance that is still there works here, other than this one.
-
-        To one that is refused itself, those who are refused too do not count: else each would wait for the
-        other.
-        """
+        """Return whether another instance, which is no orphan, works here."""
+        # Two refused claims do not count for each other: else each would wait for the other.
         only_at_work = self.holds_refused(claim)
         return any(
             held is not claim and not held.is_orphan and not (only_at_work and held.is_refused)
@@ -231,15 +230,15 @@ class DirectionClaims:
         )
 
     def holds_refused(self, claim: Claim | None) -> bool:
-        """Return whether this claim is held by somebody who can do nothing with it."""
+        """Return whether this claim is held here, and is refused."""
         return claim is not None and claim.is_refused and claim in self._claims
 
     def has_frame(self) -> bool:
-        """Return whether somebody who works here has a whole frame that has not shown yet."""
+        """Return whether an instance has a whole frame that it has not shown yet."""
         return any(held.has_frame for held in self._claims)
 
     def is_barred(self, claim: Claim, waits: bool) -> bool:
-        """Return whether one that is gone keeps this one out; `waits` False: or one that is refused."""
+        """Return whether an orphan keeps this claim out; `waits` False: or a refused claim."""
         return any(
             held.priority == claim.priority
             and held is not claim
@@ -251,29 +250,26 @@ class DirectionClaims:
         return claim in self._claims
 
     def owners(self) -> tuple[str, ...]:
-        """Return the instances that hold it, orphans with their old names."""
+        """Return the instances that hold a claim, orphans with their old names."""
         return tuple([held.instance + " (gone)" * held.is_orphan for held in self._claims])
 
     def end_all(self) -> None:
-        """End every claim: the connection is gone."""
         self._claims.clear()
 
 
-# -- IDs: one connection an ID, as long as its endpoint is there --------------------------------------------
+# -- IDs: one connection for an ID, as long as its endpoint exists ------------------------------------------
 #
-# A connection without a description has no ID, and meets nobody here.
+# A connection without a description has no ID, and no conflicts.
 
 
-class IdConflict(StrEnum):
-    """How the connection that has the ID stands to the one that asks for it."""
-
+class IdConflict(StrEnum):  # the connection that has the ID, compared with the one that asks for it
     BUILDING = "being built"  # the same description, not established yet
     SAME = "same description"
     OTHER = "other description"
 
 
 class IdHolder:
-    """One CONNECT's hold on its ID; `has_been_up` since it took it."""
+    """One CONNECT with its ID; `has_been_up`: connected since it took the ID."""
 
     def __init__(self, config: ConnectConfig) -> None:
         self.name = config.name
@@ -297,7 +293,7 @@ class ConnectionIds:
         return (IdConflict.SAME if held.has_been_up else IdConflict.BUILDING), held.name
 
     def give_back(self, holder: IdHolder) -> None:
-        """Free the ID; a holder that has none is nothing."""
+        """Free the ID, if the holder has it."""
         holder.has_been_up = False
         if self._holders.get(holder.identity) is holder:
             del self._holders[holder.identity]
@@ -307,12 +303,11 @@ TakeFault = Callable[[str, str], Fault | None]
 
 
 def no_faults(call: str, owner: str) -> Fault | None:
-    """Return None: the fault plan of a PLC to which nobody injects anything."""
     return None
 
 
 class JobQueue:
-    """The queue of asynchronous functions (80AC): takes `capacity` jobs a scan, served at its end."""
+    """The queue of asynchronous functions (80AC): it takes `capacity` jobs a scan, served at its end."""
 
     def __init__(self, capacity: int, take: TakeFault = no_faults) -> None:
         self.capacity = capacity
@@ -329,7 +324,7 @@ class JobQueue:
         return None
 
     def clear(self) -> None:
-        """Empty the queue; the communication phase of each scan does this."""
+        """Empty the queue: in the communication phase of each scan."""
         self._waiting = 0
 
 
@@ -366,8 +361,8 @@ class ConnectionBudget:
         self._holders: dict[str, None] = {}
 
     def acquire(self, owner: str) -> Fault | None:
-        """Count the CONNECT named owner; one that is counted already passes."""
-        if owner in self._holders:
+        """Count a CONNECT, or return a Fault."""
+        if owner in self._holders:  # it is counted already
             return None
         if len(self._holders) >= self.limit:
             return Fault("budget", f"{self.limit} connections in use")
@@ -383,7 +378,7 @@ class ConnectionBudget:
 
 
 class Resources:
-    """The resources of one PLC, its work, what it has received, and which CONNECTs have bytes on the way."""
+    """All resources of one PLC, its received bytes, and (`unsettled`) CONNECTs with unacknowledged bytes."""
 
     def __init__(
         self, queue: JobQueue, buffers: BufferPool, budget: ConnectionBudget, work: ScanBudget | None = None

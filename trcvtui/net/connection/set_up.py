@@ -1,6 +1,6 @@
-"""How a connection comes up: from socket to the first partner (TCON), one call at a time.
+"""How a connection is set up: from socket to the first partner (TCON), one call at a time.
 
-Every failure names its Stage, because each vendor has a code for each; nothing here knows a code.
+Every failure names its SetUpStage, because each vendor has a code for each stage; no code is known here.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Endpoint, Fault, Would
 
 
 def find_address_error(address: str, own: tuple[LocalAddress, ...], strict: bool) -> str:
-    """Return why the address cannot be used, or "" when it can; strict refuses loopback too.
+    """Return why the address cannot be used, "" if it can; `strict` refuses loopback, too.
 
-    An empty `own` is a list that the system could not give: then bind decides.
+    An empty `own`: the system could not list its addresses; then bind decides.
     """
     if address == ANY_ADDRESS:
         return "0.0.0.0 names no port of the PLC"
@@ -63,12 +63,12 @@ class SetUpStage(Enum):
 
 
 class StepFault(Struct, frozen=True):
-    """A set-up step that failed; `detail` is what a person should read."""
+    """A set-up step that failed; `detail` is a text for the user."""
 
     stage: SetUpStage
     fault: Fault
     detail: str = ""
-    client: str = ""  # who was accepted, where that is what failed
+    client: str = ""  # the accepted client that could not be taken over
 
 
 class SetUp:
@@ -89,41 +89,41 @@ class SetUp:
         self.attempt: Handle | None = None
         self.local: Endpoint | None = None
         self.remote: Endpoint | None = None
-        self.is_withdrawn = False  # somebody wants it closed who may not, before it has been established
+        self.is_withdrawn = False  # before it was up, a block that may not close it asked to
         self.is_closing = False  # a block is still showing that it closes the endpoint
         self._clients = BudgetShare(work, config.name, EventKind.CLIENTS_WAIT)
         self._holder = IdHolder(config)
         self._connection_ids = connection_ids
         self._kernel, self._policy, self._resolve, self._note = kernel, policy, resolve, note
         self._verdict: Fault | None = None
-        self._is_asking = False  # for the address of the partner's name
+        self._is_asking = False  # the resolver, for the address of the partner's name
         self._deadline = 0
         self._has_told_limit = False
         self._resolved_port: int | None = None
         self._kept_port = config.local.port
-        self._successor: NewClient | None = None  # accepted while the partner before it was ending
+        self._successor: NewClient | None = None  # accepted while the connection before it was ending
 
     @property
     def has_been_up(self) -> bool:
-        """Return whether a partner has been there since the endpoint is."""
+        """Return whether the endpoint has had a partner since it was opened."""
         return self._holder.has_been_up
 
     @property
     def listening_end(self) -> Endpoint | None:
-        """Return where a partner reaches this CONNECT, None while it does not."""
+        """Return where a partner can reach this CONNECT, None while it does not listen."""
         return self.local if self.listener is not None else None
 
     @property
     def deadline(self) -> int | None:
-        """Return when the running attempt is given up, in ns; None: there is none."""
+        """Return the time in ns when the running attempt is given up; None: there is none."""
         return None if self.attempt is None else self._deadline
 
     def check(self) -> StepFault | None:
-        """Return what keeps a block from opening this connection, before there is any socket."""
+        """Return what prevents a block from opening this connection, before a socket is made."""
         return self.check_description()
 
     def check_description(self) -> StepFault | None:
-        """Look at the connection description, and take its ID."""
+        """Check the connection description, and take its ID."""
         flaw = self.config.flaw
         if flaw is not None:
             return StepFault(SetUpStage.DESCRIPTION, Fault("description", flaw.flaw), flaw.text)
@@ -173,6 +173,7 @@ class SetUp:
 
     def _may_take_another_port(self, fault: Fault) -> bool:
         is_kept = not self.config.local.port and self._kept_port
+        # A planned fault must show, and must not be avoided by another port.
         return bool(is_kept) and fault.error == "EADDRINUSE" and not fault.injected
 
     def _set_reuse(self, handle: Handle) -> Fault | None:
@@ -181,7 +182,7 @@ class SetUp:
     def _bind_hint(self, fault: Fault, local: Endpoint) -> str:
         if fault.error != "EACCES" or self.config.session is None or not self.config.session.shares_port:
             return ""
-        return f"{local} is not for every user: IsoPort sets another"
+        return f"{local} is not for every user: IsoPort sets another"  # ports below 1024 need a right
 
     def _listen(self, handle: Handle) -> StepFault | None:
         fault = self._kernel.listen(handle, self._policy.backlog)
@@ -203,7 +204,7 @@ class SetUp:
             return StepFault(SetUpStage.POLL_ADD, fault)
         self.local = self._kernel.local_end(handle)
         self._deadline = now + self._policy.attempt_limit_ns
-        # A refusal by the call itself is held until the next look: a first attempt shows 7002 before 80A0.
+        # A refusal by the call itself is kept until the next poll: a first attempt shows 7002 before 80A0.
         self._verdict = self._start_connect(handle)
         self._note(EventKind.CONNECTING, self.remote, "")
         return None
@@ -217,7 +218,7 @@ class SetUp:
         if not isinstance(address, str):
             return address if isinstance(address, Fault) else None
         self.remote = Endpoint(address, port)
-        # 3.1 traps: 0.0.0.0 would silently mean loopback; a socket can connect to itself.
+        # 3.1: 0.0.0.0 would silently mean loopback; and a socket can connect to itself.
         if address == ANY_ADDRESS or self.remote == self.local:
             return Fault("address", f"{self.remote} is no end to connect to")
         return self._kernel.connect(handle, self.remote)
@@ -227,7 +228,7 @@ class SetUp:
         return self._kernel.resolve(handle, name) if name else self.config.remote_address
 
     def _resolve_port(self) -> int | None:
-        """Return RemotePort; for `@NAME` where that listens now, else where it listened last."""
+        """Return RemotePort; for `@NAME` the port where that listens now, or else listened last."""
         port = self.config.remote_port
         if isinstance(port, int):
             return port
@@ -235,7 +236,7 @@ class SetUp:
         return self._resolved_port
 
     def poll_attempt(self, now: int) -> NewClient | StepFault | None:
-        """Ask how the running attempt of an active CONNECT stands."""
+        """Return the result of the running attempt of an active CONNECT, None while there is none."""
         assert self.attempt is not None
         if self._is_asking:
             self._verdict = self._start_connect(self.attempt)
@@ -247,6 +248,7 @@ class SetUp:
                 return None
             verdict = Fault("attempt_limit", "ETIMEDOUT")
         if isinstance(verdict, Fault):
+            # With a fixed LocalPort these are not about the partner: the port is still in use.
             taken = self.config.local.port and verdict.error in PORT_TAKEN_ERRORS
             return StepFault(SetUpStage.BIND if taken else SetUpStage.CONNECT, verdict)
         assert self.remote is not None
@@ -255,7 +257,7 @@ class SetUp:
         return NewClient(handle, self.remote)
 
     def accept_partner(self) -> NewClient | StepFault | None:
-        """Take the next client that may be the partner; others are reset."""
+        """Accept the next client that may be the partner; reset others."""
         if self._successor is not None:
             client, self._successor = self._successor, None
             return client
@@ -266,13 +268,13 @@ class SetUp:
         return got
 
     def keep_successor(self, client: NewClient) -> None:
-        """Keep an accepted client as the next partner: the one before it has ended in the same moment."""
+        """Keep an accepted client as the next partner, since the connection before it has just ended."""
         self._successor = client
 
     def _accept_any(self) -> NewClient | StepFault | None:
         if self.listener is None or not self._kernel.readable(self.listener):
             return None
-        if self._clients.units_left <= 0:
+        if self._clients.units_left <= 0:  # a flood of clients must not keep the scan here
             self._clients.note_waiting()
             return None
         got = self._kernel.accept(self.listener)
@@ -315,7 +317,7 @@ class SetUp:
             self._note(EventKind.OPTION_REFUSED, None, ", ".join(refused))
 
     def free(self) -> Fault | None:
-        """Close the listener and withdraw the attempt."""
+        """Close the listener and give up the attempt."""
         fault = None
         self.is_withdrawn = self._has_told_limit = False
         self._connection_ids.give_back(self._holder)
@@ -328,14 +330,14 @@ class SetUp:
         return self.free_attempt() or fault
 
     def free_attempt(self) -> Fault | None:
-        """Withdraw the attempt without TIME_WAIT, so that a fixed LocalPort is free again."""
+        """Give up the attempt."""
         if self.attempt is None:
             return None
-        fault = self._kernel.abort(self.attempt)
+        fault = self._kernel.abort(self.attempt)  # no TIME_WAIT: so a fixed LocalPort is free at once
         self.attempt, self._verdict, self._is_asking = None, None, False
         return fault
 
     def forget_port(self) -> None:
-        """Give up a port got by LocalPort 0 (PLC STOP)."""
+        """Give up a port that was taken for LocalPort 0 (PLC STOP)."""
         self._kept_port = self.config.local.port
         self.local = self.remote = None

@@ -1,8 +1,8 @@
-"""A UDP endpoint: a socket that stands as soon as it is bound, and datagrams to and from an ADDR each.
+"""A UDP endpoint: a socket that is up as soon as it is bound; each datagram goes to or comes from an ADDR.
 
-Rule 1: nothing that a partner does ends it. A receive call that fails ends the socket of a CONNECT, which is
-built again; of a UDP_CONFIG it is told to the block, and the socket stays.
-Rule 2: `incarnation` counts the sockets; a block whose socket is gone sees another number.
+Rule 1: no partner can end it. A receive call that fails ends the socket of a CONNECT, which is then set up
+again; of a UDP_CONFIG the block gets the fault, and the socket stays.
+Rule 2: `incarnation` counts the sockets; so a block whose socket is gone sees another number.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ NO_ADDR: Final = StepFault(
 
 
 class UdpSetUp(SetUp):
-    """From socket to bound port; nobody has to come."""
+    """From socket to bound port; there is no partner to wait for."""
 
-    needs_addr = False  # the block that opens it has none, and needs one
+    needs_addr = False  # the block that opens it has no ADDR, and would need one
     hearing: Handle | None = None  # a second socket, for broadcasts
 
     @property
@@ -54,7 +54,7 @@ class UdpSetUp(SetUp):
             if self._policy.broadcasts:
                 name = self.config.name
                 self.hearing, why = enable_broadcasts(self._kernel, name, self.attempt, self.local)
-                if why:  # the port works as any other
+                if why:  # only noted: without broadcasts the port works, too
                     self._note(EventKind.OPTION_REFUSED, None, f"no socket for broadcasts: {why}")
         return None
 
@@ -68,8 +68,7 @@ class UdpSetUp(SetUp):
         return NewClient(handle, ANY_END)
 
     def take_over(self, client: NewClient) -> StepFault | None:
-        """Do nothing: the socket is in the poll set."""
-        return None
+        return None  # the socket is in the poll set
 
     def free(self) -> Fault | None:
         self.local = None
@@ -86,10 +85,10 @@ class UdpSetUp(SetUp):
 
 
 class UdpEndpoint(Connection):
-    """One CONNECT of UDP, or one UDP_CONFIG, at work; `peer` is the other end of the last datagram.
+    """One CONNECT of UDP, or one UDP_CONFIG, at run time; `peer` is the other end of the last datagram.
 
-    `is_config`: the first block that wants the socket opens it, at once and without a job; the first that
-    ends closes it. All bytes of a datagram count there, also those for which there was no room.
+    `is_config`: the first block that needs the socket opens it, at once and without a job; the first that
+    ends closes it. All bytes of a datagram count there, also those that had no room.
     """
 
     SET_UP = UdpSetUp
@@ -122,8 +121,7 @@ class UdpEndpoint(Connection):
             yield self.set_up.hearing, SocketUse.DATAGRAMS
 
     def open(self, now: int, has_addr: bool = True) -> Fault | None:
-        """Queue the set-up job; who opens it without an ADDR is told so by the first step."""
-        self.set_up.needs_addr = not has_addr
+        self.set_up.needs_addr = not has_addr  # the first step reports it
         return super().open(now)
 
     def _take_step(self, now: int) -> StepFault | None:
@@ -144,7 +142,7 @@ class UdpEndpoint(Connection):
         self._note(EventKind.LISTENING, detail="UDP")
 
     def close(self) -> Fault | None:
-        """Free the socket of a UDP_CONFIG, and what waits in it; return the first call that failed."""
+        """Free the socket of a UDP_CONFIG, with the datagrams in it; return the first Fault."""
         self.retry_at = self.failure = None
         if self.handle is None:
             return None
@@ -164,7 +162,7 @@ class UdpEndpoint(Connection):
     # -- datagrams ----------------------------------------------------------------------------------------
 
     def receive_from(self, into: memoryview, instance: str) -> Datagram | WouldBlock | Fault:
-        """Take one datagram; what there is no room for is gone."""
+        """Take one datagram; bytes without room are lost."""
         assert self.handle is not None
         got = receive_datagram(self._kernel, self.handle, self.set_up.hearing, into, self._local)
         if isinstance(got, Datagram):
@@ -175,9 +173,9 @@ class UdpEndpoint(Connection):
         return got
 
     def receive_message(self, into: memoryview, instance: str) -> Datagram | WouldBlock | ConnectionLoss:
-        """Take one datagram; a call that fails ends the socket."""
+        """Take one datagram; a Fault ends the socket."""
         got = self.receive_from(into, instance)
-        if isinstance(got, Fault):
+        if isinstance(got, Fault):  # Rule 1
             return self._release_lost(ConnectionLoss(LossKind.FAILED, str(self.peer or ""), got))
         return got
 
@@ -192,22 +190,20 @@ class UdpEndpoint(Connection):
         return got
 
     def describe_target(self, to: RemoteAddress) -> str:
-        """Return whom a datagram to this ADDR reaches, or what stands there as long as nobody knows."""
+        """Return where a datagram to this ADDR goes, or the ADDR as it is while that is unknown."""
         end = to.resolve_target(self._resolve)
         return str(end if isinstance(end, Endpoint) else to)
 
-    # -- nobody ends it ---------------------------------------------------------------------------------
+    # -- no partner ends it -----------------------------------------------------------------------------
 
     def _look_for_loss(self, handle: Handle, asking: Claim | None = None) -> ConnectionLoss | None:
         return None
 
     def unread(self) -> int:
-        """Return 0: the stack tells the size of one datagram, not of all."""
-        return 0
+        return 0  # unknown: the stack counts the bytes of one datagram, not of all
 
     def unacknowledged(self) -> int | None:
-        """Return None: nobody acknowledges."""
-        return None
+        return None  # UDP has no acknowledgements
 
     def reset(self) -> Fault | None:
         """Free the socket (T_RESET); the next step makes another on the same port."""

@@ -185,9 +185,8 @@ def parse_tpdu(tpdu: bytes) -> Tpdu:
     if length < 2 or length == 255 or length + 1 > len(tpdu):  # 255 is reserved (RFC 905 13.2.1)
         return MalformedTpdu(f"length indicator {length} in a TPDU of {len(tpdu)} bytes")
     header, rest = tpdu[1 : length + 1], tpdu[length + 1 :]
-    code = (
-        header[0] if header[0] & 0xF0 == Code.DR else header[0] & 0xF0
-    )  # the low half: a credit, none of DR
+    # The low half of the code is a credit, but not in a DR.
+    code = header[0] if header[0] & 0xF0 == Code.DR else header[0] & 0xF0
     match code:
         case Code.CR | Code.CC:
             return _parse_connect(Code(code), header)

@@ -1,7 +1,7 @@
-"""The tap's loop: bytes and ends from one side to the other as they come, told to one process as events.
+"""The tap's loop: it forwards bytes and ends as they come, and reports them as events to one process.
 
-Rule 1: nothing here waits for that process: where it does not read, it misses events, and is told.
-Rule 2: without it nothing is held.
+Rule 1: nothing here waits for that process: if it does not read, it misses events, and learns how many.
+Rule 2: without that process nothing is held: it could not be released.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ from trcvtui.wording import count
 
 MOST_LINE_CHARS: Final = 1000  # characters of a line
 FLUSH_NS: Final = 1_000_000_000  # for what still waits when the tap ends
-TICK_NS: Final = 50_000_000  # between two looks of shadows at the time
-FIGURES_TICKS: Final = 10  # between two looks at what the stack says of the ends
-MOST_FIGURES: Final = 64  # conversations of a tap that are looked at, the newest
+TICK_NS: Final = 50_000_000  # between two NOW events
+FIGURES_TICKS: Final = 10  # ticks between two reads of the stack's figures
+MOST_FIGURES: Final = 64  # conversations of a tap whose figures are read, the newest
 MOST_WAITING_BYTES: Final = 64 << 20  # bytes of events that wait for the process that serves observers
 
 
@@ -54,7 +54,7 @@ class Forwarder(TapLoop):
         super().__init__(say, poll or new_poll_set())
         self.routes: list[TcpRoute | UdpRoute | TapSerialConversation] = []
         self.pipe: LossyPipe | None = None
-        self._newest = 0  # conversation that was told
+        self._newest = 0  # conversation that was reported
         self._ends = False
         self._ticks = 0
 
@@ -68,11 +68,11 @@ class Forwarder(TapLoop):
         self.routes.append(kinds[route.listen.kind](self, route, len(self.routes)))
 
     def attach_server(self, sock: socket.socket, end: Callable[[], object]) -> None:
-        """Tell events to the process that serves observers, and obey it; `end` is called when it is gone."""
+        """Report events to the process that serves observers, and obey it; call `end` when it is gone."""
 
         def drop_pipe() -> None:
             self.pipe = None
-            if not self._ends:
+            if not self._ends:  # Rule 2
                 self.release_all()
                 end()
 
@@ -80,7 +80,7 @@ class Forwarder(TapLoop):
             self, sock, MOST_WAITING_BYTES, self._report_missed, self._handle_line, drop_pipe
         )
         self._report_open()
-        if not self._ticks:
+        if not self._ticks:  # a second server must not start a second timer
             self._report_time()
 
     def _handle_line(self, line: bytes) -> None:
@@ -97,7 +97,7 @@ class Forwarder(TapLoop):
                 self.execute_order(order)
 
     def _report_time(self) -> None:
-        """Tell the time, by which shadows go on, and now and then what the stack says of the ends."""
+        """Report the time, the clock of shadows; at times also what the stack says of the ends."""
         self._ticks += 1
         if self.pipe is not None and not self.pipe.is_behind:
             if not self._ticks % FIGURES_TICKS:
@@ -118,13 +118,13 @@ class Forwarder(TapLoop):
                         )
 
     def release_all(self) -> None:
-        """Hold and delay nothing any more."""
+        """Stop holding and delaying."""
         self.holds = False
         for lane in self._list_lanes():
             lane.release_all()
 
     def describe_open(self) -> str:
-        """Return how many connections are open, "" for none; with UDP and serial lines: conversations."""
+        """Return how many connections are open, "" for none; with UDP or serial lines: conversations."""
         number = sum(len(route.talks) for route in self.routes)
         has_others = any(route.route.to.kind != "tcp" for route in self.routes)
         return count(number, "conversation" if has_others else "connection") if number else ""
@@ -142,13 +142,13 @@ class Forwarder(TapLoop):
         if kind is TapEventKind.BYTES:
             pipe.put(head, data, size=len(data))
             return
-        is_end = kind in ENDS and number <= self._newest
+        is_end = kind in ENDS and number <= self._newest  # never lost: else the reader keeps it open for ever
         pipe.put(head, data, events=0 if is_end else 1, ends=head if is_end else b"")
         if kind is TapEventKind.OPEN and not pipe.is_behind:
             self._newest = max(self._newest, number)
 
     def _report_missed(self, events: int, size: int, ends: bytes) -> None:
-        """Tell how much was missed, what has ended meanwhile, and what there is now."""
+        """Report how much was missed, what has ended meanwhile, and what is open now."""
         heads = [ends[at : at + EVENT_HEAD.size] for at in range(0, len(ends), EVENT_HEAD.size)]
         numbers = [number.to_bytes(4, "little") for route in self.routes for number in route.talks]
         numbers += [head[4:8] for head in heads]
@@ -168,7 +168,7 @@ class Forwarder(TapLoop):
     # -- orders --------------------------------------------------------------------------------------------
 
     def execute_order(self, order: TapOrder) -> None:
-        """Intervene, and tell what was done, or why it cannot be."""
+        """Do an order; report what was done, or why it cannot be done."""
         route = self.routes[order.route]
         number = order.number or max((n for n, talk in route.talks.items() if talk.lanes), default=NEWEST)
         talk = route.talks.get(number)
@@ -191,8 +191,8 @@ class Forwarder(TapLoop):
     # -- the loop ------------------------------------------------------------------------------------------
 
     def run(self) -> None:
-        """Forward until SIGTERM or Ctrl+C, also when its terminal is closed; then end both ends of all."""
-        wakes, wakened = socket.socketpair()
+        """Forward until SIGTERM or Ctrl+C, also without the terminal; then close all conversations."""
+        wakes, wakened = socket.socketpair()  # a signal alone would not wake the poll set
         for sock in (wakes, wakened):
             sock.setblocking(False)
         self.register(wakened.fileno(), IN, lambda _: self.stop())
@@ -200,7 +200,7 @@ class Forwarder(TapLoop):
         for name in ("SIGTERM", "SIGINT", "SIGQUIT"):
             if hasattr(signal, name):
                 signal.signal(getattr(signal, name), lambda *_: None)
-        ignore_signals(("SIGHUP",))
+        ignore_signals(("SIGHUP",))  # a closed terminal must not cut the plant's connections
         while not self._ends:
             self.run_once(-1)
         self.close()
@@ -213,7 +213,7 @@ class Forwarder(TapLoop):
         self._ends = True
 
     def close(self) -> None:
-        """Listen no more, end both ends of all, let those who look on have what waits."""
+        """Stop listening, send what waits, close all conversations, and let observers read the rest."""
         self._ends = True
         for route in self.routes:
             route.stop()
@@ -231,19 +231,19 @@ class Forwarder(TapLoop):
 
 
 def write_or_drop_line(line: str) -> None:
-    """Tell the user a line on stderr; where what was told before is not read, leave it out."""
+    """Write a line for the user to stderr, or drop it if stderr is not read: forwarding must not wait."""
     with suppress(OSError, ValueError):
         if HAS_POLL and (stderr := sys.__stderr__) is not None and sys.stderr is stderr:
             poller = select.poll()
             poller.register(stderr.fileno(), OUT)
             if not poller.poll(0):
                 return
-        sys.stderr.write(f"{one_line(line)[:MOST_LINE_CHARS]}\n")  # as much as a pipe that is ready takes
+        sys.stderr.write(f"{one_line(line)[:MOST_LINE_CHARS]}\n")  # fits into a pipe that is writable
         sys.stderr.flush()
 
 
 def raise_descriptor_limit() -> None:
-    """Ask the system for as many descriptors as it gives."""
+    """Raise the limit of open descriptors as far as the system allows."""
     with suppress(ImportError, ValueError, OSError):
         import resource
 
@@ -252,7 +252,7 @@ def raise_descriptor_limit() -> None:
 
 
 def list_reachable(addresses: Iterable[tuple[str, int] | None]) -> list[str]:
-    """Return those of the addresses that other machines reach."""
+    """Return those of the addresses that other machines can reach, as text."""
     from ipaddress import ip_address
 
     return [format_end(*each) for each in addresses if each and not ip_address(each[0]).is_loopback]

@@ -1,8 +1,8 @@
 """The real network: non-blocking IPv4 sockets that answer as the Kernel seam says.
 
-A handle is the socket's descriptor. What `poll` saw is one picture for the whole scan: a handle of the poll
-set that it did not see costs no system call until the next poll; a handle outside the set is always tried.
-Without RDHUP (not Linux) a FIN is seen only once the data in front of it has been read.
+A handle is the socket's descriptor. The result of `poll` holds for the whole scan: a handle of the poll set
+that it did not see costs no system call until the next poll; a handle outside the set is always tried.
+Without RDHUP (not Linux) a FIN is seen only after the data before it has been read.
 """
 
 from __future__ import annotations
@@ -39,21 +39,20 @@ from trcvtui.net.os.system_calls import (
 )
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, Unread, WouldBlock, sockaddr
 
-# A late ICMP message about a datagram that was sent says nothing about the socket. Windows tells it to the
-# next call (ECONNRESET, ENETRESET), others may tell ECONNREFUSED; the call is then made once more.
-
+# A late ICMP message about a sent datagram says nothing about the socket. Windows reports it in the next call
+# (ECONNRESET, ENETRESET), other systems perhaps as ECONNREFUSED; that call is then repeated.
 ICMP_ERRORS: Final = frozenset({"ECONNRESET", "ECONNREFUSED", "ENETRESET"})
-MOST_ICMP_RETRIES: Final = 64  # so many messages are passed over in one call
+MOST_ICMP_RETRIES: Final = 64  # so many messages are ignored in one call
 LARGEST_DATAGRAM: Final = 65536  # no datagram is larger
 
-# Every datagram is read in here first: no other way tells on all systems how large the cut one was.
+# Every datagram is read in here first: on some systems nothing else shows the whole size of one that is cut.
 _datagram_buffer: Final = memoryview(bytearray(LARGEST_DATAGRAM))
 
 
-MOST_READS_A_CALL: Final = 16  # of one call; what is left stays in the stack for the next
+MOST_READS_A_CALL: Final = 16  # of one call; the rest stays in the stack for the next
 Socket = socket.socket  # inside the class `socket` is the call
 
-# A stack reports these to one call only; Linux answers 0 and EPIPE afterwards, so every system does here.
+# A stack reports these in one call only; afterwards Linux answers 0 and EPIPE: here all systems do.
 REPORTED_ONCE_ERRORS: Final = frozenset(
     {"ECONNRESET", "ECONNREFUSED", "ECONNABORTED", "ETIMEDOUT", "ENETRESET"}
     | {"EHOSTUNREACH", "ENETUNREACH", "EHOSTDOWN", "ENETDOWN"}
@@ -70,10 +69,10 @@ class OsKernel:
         self._polls: PollSet | None = None
         self._polled: set[int] = set()
         self._ready: dict[int, int] = {}
-        self._held: dict[int, str] = {}  # an error found after bytes that were answered first
-        self._told: set[int] = set()  # handles whose error one call has answered
+        self._held: dict[int, str] = {}  # an error that was found after bytes; the bytes are answered first
+        self._reported: set[int] = set()  # handles whose error a call has reported
         self._addresses: tuple[LocalAddress, ...] = ()
-        self._addresses_are_new = False  # asked since the last poll: many attempts in one scan ask once
+        self._addresses_are_new = False  # read since the last poll: once a scan, for all attempts in it
 
     def close_all(self) -> None:
         for handle in list(self._sockets):
@@ -86,9 +85,9 @@ class OsKernel:
         return tuple(f"{handle} {self.local_end(Handle(handle))}" for handle in self._sockets)
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
-        """Return the addresses of this machine; without a free descriptor the last list that was got.
+        """Return the addresses of this machine; without a free descriptor those of the last call.
 
-        Where the C library has no list (Windows) there is none: bind decides, and no name is asked for.
+        () if the C library has no list (Windows): then bind decides, and no name server is asked.
         """
         own = None if self._addresses_are_new else interface_addresses()
         if own is not None:
@@ -103,7 +102,6 @@ class OsKernel:
             self._ready = dict(self._polls.poll(0, len(self._polled)))
 
     def ready(self) -> Collection[Handle]:
-        """Return the handles of the poll set that the last poll saw."""
         return self._ready  # type: ignore[return-value]  # a cast would be a call in each scan
 
     def readable(self, handle: Handle) -> bool:
@@ -116,7 +114,7 @@ class OsKernel:
         if sock is None:
             return True
         mask = self._poll_socket(handle, IN)
-        if mask and handle in self._polled:
+        if mask and handle in self._polled:  # else the calls that follow would still answer WOULD_BLOCK
             self._ready[handle] = mask
         return bool(mask & GONE_MASK) or (not RDHUP and self._peek_end(handle, sock))
 
@@ -128,7 +126,7 @@ class OsKernel:
         return self._call("poll_add", handle, self._register)
 
     def _register(self, sock: Socket) -> None:
-        if self._polls is None:  # made here, not at the start, so that EMFILE has a block to show it (8084)
+        if self._polls is None:  # made here, not at the start: so a block can show EMFILE (8084)
             self._polls = new_poll_set()
         self._polls.register(sock.fileno(), IN | RDHUP)
         self._polled.add(sock.fileno())
@@ -188,7 +186,7 @@ class OsKernel:
         return Endpoint(address, port) if port else None
 
     def accept(self, handle: Handle) -> NewClient | WouldBlock | Fault:
-        if handle in self._polled and handle not in self._ready:
+        if handle in self._polled and handle not in self._ready:  # no system call for an idle listener
             return WOULD_BLOCK
         try:
             made, (address, port) = self._sockets[handle].accept()
@@ -202,14 +200,14 @@ class OsKernel:
         return self._questions.ask(handle, name) if handle in self._sockets else Fault("resolve", "EBADF")
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
-        """Start to connect; None = pending, also where the stack has decided already."""
+        """Start to connect; None = pending, also if the stack has connected at once."""
         fault = self._call("connect", handle, lambda sock: sock.connect(sockaddr(end)))
         return None if fault and fault.error in ("EINPROGRESS", "EAGAIN") else fault
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
         """Return the verdict: connected only when writable, without error and with a partner.
 
-        Bytes prove that it stood: who has sent them and reset at once is read before that end is told.
+        Bytes prove that it was connected: if the partner sent bytes and then RST, the bytes are read first.
         """
         sock = self._sockets.get(handle)
         if sock is None:
@@ -220,7 +218,7 @@ class OsKernel:
         fault = Fault("connect", error) if error else self._call("connect", handle, Socket.getpeername)
         if fault is None or not self.unread(handle):
             return fault
-        if error and error != "EPIPE":  # a FIN came before that one
+        if error and error != "EPIPE":  # EPIPE: a FIN came before the RST, and recv will answer 0
             self._held[handle] = error
         return None
 
@@ -241,12 +239,9 @@ class OsKernel:
         return taken if taken == len(into) or not taken else self._read_on(handle, into, taken)
 
     def _read_on(self, handle: int, into: memoryview, taken: int) -> int:
-        """Read on after a first short read: the sender may have refilled the window meanwhile.
-
-        A bounded number of times: a partner who sends byte by byte must not keep the scan here.
-        """
+        """Read again after a first short read: the sender may have refilled the window meanwhile."""
         sock = self._sockets[handle]
-        for _ in range(MOST_READS_A_CALL):
+        for _ in range(MOST_READS_A_CALL):  # a partner that sends byte by byte must not keep the scan here
             if taken == len(into):
                 break
             try:
@@ -254,9 +249,9 @@ class OsKernel:
             except BlockingIOError:
                 break
             except (OSError, ValueError) as problem:
-                self._held[handle] = error_name(problem)
+                self._held[handle] = error_name(problem)  # the bytes that were read come first
                 break
-            if not more:
+            if not more:  # FIN: the next call reads it again
                 break
             taken += more
         return taken
@@ -287,7 +282,7 @@ class OsKernel:
         return KernelLoss(fault, self.unread(handle))
 
     def _peek_end(self, handle: int, sock: Socket) -> bool:
-        if handle in self._told:
+        if handle in self._reported:
             return True
         try:
             number = sock.getsockopt(BASE, socket.SO_ERROR)
@@ -305,7 +300,6 @@ class OsKernel:
         return discard_unread(self._sockets.get(handle), most)
 
     def unread(self, handle: Handle) -> int:
-        """Return how many received bytes wait in the stack; at most 65536 where it does not count them."""
         return count_unread(self._sockets.get(handle))
 
     def list_unread(self, handles: Collection[Handle]) -> list[Handle]:
@@ -374,7 +368,7 @@ class OsKernel:
         return self._call("shutdown", handle, lambda sock: sock.shutdown(how))
 
     def probe(self, handle: Handle) -> Fault | None:
-        """Answer as `shutdown` would; ending only the receiving side puts nothing on the wire."""
+        # SHUT_RD sends nothing, but fails as SHUT_RDWR would.
         return self._call("shutdown", handle, lambda sock: sock.shutdown(socket.SHUT_RD))
 
     def abort(self, handle: Handle) -> Fault | None:
@@ -392,7 +386,7 @@ class OsKernel:
             if isinstance(self._polls, PollList):  # epoll forgets a closed descriptor by itself
                 self._polls.unregister(handle)
         self._held.pop(handle, None)
-        self._told.discard(handle)
+        self._reported.discard(handle)
         self._questions.forget(handle)
         self._links.remove_handle(handle)
         fault = self._call(call, handle, Socket.close)
@@ -402,7 +396,7 @@ class OsKernel:
     # -- errors --------------------------------------------------------------------------------------
 
     def _call(self, call: str, handle: int, act: Callable[[Socket], object]) -> Fault | None:
-        """Do one call on the handle's socket; EBADF when there is none."""
+        """Make one call on the handle's socket; EBADF if there is none."""
         try:
             act(self._sockets[handle])
         except (OSError, ValueError, KeyError) as problem:
@@ -410,16 +404,16 @@ class OsKernel:
         return None
 
     def _data_fault(self, call: str, handle: int, problem: OSError | ValueError | KeyError) -> Fault | None:
-        """Return the fault of a data call, None when another call has answered this error before."""
+        """Return the fault of a data call, None if another call has reported this error before."""
         name = error_name(problem)
         if name in REPORTED_ONCE_ERRORS:
-            if handle in self._told:
+            if handle in self._reported:
                 return None
-            self._told.add(handle)
+            self._reported.add(handle)
         return Fault(call, name)
 
     def _take_held_fault(self, call: str, handle: int) -> Fault:
-        self._told.add(handle)
+        self._reported.add(handle)
         return Fault(call, self._held.pop(handle))
 
     def _take_error(self, handle: int, sock: Socket) -> str:
@@ -431,5 +425,5 @@ class OsKernel:
             return error_name(problem)
         error = held or (error_name(OSError(number, "")) if number else "")
         if error:
-            self._told.add(handle)
+            self._reported.add(handle)
         return error

@@ -1,4 +1,4 @@
-"""A socket to a reader that may be slow: what there is no room for is left out, counted, told afterwards."""
+"""A socket to a reader that may be slow: parts without room are left out, counted, and reported later."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from trcvtui.net.os.tapped_lane import TapLoop
 READ_BYTES: Final = 1 << 16
 MOST_LINE: Final = 4 << 20  # bytes of an order
 SEND_BUFFER: Final = 4 << 20
-PART_OVERHEAD: Final = 200  # that a part takes beside its own
+PART_OVERHEAD: Final = 200  # bytes of memory for a part beside its data: many small parts are bounded, too
 
 
 class LossyPipe:
     """Writes without waiting. While the reader is behind, whole parts are left out.
 
-    `restate` is called with (events, bytes, ends) that were left out as soon as the reader has all before
-    them; `hear` with each line that the reader says; `end` once, when the reader is gone.
+    `restate` is called with the (events, bytes, ends) that were left out, as soon as the reader has read all
+    parts before them; `hear` with each line from the reader; `end` once, when the reader is gone.
     """
 
     def __init__(
@@ -47,10 +47,10 @@ class LossyPipe:
         loop.register(sock.fileno(), IN, self._handle_ready)
 
     def put(self, *parts: bytes | memoryview, events: int = 1, size: int = 0, ends: bytes = b"") -> None:
-        """Hand parts over, or let them wait; left out they count as so many events, and `ends` are kept."""
+        """Send parts, or queue them; if they are left out, count `events` and `size`, and keep `ends`."""
         if self.is_gone:
             return
-        if self.is_behind or self._size > self.most:
+        if self.is_behind or self._size > self.most:  # until the queue is empty: one gap, not many
             self.is_behind, lost = True, self._lost
             self._lost = lost[0] + events, lost[1] + size, lost[2] + ends
             return
@@ -93,23 +93,23 @@ class LossyPipe:
             self.close()
             return
         self._loop.set_mask(self._sock.fileno(), IN)
-        if self.is_behind:
+        if self.is_behind:  # the queue is empty: the reader has caught up
             self.is_behind, lost = False, self._lost
             self._lost = (0, 0, b"")
             self._restate(*lost)
 
     def _read(self) -> None:
         try:
-            said = self._sock.recv(READ_BYTES)
+            data = self._sock.recv(READ_BYTES)
         except BlockingIOError:
             return
         except OSError:
-            said = b""
-        *lines, self._line = (self._line + said).split(b"\n")
+            data = b""
+        *lines, self._line = (self._line + data).split(b"\n")
         for line in filter(None, lines):
-            if not self.is_gone:
+            if not self.is_gone:  # a line may have closed it
                 self._hear(line)
-        if not said or len(self._line) > MOST_LINE:
+        if not data or len(self._line) > MOST_LINE:  # a line without end would fill the memory
             self.close()
 
     def close(self) -> None:
@@ -121,7 +121,7 @@ class LossyPipe:
             self._end()
 
     def finish(self, until_ns: int) -> None:
-        """Hand over what waits, until a time of the monotonic clock at most; then close."""
+        """Send what waits, until a time of the monotonic clock at most; then close."""
         while self.waiting and (left := until_ns - time.monotonic_ns()) > 0:
             self._loop.run_once(left / 1e9)
         self.close()

@@ -1,4 +1,4 @@
-"""The network of this machine: its addresses, the names it knows, and a network of this process's own."""
+"""The network of this machine: its addresses, its resolver, and a network of this process's own."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Fault, WouldBlock, bro
 
 # -- a network of our own, without privileges: a user and a network namespace of Linux ---------------------
 #
-# Everything in it crosses `lo`, whatever address it is for: with `lo` down every wire in it is cut for real.
-# A process is in one network at a time, so this state belongs to the process; enter before any thread starts.
+# All packets in it cross `lo`, whatever their address: with `lo` down every wire in it is really cut.
+# A process is in one network at a time, so this state belongs to the process; enter before a thread starts.
 
 with suppress(ImportError):  # Windows
     import fcntl
@@ -45,12 +45,12 @@ _own_network = False
 
 
 def has_own_network() -> bool:
-    """Return whether this process has a network of its own, where `set_loopback` harms nobody."""
+    """Return whether this process has a network of its own, where `set_loopback` affects nothing else."""
     return _own_network
 
 
 def enter_namespace(addresses: Sequence[str] = (), not_ethernet: Sequence[str] = ()) -> str:
-    """Move this process into a fresh network that has these addresses; return what is wrong, or ""."""
+    """Move this process into a new network with these addresses; return what is wrong, or ""."""
     if sys.platform != "linux":
         return "a system without network namespaces"
     error = _unshare()
@@ -63,7 +63,7 @@ def enter_namespace(addresses: Sequence[str] = (), not_ethernet: Sequence[str] =
         for number, address in enumerate(addresses):
             _add_address(f"{ETHERNET}:{number}" if number else ETHERNET, address, "255.255.255.0")
         for number, address in enumerate(not_ethernet):
-            # On loopback a wider mask would make the whole subnet local.
+            # On loopback a wider mask would make every address of the subnet local.
             _add_address(f"{LOOPBACK_INTERFACE}:{number}", address, "255.255.255.255")
     except OSError as problem:
         return f"a system that refuses interfaces in a namespace ({_errno_name(problem.errno)})"
@@ -72,7 +72,7 @@ def enter_namespace(addresses: Sequence[str] = (), not_ethernet: Sequence[str] =
 
 def set_loopback(up: bool) -> str:
     """Set `lo` of the own network up or down; return what is wrong, or ""."""
-    if not _own_network:
+    if not _own_network:  # never the `lo` of the machine
         return "this is no network of its own"
     try:
         _set_interface_up(LOOPBACK_INTERFACE, up)
@@ -82,7 +82,7 @@ def set_loopback(up: bool) -> str:
 
 
 def _unshare() -> str:
-    """Leave the present network for an empty one; return the errno of a refusal, or ""."""
+    """Move to a new, empty network; return the errno of a refusal, or ""."""
     global _own_user, _own_network
     unshare = ctypes.CDLL(None, use_errno=True).unshare
     outside = os.getuid(), os.getgid()
@@ -90,16 +90,16 @@ def _unshare() -> str:
         _own_user = _own_network = True
         _map_ids(*outside)
         return ""
-    if unshare(CLONE_NEWNET) == 0:  # a second time, or root where user namespaces are switched off
+    if unshare(CLONE_NEWNET) == 0:  # a second time; or as root, if user namespaces are switched off
         _own_network = True
         return ""
     return _errno_name(ctypes.get_errno())
 
 
 def _map_ids(user: int, group: int) -> None:
-    """Be root in here, so that a program started from here keeps its rights; files stay the user's own."""
-    with suppress(OSError):  # the rights are there without a map, as long as nothing is started
-        Path("/proc/self/setgroups").write_text("deny")
+    """Become root in this namespace: so programs started from here keep the rights; files stay the user's."""
+    with suppress(OSError):  # this process has the rights also without a map: only its programs need one
+        Path("/proc/self/setgroups").write_text("deny")  # required before gid_map: user_namespaces(7)
         Path("/proc/self/uid_map").write_text(f"0 {user} 1")
         Path("/proc/self/gid_map").write_text(f"0 {group} 1")
 
@@ -109,8 +109,8 @@ def _set_interface_up(interface: str, up: bool) -> None:
 
 
 def _make_bridge(name: str) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as door:
-        fcntl.ioctl(door, SIOCBRADDBR, name.encode().ljust(NAME_BYTES, b"\0"))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        fcntl.ioctl(sock, SIOCBRADDBR, name.encode().ljust(NAME_BYTES, b"\0"))
 
 
 def _add_address(label: str, address: str, mask: str) -> None:
@@ -120,25 +120,25 @@ def _add_address(label: str, address: str, mask: str) -> None:
 
 
 def _interface_ioctl(request: int, interface: str, union: bytes) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as door:
-        fcntl.ioctl(door, request, struct.pack(IFREQ_FORMAT, interface.encode(), union))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        fcntl.ioctl(sock, request, struct.pack(IFREQ_FORMAT, interface.encode(), union))
 
 
 def _errno_name(number: int | None) -> str:
     return errno.errorcode.get(number or 0, str(number))
 
 
-# -- names: the system's own resolver, asked by a process of its own, so that no scan waits ----------------
+# -- names: the system's own resolver, called in a separate process, so that no scan waits for it ----------
 #
-# Rule 1: the system decides where names are known (hosts file, DNS, ...): nothing here speaks DNS.
-# Rule 2: at most QUESTIONS processes run at a time; one that is no longer asked for is ended.
+# Rule 1: the system decides how a name is resolved (hosts file, DNS, ...): nothing here speaks DNS.
+# Rule 2: at most MOST_QUESTIONS processes run at a time; one whose answer is not needed any more is ended.
 
 MOST_QUESTIONS: Final = 8
 LONGEST_ANSWER: Final = 64  # bytes
 NAME_UNKNOWN: Final = "EAI_NONAME"
-# Prints an address or why there is none. Whether nobody knows the name or nobody answers says more of this
-# machine than of the partner: both are an unknown name, as on the simulated network. A hosts file knows
-# names without their last dot.
+# Prints an address or why there is none. An unknown name and a name server that does not answer are both
+# EAI_NONAME, as on the simulated network: the difference is this machine's, not the partner's. The name is
+# tried without its last dot, too: so it is in a hosts file.
 RESOLVER_PROGRAM: Final = """
 import socket, sys
 said = "EAI_NONAME"
@@ -153,40 +153,38 @@ print(said)
 
 
 class NameResolver:
-    """What is being asked, by the handle on whose behalf."""
-
     def __init__(self) -> None:
-        self._asked: dict[int, subprocess.Popen[bytes]] = {}
+        self._processes: dict[int, subprocess.Popen[bytes]] = {}  # by the handle that needs the address
 
     def ask(self, handle: int, name: str) -> str | WouldBlock | Fault:
-        """Return the address, WOULD_BLOCK while nobody has answered, else the Fault."""
-        program = self._asked.get(handle)
+        """Return the address, WOULD_BLOCK while there is no answer, else a Fault."""
+        program = self._processes.get(handle)
         if program is None:
             return self._start_process(handle, name)
         if program.poll() is None:
             return WOULD_BLOCK
         assert program.stdout is not None
-        said = program.stdout.read(LONGEST_ANSWER).decode("ascii", "replace").strip()
+        answer = program.stdout.read(LONGEST_ANSWER).decode("ascii", "replace").strip()
         self.forget(handle)
-        if parse_octets(said) is not None:
-            return said
+        if parse_octets(answer) is not None:
+            return answer
         return Fault("resolve", NAME_UNKNOWN)
 
     def _start_process(self, handle: int, name: str) -> WouldBlock | Fault:
-        if len(self._asked) < MOST_QUESTIONS:
+        if len(self._processes) < MOST_QUESTIONS:  # Rule 2; beyond it the next call tries again
             words = [sys.executable, "-I", "-S", "-c", RESOLVER_PROGRAM, name]
             null = subprocess.DEVNULL
             try:
-                asked = subprocess.Popen(words, stdin=null, stdout=subprocess.PIPE, stderr=null)
+                process = subprocess.Popen(words, stdin=null, stdout=subprocess.PIPE, stderr=null)
             except OSError as problem:
                 return Fault("resolve", error_name(problem))
             except ValueError:  # a NUL in the name
                 return Fault("resolve", NAME_UNKNOWN)
-            self._asked[handle] = asked
+            self._processes[handle] = process
         return WOULD_BLOCK
 
     def forget(self, handle: int) -> None:
-        program = self._asked.pop(handle, None)
+        program = self._processes.pop(handle, None)
         if program is not None:
             program.kill()
             program.wait()
@@ -204,9 +202,9 @@ LOOPBACK_ONLY: Final = (
 
 
 class _IfAddrs(ctypes.Structure):
-    """The head of `struct ifaddrs`, which Linux and the BSDs share; the rest is not read.
+    """The head of `struct ifaddrs`, which is the same on Linux and the BSDs; the rest is not read.
 
-    `everybody` is the broadcast address, of a point-to-point interface the partner's.
+    `everybody` is the broadcast address; of a point-to-point interface it is the partner's address.
     """
 
 
@@ -222,10 +220,8 @@ _IfAddrs._fields_ = [
 
 @functools.cache
 def _c_library() -> ctypes.CDLL | None:
-    """Return the C library that the process has already loaded, None where it has no getifaddrs.
-
-    It is loaded once: a bind asks in the middle of a scan, and looking for the file would start a process.
-    """
+    """Return the C library that the process has already loaded, None if it has no getifaddrs."""
+    # CDLL(None), once: a bind asks in the middle of a scan, and ctypes.util.find_library starts a process.
     try:
         library = ctypes.CDLL(None)
         return library if library.getifaddrs and library.freeifaddrs else None
@@ -234,9 +230,9 @@ def _c_library() -> ctypes.CDLL | None:
 
 
 def interface_addresses() -> tuple[LocalAddress, ...] | None:
-    """Return every IPv4 address with its interface, None when the system cannot say now (EMFILE).
+    """Return every IPv4 address with its interface, None if the system cannot list them now (EMFILE).
 
-    () on a system that has no getifaddrs: nobody can say. Only 127.0.0.1 where there is no address at all.
+    () on a system without getifaddrs: they are unknown. Only 127.0.0.1 if no interface has an address.
     """
     library = _c_library()
     if library is None:
@@ -262,14 +258,14 @@ def _iter_addresses(entry: ctypes._Pointer[_IfAddrs]) -> Iterator[LocalAddress]:
 
 
 def _broadcast_address(address: str, item: _IfAddrs) -> str:
-    told = _read_ipv4(item.everybody) if item.flags & IFF_BROADCAST else None
-    if told in (None, ANY_ADDRESS, address):  # glibc has the own one where none was given (`ip addr add`)
-        told = broadcast_address(address, _read_ipv4(item.netmask) or "")
-    return "" if told == address else told
+    found = _read_ipv4(item.everybody) if item.flags & IFF_BROADCAST else None
+    if found in (None, ANY_ADDRESS, address):  # glibc returns the own address if none was set (`ip addr add`)
+        found = broadcast_address(address, _read_ipv4(item.netmask) or "")
+    return "" if found == address else found
 
 
 def _read_ipv4(address: int | None) -> str | None:
-    """Return the dotted text of a `struct sockaddr`, None when it is of another family."""
+    """Return the dotted text of a `struct sockaddr`, None if it is of another family."""
     if not address:
         return None
     head = ctypes.string_at(address, 2)
@@ -284,5 +280,5 @@ def _is_ethernet(interface: str, flags: int) -> bool:
     device = interface.partition(":")[0]  # eth0:1 is a label of eth0
     try:
         return int(Path("/sys/class/net", device, "type").read_text()) == ARPHRD_ETHER
-    except (OSError, ValueError):
+    except (OSError, ValueError):  # no sysfs (not Linux): a guess by the flags
         return not flags & (IFF_LOOPBACK | IFF_POINTOPOINT)

@@ -1,4 +1,4 @@
-"""The observers of a tap: each reads the same pcapng; guests at a Unix socket, mode 0600.
+"""The observers of a tap: all read the same pcapng; guests connect to a Unix socket, mode 0600.
 
 Rule: an observer that does not read misses blocks, which are counted; no other one waits for it.
 """
@@ -27,16 +27,17 @@ from trcvtui.net.tap import ENDS, LOSS, RELEASE, USER_LINE, TapEvent, TapEventKi
 PEER_CREDENTIALS: Final = struct.Struct("iII")  # of SO_PEERCRED: process, user, group
 MOST_PATH_BYTES: Final = 107  # bytes of `sun_path`
 MOST_OBSERVERS: Final = 8
-FLUSH_NS: Final = 1_000_000_000  # for observers to read what is left
-CONNECT_TIMEOUT_S: Final = 1.0  # for a tap to take a connection, and to tell something
-LISTENER_CHECK_NS: Final = 5_000_000_000  # between two looks at whether the socket is still there
-FIRST_PAUSE_NS, MOST_PAUSE_NS = 1_000_000_000, 60_000_000_000  # before a socket is tried again
+FLUSH_NS: Final = 1_000_000_000  # for observers to read the rest at the end
+CONNECT_TIMEOUT_S: Final = 1.0  # for a tap to accept a connection, and to send the first byte
+LISTENER_CHECK_NS: Final = 5_000_000_000  # between two checks whether the socket's file is still ours
+FIRST_PAUSE_NS, MOST_PAUSE_NS = 1_000_000_000, 60_000_000_000  # before the next attempt to listen
 
 
 def _check_socket_path(path: Path) -> str:
     with suppress(OSError):  # without a folder there is no socket either
         folder = os.lstat(path.parent)
         is_ours = stat.S_ISDIR(folder.st_mode) and folder.st_uid == os.geteuid()
+        # In a folder that others may write, another user could put a socket in place of ours.
         if not is_ours or folder.st_mode & 0o077:
             found = f"mode {folder.st_mode & 0o777:o}" if is_ours else "a link, or another user's folder"
             raise mistake(str(path.parent), found, "a folder of yours, mode 700: set XDG_RUNTIME_DIR")
@@ -46,16 +47,16 @@ def _check_socket_path(path: Path) -> str:
 
 
 def is_trusted(peer: socket.socket) -> bool:
-    """Return whether we or root are at the other end; where the system does not tell, the folder is all."""
-    asked = getattr(socket, "SO_PEERCRED", None)
-    if asked is None:
+    """Return whether the other end is a process of this user or of root."""
+    option = getattr(socket, "SO_PEERCRED", None)
+    if option is None:  # only Linux has it; elsewhere the mode of the folder has to protect us
         return True
-    _, user, _ = PEER_CREDENTIALS.unpack(peer.getsockopt(socket.SOL_SOCKET, asked, PEER_CREDENTIALS.size))
+    _, user, _ = PEER_CREDENTIALS.unpack(peer.getsockopt(socket.SOL_SOCKET, option, PEER_CREDENTIALS.size))
     return user in (0, os.geteuid())
 
 
 def connect_to_tap(path: Path, expected: str) -> int:
-    """Return the descriptor of a connection to the tap that listens there; raise UserError without one."""
+    """Return the descriptor of a connection to the tap at a path; raise UserError without one."""
     name, made = _check_socket_path(path), socket.socket(socket.AF_UNIX)
     made.settimeout(CONNECT_TIMEOUT_S)
     found = "no tap"
@@ -64,7 +65,7 @@ def connect_to_tap(path: Path, expected: str) -> int:
         found = "a tap of another user"
         if not is_trusted(made):
             raise PermissionError
-        found = "a tap that tells nothing"  # the system connects us to a process that hangs, too
+        found = "a tap that sends nothing"  # the system connects us to a process that hangs, too
         if not made.recv(1, socket.MSG_PEEK):
             raise ConnectionResetError
         made.setblocking(True)
@@ -75,9 +76,10 @@ def connect_to_tap(path: Path, expected: str) -> int:
 
 
 def listen_at(path: Path) -> socket.socket:
-    """Listen there, in place of a program that is dead; raise UserError where one lives, or nothing goes."""
+    """Listen at a path, in place of a dead program; raise UserError if that one lives, or on failure."""
     made = socket.socket(socket.AF_UNIX)
     try:
+        # Only a socket that refuses a connection is that of a dead program.
         with socket.socket(socket.AF_UNIX) as rival, suppress(FileNotFoundError, ConnectionRefusedError):
             rival.settimeout(CONNECT_TIMEOUT_S)
             rival.connect(_check_socket_path(path))
@@ -86,7 +88,7 @@ def listen_at(path: Path) -> socket.socket:
             if not stat.S_ISSOCK(os.lstat(path).st_mode):
                 raise mistake(str(path), "a file", "nothing, or the socket of a tap")
             os.unlink(path)
-        before = os.umask(0o177)
+        before = os.umask(0o177)  # mode 0600 from the start: chmod after bind would leave a gap
         try:
             made.bind(str(path))
         finally:
@@ -102,26 +104,26 @@ def listen_at(path: Path) -> socket.socket:
 
 
 class Encoder(Protocol):
-    """The pcapng that observers read, made of events one after the other."""
+    """Makes the pcapng that observers read from events, one after the other."""
 
     def head(self, ns: int) -> bytes: ...
 
     def encode_event(self, event: TapEvent) -> bytes: ...
 
     def encode_lines(self, since: int) -> list[bytes]:
-        """Return the blocks of serial lines, which are interfaces, without the first ones."""
+        """Return the interface blocks of serial lines, without the first `since`."""
 
     def encode_loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
-        """Return what says how much an observer has missed; `dropped`: since it came."""
+        """Return the block for what an observer has missed; `dropped`: events since it connected."""
 
     def encode_open(self) -> bytes:
-        """Return what says which conversations there are."""
+        """Return the blocks for the open conversations."""
 
 
 class ObserverKind(NamedTuple):
     """What an observer reads, and how many bytes may wait for it.
 
-    `holds`: what the tap holds from its beginning goes on when this one leaves.
+    `holds`: when it leaves, the tap releases what it holds: it may have been started to hold everything.
     """
 
     events: frozenset[int]
@@ -132,7 +134,7 @@ class ObserverKind(NamedTuple):
 
 _ALL: Final = frozenset(int(kind) for kind in TapEventKind)
 GUEST_KIND: Final = ObserverKind(_ALL, 8 << 20, is_guest=True)
-# Those that the tap starts, by the byte with which it hands over their socket.
+# Observers that the tap starts, by the byte that is sent with their socket.
 OBSERVER_KINDS: Final = {
     SCREEN: ObserverKind(_ALL, holds=True),
     RECORDER: ObserverKind(_ALL - {TapEventKind.NOW, TapEventKind.FIGURES}),  # a silent line fills no disk
@@ -141,21 +143,20 @@ OBSERVER_KINDS: Final = {
 
 
 class Observer:
-    """What reads the pcapng."""
-
     def __init__(self, server: ObserverServer, sock: socket.socket, kind: ObserverKind) -> None:
         self.kind = kind
         self._server, self._capture = server, server.capture
         self._has_ordered, self._is_refused = kind.holds, False
         lines = self._capture.encode_lines(0)
-        self._lines, self._newest = len(lines), server.newest  # conversation that it knows
+        self._lines, self._newest = len(lines), server.newest  # the newest conversation that it knows
         self._dropped = 0  # events that it missed
         self.pipe = LossyPipe(server.loop, sock, kind.most, self._report_missed, self._on_order, self._on_end)
-        # At once: a screen shows what is there with its first picture, and keys act on that.
+        # At once: the first picture of a screen shows all open conversations, and keys act on them.
         self.pipe.put(b"".join([self._capture.head(time.time_ns()), *lines, self._capture.encode_open()]))
 
     def handle_events(self, events: Sequence[tuple[TapEvent, bytes]]) -> None:
-        """Take events, and their blocks."""
+        """Write the blocks of events."""
+        # Ends are never lost: else this observer would keep the conversation open for ever.
         kept = [block for event, block in events if event.kind in ENDS and event.number <= self._newest]
         size = sum(len(event.data) for event, _ in events if event.kind == TapEventKind.BYTES)
         size += sum(LOSS.unpack_from(event.data)[1] for event, _ in events if event.kind == TapEventKind.LOST)
@@ -167,7 +168,7 @@ class Observer:
             )
 
     def _write_blocks(self, blocks: bytes, events: int = 0, size: int = 0, ends: bytes = b"") -> None:
-        for line in self._capture.encode_lines(self._lines):  # no packet of a line without its interface
+        for line in self._capture.encode_lines(self._lines):  # an interface comes before its packets
             self.pipe.put(line, events=0)
             self._lines += not self.pipe.is_behind
         self.pipe.put(blocks, events=events, size=size, ends=ends)
@@ -185,18 +186,18 @@ class Observer:
                 self._server.notify("an observer gives orders: it needs `trcvtui tap --allow-orders`")
             return
         self._has_ordered = True
-        self._server.send_to_tap(line.lstrip(USER_LINE))  # that word is the server's alone
+        self._server.send_to_tap(line.lstrip(USER_LINE))  # only the server may write to the user
 
     def _on_end(self) -> None:
         self._server.remove_observer(self)
-        if self._has_ordered:
+        if self._has_ordered:  # held bytes must not wait for an observer that is gone
             self._server.send_to_tap(RELEASE)
 
 
 class ObserverServer:
-    """Serves observers with a `capture` of the events that the tap tells on `events`.
+    """Serves observers with a `capture` of the events that the tap reports on `events`.
 
-    The tap hands over sockets of its own observers on `ways`; guests come to the Unix socket at `path`.
+    The tap hands over sockets of its own observers on `ways`; guests connect to the Unix socket at `path`.
     """
 
     def __init__(self, events: int, ways: int, path: Path | None, may_order: bool, capture: Encoder) -> None:
@@ -211,7 +212,7 @@ class ObserverServer:
         self.loop.register(events, IN, self._read_events)
 
     def run(self) -> None:
-        """Serve until the tap ends; let observers read what is left."""
+        """Serve until the tap ends; then let observers read the rest."""
         self._keep_listening()
         while not self._has_ended:
             self.loop.run_once(-1)
@@ -223,7 +224,7 @@ class ObserverServer:
     # -- the tap ---------------------------------------------------------------------------------------------
 
     def send_to_tap(self, line: bytes) -> None:
-        """Tell the tap a line; it never makes us wait."""
+        """Send the tap a line; the tap always reads, so this does not wait."""
         with suppress(OSError):
             self._tap.sendall(line + b"\n")
 
@@ -239,18 +240,19 @@ class ObserverServer:
             self._has_ended = True
             self.loop.unregister(self._tap.fileno())
             return
-        stand = [*takewhile(lambda event: event.kind == TapEventKind.OPEN and event.at, events)]
-        self._distribute(stand)  # the first that we are told: our first observers are told of them
+        open_before = [*takewhile(lambda event: event.kind == TapEventKind.OPEN and event.at, events)]
+        self._distribute(open_before)  # before the tap's observers are added: their first blocks show these
         while poll_once({self._ways.fileno(): IN}) and self._accept_own():
-            pass  # a way that was handed over before an event gets it
-        self._distribute(events[len(stand) :])
+            pass  # an observer that was handed over before an event gets that event
+        self._distribute(events[len(open_before) :])
 
     def _distribute(self, events: Sequence[TapEvent]) -> None:
         wanted = frozenset[int]().union(*[each.kind.events for each in self._observers])
         made = [
             (event, self.capture.encode_event(event))
             for event in events
-            if event.kind in wanted or event.kind != TapEventKind.BYTES
+            if event.kind in wanted
+            or event.kind != TapEventKind.BYTES  # all others change the capture's state
         ]
         self.newest = max([self.newest, *[e.number for e in events if e.kind == TapEventKind.OPEN]])
         parts: dict[frozenset[int], list[tuple[TapEvent, bytes]]] = {}
@@ -275,7 +277,7 @@ class ObserverServer:
     def remove_observer(self, observer: Observer) -> None:
         self._observers = tuple([each for each in self._observers if each is not observer])
         if observer.kind.is_guest and not self._has_ended:
-            self.notify("an observer has ended: bytes still go on")
+            self.notify("an observer has ended; forwarding continues")
 
     def _accept_guest(self, _: int) -> None:
         assert self._door is not None
@@ -289,7 +291,7 @@ class ObserverServer:
             self._add_observer(observer, GUEST_KIND)
 
     def _keep_listening(self) -> None:
-        """Listen where guests come, anew where the socket is gone."""
+        """Listen for guests; listen again if the socket's file is gone."""
         if self._path is None:
             return
         pause = LISTENER_CHECK_NS
@@ -302,7 +304,7 @@ class ObserverServer:
                 self.loop.register(self._door.fileno(), IN, self._accept_guest)
             except (UserError, OSError) as refused:
                 pause, self._pause = self._pause, min(2 * self._pause, MOST_PAUSE_NS)
-                self.notify(f"no observers: {refused}; tried again in {pause // 10**9} s, bytes go on")
+                self.notify(f"no observers: {refused}; next try in {pause // 10**9} s, forwarding continues")
         self.loop.call_after(pause, self._keep_listening)
 
     def _is_own_socket(self, path: Path) -> bool:
@@ -315,5 +317,5 @@ class ObserverServer:
             self.loop.unregister(self._door.fileno())
             self._door.close()
             self._door = None
-            if self._path is not None and self._is_own_socket(self._path):  # otherwise it is another one's
+            if self._path is not None and self._is_own_socket(self._path):  # never delete another tap's
                 os.unlink(self._path)

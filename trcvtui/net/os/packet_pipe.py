@@ -1,4 +1,4 @@
-"""Packets that another program pipes to us: read as they come, and who reads lets time go on meanwhile."""
+"""Packets that another program pipes to us: read as they come; while none come, a call lets time pass."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from contextlib import suppress
 from typing import Final
 
 READ_BYTES: Final = 256 << 10  # bytes of one read
-PIPE_BYTES: Final = 1 << 20  # in the pipe, where the system lets us have so much
-FEW_BYTES: Final = 32 << 10  # after fewer bytes a rest: packets read one by one cost several times as much
+PIPE_BYTES: Final = 1 << 20  # in the pipe, if the system allows so much
+FEW_BYTES: Final = 32 << 10  # after fewer bytes it pauses: packets read one by one cost several times as much
 REST_S: Final = 0.005
 TICK_S: Final = 0.01  # between two calls of `waits`
 SLOW_TICK_S: Final = 0.05  # after so many ticks
@@ -24,9 +24,9 @@ _MOST_CHUNKS: Final = 4  # read ahead by a thread
 
 
 class PacketPipe:
-    """A descriptor of packets; `waits` is called with the ns for which nothing has come.
+    """A descriptor of packets; `waits` is called with the ns since bytes last came.
 
-    `whole` gets all that was read, b"" at the end, and returns what of it is to be taken now, or None.
+    `whole` gets what was read, b"" at the end, and returns the part that can be used now, or None.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class PacketPipe:
         self._stops_at: float | None = None
 
     def stop(self) -> None:
-        """End with what the other program still says."""
+        """End after the bytes that the other program still sends in STOP_WAIT_S."""
         self._stops_at = time.monotonic() + STOP_WAIT_S
 
     @property
@@ -47,7 +47,7 @@ class PacketPipe:
 
     @property
     def busy_ns(self) -> int:
-        """Return how long there has been no moment without bytes."""
+        """Return for how long the pipe was never empty."""
         return time.monotonic_ns() - self.empty_at
 
     def read(self, _most: int) -> bytes:
@@ -71,7 +71,7 @@ class PacketPipe:
 
 
 def _chunk_reader(fd: int) -> Callable[[float], bytes | None]:
-    """Return what waits so many seconds for the next bytes; None: none have come."""
+    """Return a call that waits so many seconds for the next bytes and returns them, None if none came."""
     if hasattr(select, "poll"):
         with suppress(ImportError, OSError):
             import fcntl
@@ -101,13 +101,13 @@ def _chunk_reader(fd: int) -> Callable[[float], bytes | None]:
 
 
 def _read_or_end(fd: int) -> bytes:
-    with suppress(ConnectionResetError):  # it has ended, and left an order of ours unread
+    with suppress(ConnectionResetError):  # the other end has closed with an order of ours unread: an end, too
         return os.read(fd, READ_BYTES)
     return b""
 
 
 def detach_stdin(with_keyboard: bool) -> int:
-    """Return the descriptor of what is piped to stdin; `with_keyboard`: stdin is the terminal from now on."""
+    """Return a new descriptor of the piped stdin; `with_keyboard`: stdin is the terminal from now on."""
     fd = os.dup(0)
     if with_keyboard:
         keyboard = os.open("CONIN$" if os.name == "nt" else "/dev/tty", os.O_RDWR)

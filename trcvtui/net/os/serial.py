@@ -1,7 +1,7 @@
 """Real serial ports, through pyserial (the extra `serial`): a device, or a URL that pyserial knows.
 
-Rule: no call waits. Threads open and close (os_serial_opening.py), one attempt at a time for each port:
-as long as a device hangs, nobody tries again.
+Rule: no call waits. Threads open and close, one attempt at a time for each port: while a device hangs,
+there is no second attempt.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from trcvtui.net.os.system_calls import error_name
 from trcvtui.net.results import Fault
 from trcvtui.net.serial_line import OPENING, LineErrors, PortOpening, SerialSettings
 
-# Rule: the only threads below `tui`: pyserial opens and closes with calls that wait, and a scan must
-# not. They hold nothing but their port.
+# Rule: the only threads below `tui`: the calls of pyserial that open and close wait, and a scan must not.
+# A thread holds nothing but its port.
 
 
 class OpenAttempt:
-    """An attempt that runs. `is_over` tells when `port` or `problem` is there."""
+    """An attempt to open a port; when it `is_over` there is a `port` or a `problem`."""
 
     def __init__(self, make_port: Callable[[], Any]) -> None:
         self.port: Any = None
@@ -43,42 +43,41 @@ class OpenAttempt:
             port = make_port()
             port.open()
             self.port = port
-        except Exception as problem:  # whatever a driver or a URL handler raises: the port is not there
+        except Exception as problem:  # drivers and URL handlers raise anything
             self.problem = problem
             _close(port)
         self._over.set()
 
 
 def close_in_background(port: Any) -> None:
-    """Close a port; that waits too (pyserial 3.5: 0.3 s for a socket, a driver until all is sent)."""
+    """Close a port in a thread: that waits (pyserial 3.5: 0.3 s for a socket, a driver until all is sent)."""
     threading.Thread(target=_close, args=(port,), daemon=True).start()
 
 
 def _close(port: Any) -> None:
-    # pyserial 3.5 leaves a socket open that its partner has reset: its shutdown fails before its close.
-    left = getattr(port, "_socket", None)
+    # pyserial 3.5 leaves a socket open after the partner's RST: its shutdown fails before its close.
+    sock = getattr(port, "_socket", None)
     with suppress(Exception):  # it is gone already
         port.close()
-    if left is not None:
+    if sock is not None:
         with suppress(OSError):
-            left.close()
+            sock.close()
 
 
 PORT_GONE: Final = "EIO"
-FAR_END_CLOSED: Final = "EOF"  # no errno: the far end has closed the connection in order
+FAR_END_CLOSED: Final = "EOF"  # not an errno: the far end has closed the connection in good order
 MOST_TEXT_CHARS: Final = 160
 TRY_AGAIN_ERRORS: Final = (-3, 11002)  # EAI_AGAIN of Linux, WSATRY_AGAIN
-# What pyserial 3.5 says where no call of the system has failed.
+# Messages of pyserial 3.5 when no system call has failed.
 MESSAGE_ERRORS: Final = (
     ("socket disconnected", FAR_END_CLOSED),
     ("reader thread died", FAR_END_CLOSED),
-    ("does not seem to support", "ETIMEDOUT"),  # nobody has answered in RFC 2217
+    ("does not seem to support", "ETIMEDOUT"),  # no answer in RFC 2217
     ("timeout while waiting", "ETIMEDOUT"),
 )
 
 
 def fault_from_error(call: str, problem: BaseException) -> Fault:
-    """Return a failure of a port as a Fault."""
     name = next((name for each in _causes(problem) if (name := _errno_name(each))), "") or _find_name(problem)
     words = "".join([letter for letter in str(problem) if letter.isprintable()])
     return Fault(call, name, words=words[:MOST_TEXT_CHARS])
@@ -91,7 +90,7 @@ def _causes(problem: BaseException | None) -> Iterator[BaseException]:
 
 
 def _errno_name(problem: BaseException) -> str:
-    number = problem.args[0] if problem.args else None  # of an OSError with words alone it is a text
+    number = problem.args[0] if problem.args else None  # an OSError made with only a message has a text here
     if isinstance(problem, socket.gaierror):  # its numbers are no errno
         return "EAI_AGAIN" if number in TRY_AGAIN_ERRORS else "EAI_NONAME"
     if isinstance(number, int) and number in errno.errorcode:  # termios.error is no OSError
@@ -113,9 +112,9 @@ HANDSHAKES: Final[dict[str, dict[str, bool]]] = {
     "xon/xoff": {"xonxoff": True},
 }
 TIOCGICOUNT: Final = 0x545D
-# struct serial_icounter_struct: frame, overrun, parity, brk, buf_overrun after six others, nine reserved.
+# struct serial_icounter_struct: six others, frame, overrun, parity, brk, buf_overrun, nine reserved.
 _ICOUNTS: Final = struct.Struct("24x5i36x")
-WRITE_BYTES: Final = 256  # bytes of one write: a terminal that can be written takes them without a pause
+WRITE_BYTES: Final = 256  # bytes of one write: a terminal that is writable takes so many without waiting
 
 
 class OsSerialPort:
@@ -124,7 +123,7 @@ class OsSerialPort:
         self._settings = settings
         self._port: Any = None
         self._attempt: OpenAttempt | None = None
-        self._is_given_up = False  # the attempt that still runs
+        self._is_given_up = False  # the running attempt
 
     def open(self) -> Fault | PortOpening | None:
         if self._attempt is None:
@@ -135,7 +134,7 @@ class OsSerialPort:
         if self._is_given_up:
             if attempt.port is not None:
                 close_in_background(attempt.port)
-            return OPENING  # the next call begins anew
+            return OPENING  # the next call starts a new attempt
         if attempt.problem is not None:
             return fault_from_error("open", attempt.problem)
         self._port = attempt.port
@@ -151,7 +150,7 @@ class OsSerialPort:
             parity=PARITIES[s.parity],
             stopbits=s.stop_bits,
             timeout=0,
-            # pyserial 3.5 has none for rfc2217; there a socket that has room takes a piece at once.
+            # pyserial 3.5 has no write timeout for rfc2217; `_has_room` keeps that write from waiting.
             write_timeout=None if s.port.startswith("rfc2217://") else 0,
             **HANDSHAKES[s.handshake],
         )
@@ -171,8 +170,7 @@ class OsSerialPort:
             return self._close_as_gone("write", problem)
 
     def close(self) -> None:
-        """Give the port back; an attempt that still runs is given up."""
-        self._is_given_up = True
+        self._is_given_up = True  # a running attempt: a thread cannot be stopped, its port is closed later
         if self._port is not None:
             close_in_background(self._port)
         self._port = None
@@ -181,7 +179,7 @@ class OsSerialPort:
         return False
 
     def line_errors(self) -> LineErrors | None:
-        """Return what Linux has counted for a UART (TIOCGICOUNT); other systems and ports do not say."""
+        """Return the counts of Linux for a UART (TIOCGICOUNT), None for other systems and ports."""
         try:
             from fcntl import ioctl
 
@@ -192,7 +190,7 @@ class OsSerialPort:
         return framing, parity, breaks, overruns + full
 
     def _has_room(self) -> bool:
-        """Return whether a write would take bytes at once: pyserial itself tries until it does."""
+        """Return whether a write would take bytes at once; pyserial's own write would wait for that."""
         try:
             number = (getattr(self._port, "_socket", None) or self._port).fileno()
         except (AttributeError, OSError, ValueError):  # Windows: a queue of its own

@@ -1,4 +1,4 @@
-"""What systemd is told of a service with `Type=notify`: that it is ready, that it is alive (sd_notify(3))."""
+"""Messages to systemd from a service with `Type=notify`: it is ready, it is alive (sd_notify(3))."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from contextlib import suppress
 
 
 def notify(line: str) -> None:
-    """Tell the service manager a line such as READY=1; without one, or where it does not hear, nothing."""
+    """Send the service manager a line such as READY=1; do nothing without one, or if it does not listen."""
     place = os.environ.get("NOTIFY_SOCKET", "")
-    if place[:1] not in ("/", "@"):
+    if place[:1] not in ("/", "@"):  # other families (vsock:) are not sent to
         return
-    with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as way:
-        way.sendto(line.encode(), f"\0{place[1:]}" if place[0] == "@" else place)
+    with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as sock:
+        sock.sendto(line.encode(), f"\0{place[1:]}" if place[0] == "@" else place)  # @: an abstract name

@@ -239,9 +239,7 @@ def peek_at(sock: socket.socket, skip: int, is_gone: bool) -> Unread:
         data = sock.recv(most, socket.MSG_PEEK)[skip:] if most > skip else b""
         end = END_STATES.get(info[:1], "") if is_gone else ""
         room = sock.getsockopt(BASE, socket.SO_RCVBUF)
-        return Unread(
-            max(size, skip + len(data)), data, end, size * 2 >= room
-        )  # half of SO_RCVBUF is overhead
+        return Unread(max(size, skip + len(data)), data, end, size * 2 >= room)  # half of it is overhead
     except (OSError, ValueError):
         return Unread()
 

@@ -1,4 +1,4 @@
-"""The door of a bench in a browser: a Unix socket in a folder of this user alone, by which tabs come in."""
+"""The socket where the tabs of a bench in a browser connect: a Unix socket in a folder of this user alone."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from trcvtui.net.os.observers import is_trusted, listen_at
 
 
 class TabListener:
-    """It belongs to `serve`, which hands it to its engine."""
-
     def __init__(self) -> None:
         self.path = Path(tempfile.mkdtemp(prefix="trcvtui-")) / "bench"  # mode 0700
         atexit.register(shutil.rmtree, self.path.parent, ignore_errors=True)
@@ -20,7 +18,7 @@ class TabListener:
         self._listens.setblocking(False)
 
     def accept(self) -> int | None:
-        """Return the descriptor of a tab that has come; None: there is none, or another user's."""
+        """Return the descriptor of a new tab; None: there is none, or it is another user's."""
         try:
             tab, _ = self._listens.accept()
         except OSError:

@@ -1,4 +1,4 @@
-"""Ways to what a tap shows: its children ask for one each time they begin, and get it."""
+"""Channels to the events of a tap: its child processes ask for one when they start, and get a socket."""
 
 from __future__ import annotations
 
@@ -8,37 +8,36 @@ import struct
 from contextlib import suppress
 from typing import Final
 
-ASK_CHANNEL, ASK_COUNT = b"+", b"?"  # for a way; how many connections are open
-SCREEN, RECORDER, ORDERS = b"s", b"r", b"o"  # whose way it is, said to the process that serves observers
+ASK_CHANNEL, ASK_COUNT = b"+", b"?"  # for a channel; for the number of open connections
+SCREEN, RECORDER, ORDERS = b"s", b"r", b"o"  # the kind of a channel, sent with its socket to the server
 MOST_ANSWER_BYTES: Final = 64  # bytes
-BLOCK: Final = struct.Struct("<4xI")  # with how many bytes a block of pcapng says it has
+BLOCK: Final = struct.Struct("<4xI")  # the head of a pcapng block: its type, its whole length in bytes
 
 
 class ChannelServer:
-    """The tap's end. `fd` is readable when a way is asked for, and when nobody is there who could ask."""
+    """The tap's end. `fd` is readable when a child asks, and when no child is left that could ask."""
 
     def __init__(self) -> None:
         self._asks, self.theirs = socket.socketpair()
         self.fd = self._asks.fileno()
 
     def read_question(self) -> bytes:
-        """Wait for the other end; return what it asks, b"" when it has ended."""
+        """Wait for a question of the children; return it, b"" when all of them have ended."""
         with suppress(OSError):
             return self._asks.recv(1)
         return b""
 
     def answer_count(self, text: str) -> None:
-        """Tell how many connections are open."""
         with suppress(OSError):
             self._asks.sendall(f"{text}\n".encode())
 
     def hand_over_channel(self) -> socket.socket | None:
-        """Hand a way over; return its other end. None, and no way for the other: no descriptor is left."""
+        """Hand a channel over to a child; return the tap's end of it, None if no descriptor is left."""
         try:
             ours, theirs = socket.socketpair()
         except OSError:
             with suppress(OSError):
-                self._asks.sendall(ASK_CHANNEL)
+                self._asks.sendall(ASK_CHANNEL)  # an answer without a descriptor: the child must not wait
             return None
         with theirs, suppress(OSError):
             socket.send_fds(self._asks, [ASK_CHANNEL], [theirs.fileno()])
@@ -49,7 +48,7 @@ class ChannelServer:
 
 
 class ObserverServerPipes:
-    """The tap's ends of what the process that serves observers has: events for orders, and ways."""
+    """The tap's ends of two sockets to the process that serves observers: events and orders; channels."""
 
     def __init__(self) -> None:
         self.events, self._theirs = socket.socketpair()
@@ -61,7 +60,6 @@ class ObserverServerPipes:
         self._their_ways.close()
 
     def hand_over_observer(self, kind: bytes, way: socket.socket) -> None:
-        """Let an observer of that kind be served."""
         with way, suppress(OSError):
             socket.send_fds(self._ways, [kind], [way.fileno()])
 
@@ -70,13 +68,13 @@ class ObserverServerPipes:
 
 
 def _ask_tap(fd: int, what: bytes) -> tuple[bytes, list[int]]:
-    """Return what the tap at `fd` answers, and the descriptor that it hands over."""
+    """Return the answer of the tap at `fd`, and the descriptor that it hands over."""
     with suppress(OSError), socket.socket(fileno=fd) as asks:
         try:
             asks.sendall(what)
             return socket.recv_fds(asks, MOST_ANSWER_BYTES, 1)[:2]
         finally:
-            asks.detach()
+            asks.detach()  # `fd` is the caller's
     return b"", []
 
 
@@ -86,22 +84,22 @@ def ask_open_count(fd: int) -> str:
 
 
 class TapChannel:
-    """The way of a tap to one of its children: whole blocks of pcapng come on `fd`, orders go back.
+    """A child's end of a channel: whole blocks of pcapng come on `fd`, orders go back.
 
-    When the process that serves it has ended there is another one, which begins with a new section.
+    When the process that serves it has ended, another one takes its place and begins a new section.
     """
 
     def __init__(self, asks: int) -> None:
         self._asks, self._part = asks, b""
-        self.fd = os.open(os.devnull, os.O_RDONLY)  # at its end: then a way is asked for
+        self.fd = os.open(os.devnull, os.O_RDONLY)  # it is at its end, and `feed` then asks for a channel
 
     def feed(self, data: bytes) -> bytes | None:
-        """Return the whole blocks that were read, None for none yet, b"" where there is no tap any more."""
+        """Return the whole blocks that were read, None for none yet, b"" if the tap has ended."""
         if not data:
-            self._part = b""
+            self._part = b""  # half a block of a server that has ended
             ways = _ask_tap(self._asks, ASK_CHANNEL)[1]
             for way in ways:
-                os.dup2(way, self.fd)
+                os.dup2(way, self.fd)  # the reader's poll set keeps its descriptor
                 os.close(way)
             return None if ways else b""
         data, at = self._part + data, 0
@@ -111,5 +109,5 @@ class TapChannel:
         return data[:at] or None
 
     def send(self, line: bytes) -> None:
-        with suppress(OSError):  # the tap has ended: soon it is said
+        with suppress(OSError):  # the tap has ended: the next read reports it
             os.write(self.fd, line)

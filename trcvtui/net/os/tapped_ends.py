@@ -1,4 +1,4 @@
-"""What a tap joins: TCP ends, UDP ends, serial ports; each conversation with its two ends."""
+"""The pairs of ends that a tap joins: TCP, UDP, serial ports; a conversation is one such pair."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from trcvtui.net.tap import WAY_BACK, WAY_TO, Route, TapEventKind, TapPlace
 from trcvtui.wording import count
 
 CONNECT_LIMIT_NS: Final = 5_000_000_000  # for the far end to answer
-CTS_CHECK_NS: Final = 20_000_000  # between two looks at CTS
+CTS_CHECK_NS: Final = 20_000_000  # between two reads of CTS
 REOPEN_PAUSE_NS: Final = 1_000_000_000  # between two attempts to open a port that is gone
-MOST_UDP_CLIENTS: Final = 1024  # UDP clients; then the one that is silent for longest goes
+MOST_UDP_CLIENTS: Final = 1024  # of a route; then the one that was silent for longest is dropped
 LACK_ERRORS: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
-LACK_CHECK_NS: Final = 100_000_000  # between two looks at whether a client can be taken again
-LACK_WAIT_NS: Final = 2_000_000_000  # for a client to be taken; then it gets RST
-LACK_REPORT_NS: Final = 10_000_000_000  # between two words of what lacks
+LACK_CHECK_NS: Final = 100_000_000  # between two attempts to accept clients again
+LACK_WAIT_NS: Final = 2_000_000_000  # for a client to be accepted; then it gets RST
+LACK_REPORT_NS: Final = 10_000_000_000  # between two reports of a lack
 
 
 class TapTcpConversation(TapConversation):
-    """A TCP conversation: the near end is there, the far end is called."""
+    """A TCP conversation: the near end was accepted, the far end is being called."""
 
     has_ends = True
 
@@ -41,8 +41,8 @@ class TapTcpConversation(TapConversation):
         place = route.route.to
         for sock in (near, far):
             sock.setblocking(False)
-            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_OOBINLINE, 1)
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # a tap adds no delay of its own
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_OOBINLINE, 1)  # else urgent bytes would be lost
         self.report(TapEventKind.OPEN, WAY_TO, said)
         error = self._far.connect_ex((place.address, place.port))
         if error in (errno.EINPROGRESS, errno.EWOULDBLOCK):
@@ -71,10 +71,8 @@ class TapTcpConversation(TapConversation):
             self._end_attempt(errno.ETIMEDOUT)
 
     def _end_attempt(self, error: int) -> None:
-        """Go on with an end that has answered; reset the near one for one that has not.
-
-        Bytes prove that it has: an end that has sent them and reset at once is read to its end.
-        """
+        """Start forwarding if the far end has answered; otherwise reset the near end."""
+        # Unread bytes prove that it has answered, also if its RST followed at once: they are forwarded.
         if error and not count_unread(self._far):
             self.has_ended = True
             self._far.close()
@@ -122,13 +120,13 @@ class TapTcpConversation(TapConversation):
         self.close(reset=True)
 
     def close(self, reset: bool = False) -> None:
-        """Close both ends: with RST, or as they stand."""
+        """Close both ends, with RST or without."""
         if not self.has_ended:
             self.has_ended = True
             for lane in self.lanes:
                 lane.is_over = True
                 lane.source.close(reset)
-            if not self.lanes:
+            if not self.lanes:  # the far end has not answered yet
                 with suppress(KeyError):
                     self.loop.unregister(self._far.fileno())
                 self._near.close()
@@ -140,19 +138,19 @@ class TapTcpConversation(TapConversation):
         self.route.talks.pop(self.number, None)
 
     def finish(self) -> None:
-        """End it when the tap ends: with FIN, if what waits can go in time."""
+        """End it when the tap ends: with FIN, if waiting bytes can be sent in time."""
         for lane in self.lanes:
             if not lane.is_over:
                 self.report(TapEventKind.FIN, lane.way, at=lane.at)
             with suppress(OSError):
                 lane.source.port.shutdown(socket.SHUT_WR)
             with suppress(OSError):
-                lane.source.port.recv_into(self.loop.buffer)  # closed with bytes unread it would be an RST
+                lane.source.port.recv_into(self.loop.buffer)  # a close with unread bytes would send RST
         self.close()
 
 
 class _LackReporter:
-    """Tells that a route cannot take clients: one line and one event each 10 s at most."""
+    """Reports that a route cannot accept clients: one line and one event each 10 s at most."""
 
     def __init__(self, route: TcpRoute | UdpRoute, unit: str) -> None:
         self._route, self._unit = route, unit
@@ -171,8 +169,8 @@ class _LackReporter:
         if self._is_on:
             waits = count(waiting, "client waits", "clients wait") if waiting else ""
             lost = f"{count(refused, self._unit)} refused" if refused else ""
-            left = f"no {self.what} {'' if waiting else 'was '}left"
-            text = f"{left}: {', '.join(filter(None, (waits, lost)))}"
+            lack = f"no {self.what} {'' if waiting else 'was '}left"
+            text = f"{lack}: {', '.join(filter(None, (waits, lost)))}"
             route.loop.say(f"{route.route.name}: {text}")
             route.loop.report(TapEventKind.LACK, WAY_TO, route.place, 0, waiting, text.encode())
             route.loop.call_after(LACK_REPORT_NS, self._report)
@@ -181,10 +179,10 @@ class _LackReporter:
 class TcpRoute:
     """A tap between two TCP ends, for many clients.
 
-    One that there is no descriptor for waits in the queue of the door, LACK_WAIT_NS at most.
+    Without a descriptor for it, a client waits in the queue of the listener, LACK_WAIT_NS at most.
     """
 
-    has_stack = True  # which says of each end how it stands
+    has_stack = True  # TCP_INFO has figures of each end
 
     def __init__(self, loop: TapLoop, route: Route, place: int) -> None:
         self.loop, self.route, self.place = loop, route, place
@@ -194,14 +192,14 @@ class TcpRoute:
         self._door.setblocking(False)
         self.address = self._door.getsockname()[:2]
         self._family = socket.AF_INET6 if ":" in route.to.address else socket.AF_INET
-        self._spare = socket.socket()  # its descriptor accepts a client that gets RST
+        self._spare = socket.socket()  # its descriptor is given up to accept a client for its RST
         self._lack = _LackReporter(self, "client")
-        self._taken = 0  # clients
-        self._due: deque[tuple[int, int]] = deque()  # until when so many of all clients are to be taken
+        self._taken = 0  # clients that were accepted, also for their RST
+        self._due: deque[tuple[int, int]] = deque()  # (ns, how many of all clients must be served by then)
         loop.register(self._door.fileno(), IN, self._accept_clients)
 
     def _accept_clients(self, _: int) -> None:
-        for _ in range(64):
+        for _ in range(64):  # then other conversations have their turn
             far = None
             try:
                 far = socket.socket(self._family, socket.SOCK_STREAM)  # first: no client is taken without it
@@ -224,8 +222,8 @@ class TcpRoute:
                 self.talks[talk.number] = talk
 
     def _defer_clients(self, failed: OSError) -> None:
-        """Let clients wait in the queue of the door; refuse those that have waited for too long."""
-        self.loop.set_mask(self._door.fileno(), 0)
+        """Let clients wait in the queue of the listener; reset those that have waited for too long."""
+        self.loop.set_mask(self._door.fileno(), 0)  # else the poll set would report them all the time
         now, come = time.monotonic_ns(), self._taken + (peek_at(self._door, 0, False).clients or 1)
         if not self._due or come > self._due[-1][1]:
             self._due.append((now + LACK_WAIT_NS, come))
@@ -242,7 +240,7 @@ class TcpRoute:
             self.loop.set_mask(self._door.fileno(), IN)
 
     def _reset_client(self) -> bool:
-        """Accept a client for its RST; return whether that could be done."""
+        """Accept a client to send it RST; return whether that could be done."""
         self._spare.close()
         try:
             near, end = self._door.accept()
@@ -254,11 +252,11 @@ class TcpRoute:
         self._taken += 1
         self._lack.refused += 1
         number, why = self.loop.next_number(), f"rst: no {self._lack.what} left".encode()
-        told = (
+        events = (
             (TapEventKind.OPEN, WAY_TO, _open_event_data(self.route.to, end)),
             (TapEventKind.OURS, WAY_BACK, why),
         )
-        for kind, way, data in (*told, (TapEventKind.RST, WAY_BACK, b""), (TapEventKind.OVER, WAY_TO, b"")):
+        for kind, way, data in (*events, (TapEventKind.RST, WAY_BACK, b""), (TapEventKind.OVER, WAY_TO, b"")):
             self.loop.report(kind, way, self.place, number, 0, data)
         return True
 
@@ -269,14 +267,14 @@ class TcpRoute:
 
 
 class UdpRoute:
-    """A tap between UDP ends: a socket of its own for each client, so that the answers find it."""
+    """A tap between UDP ends: each client has a separate far socket, which shows whom an answer is for."""
 
     has_stack = False
 
     def __init__(self, loop: TapLoop, route: Route, place: int) -> None:
         self.loop, self.route, self.place = loop, route, place
         self.talks: dict[int, Any] = {}
-        self._clients: dict[Any, TapUdpConversation] = {}  # the newest to speak is last
+        self._clients: dict[Any, TapUdpConversation] = {}  # the client of the newest datagram is last
         self.door = _bind_socket(route.listen, socket.SOCK_DGRAM)
         self.door.setblocking(False)
         self.address = self.door.getsockname()[:2]
@@ -287,7 +285,7 @@ class UdpRoute:
         for _ in range(64):
             try:
                 size, client = self.door.recvfrom_into(self.loop.buffer)
-            except OSError:  # nothing, or an ICMP message
+            except OSError:  # no datagram, or an ICMP message
                 return
             talk = self._clients.pop(client, None) or self._begin_conversation(client)
             if talk is not None:
@@ -318,7 +316,7 @@ class UdpRoute:
         talk.close()
 
     def stop(self) -> None:
-        """Listen no more; what was held goes on before."""
+        """Forward what was held, then stop listening."""
         for client in tuple(self._clients):
             self._drop_client(client)
         self.loop.unregister(self.door.fileno())
@@ -326,14 +324,14 @@ class UdpRoute:
 
 
 class _DatagramEnd(TapEnd):
-    """One end of datagrams: they are read whatever waits."""
+    """One end of datagrams. It is always read: datagrams without room are lost, not held back."""
 
     def __init__(self, port: socket.socket, send: Callable[[Any], int]) -> None:
         self.port, self.sends = port, send
         self.is_open = True
 
     def update_mask(self) -> None:
-        """Want nothing."""
+        """Do nothing: the route or the conversation has registered the socket."""
 
 
 class TapUdpConversation(TapConversation):
@@ -351,7 +349,7 @@ class TapUdpConversation(TapConversation):
         send: Callable[[Any], int] = end.sends
         return send
 
-    receiver = sender  # the route reads
+    receiver = sender  # never called: the route reads
 
     def _read_answers(self, _: int) -> None:
         for _ in range(64):
@@ -371,7 +369,7 @@ class TapUdpConversation(TapConversation):
 
 
 class TapSerialConversation(TapConversation):
-    """Two serial ports; also its own route. A port that is gone is opened again."""
+    """Two serial ports, route and conversation in one. A port that is gone is opened again."""
 
     said = b""
     has_stack = False
@@ -404,7 +402,7 @@ class TapSerialConversation(TapConversation):
             for one, other in (self._ports, self._ports[::-1]):
                 if other.rts != (cts := one.cts):
                     other.rts = cts
-        except Exception:  # whatever a driver raises that has none
+        except Exception:  # a port without CTS and RTS: drivers raise anything
             return
         self.loop.call_at(time.monotonic_ns() + CTS_CHECK_NS, self._pass_cts)
 
@@ -412,13 +410,13 @@ class TapSerialConversation(TapConversation):
         self.handle_source_reset(lane, OSError(errno.EIO, "gone"))
 
     def handle_source_reset(self, lane: TapLane, failed: OSError) -> None:
-        """Say that a port is gone, and open it again."""
+        """Report that a port is gone, and open it again."""
         place = self.route.listen if lane.way == WAY_TO else self.route.to
         self.loop.say(f"{self.route.name}: {place} is gone ({error_name(failed)}): it is opened again")
         end = lane.source
         end.loop.unregister(end.fd)
         end.mask = GONE_MASK
-        end.writes.out.clear()
+        end.writes.out.clear()  # the device that comes back must not get half a message
         with suppress(Exception):
             end.port.close()
         self._reopen(lane, place)
@@ -429,7 +427,7 @@ class TapSerialConversation(TapConversation):
             return
         try:
             port = _open_serial_port(place)
-        except Exception:  # not there yet
+        except Exception:  # it is not back yet
             self.loop.call_at(time.monotonic_ns() + REOPEN_PAUSE_NS, lambda: self._reopen(lane, place))
             return
         self._ports[lane.way] = end.port = port
@@ -444,7 +442,7 @@ class TapSerialConversation(TapConversation):
             self.handle_source_reset(lane.target.reads, failed)
 
     def stop(self) -> None:
-        """Do nothing: nobody is called."""
+        """Do nothing: there is no listener."""
 
     def finish(self) -> None:
         for lane in self.lanes:
@@ -462,13 +460,13 @@ def _open_event_data(place: TapPlace, near: Sequence[Any]) -> bytes:
 
 
 def _bind_socket(place: TapPlace, kind: int) -> socket.socket:
-    """Return a socket at a place; raise UserError where the system refuses."""
+    """Return a socket bound to a place; raise UserError if the system refuses."""
     family = socket.AF_INET6 if ":" in place.address else socket.AF_INET
     sock = socket.socket(family, kind)
     try:
-        if family == socket.AF_INET6:
+        if family == socket.AF_INET6:  # else [::] would also take the port of 0.0.0.0
             sock.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
-        if kind == socket.SOCK_STREAM and os.name == "posix":
+        if kind == socket.SOCK_STREAM and os.name == "posix":  # on Windows it could steal a port
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         sock.bind((place.address, place.port))
     except OSError as failed:
@@ -478,7 +476,7 @@ def _bind_socket(place: TapPlace, kind: int) -> socket.socket:
 
 
 def _open_serial_port(place: TapPlace) -> Any:
-    """Return a serial port that is open; raise UserError where it cannot be."""
+    """Return an open serial port; raise UserError if it cannot be opened."""
     from trcvtui.net.os.serial import PARITIES, fault_from_error
 
     assert place.line is not None
@@ -487,6 +485,6 @@ def _open_serial_port(place: TapPlace) -> Any:
     try:
         port = serial.Serial(s.port, s.baud, s.data_bits, PARITIES[s.parity], s.stop_bits, timeout=0)
         os.set_blocking(port.fileno(), False)
-    except Exception as failed:  # whatever a driver raises
+    except Exception as failed:  # drivers raise anything
         raise mistake(s.port, fault_from_error("open", failed), "a serial port that can be opened") from None
     return port

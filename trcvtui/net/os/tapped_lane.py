@@ -1,7 +1,7 @@
-"""One direction of a tapped conversation: what waits between its two ends, and what is done to it on purpose.
+"""One direction of a tapped conversation: the bytes that wait between its ends, and the orders done to them.
 
-Rule 1: a direction is bounded: what the other end has not taken, what is held, what is delayed. Then its
-source is not read any more, and the stack closes its window.
+Rule 1: a direction is bounded: bytes that the target has not taken, held bytes, delayed bytes. When it is
+full its source is not read any more, and the stack closes the window.
 Rule 2: an end (FIN, RST) passes after the bytes before it; an RST waits for them RESET_WAIT_NS at most.
 Rule 3: a held direction holds its end, too.
 """
@@ -20,9 +20,9 @@ from typing import Any, Final
 from trcvtui.net.os.system_calls import ERR, HUP, IN, OUT, RESET_ON_CLOSE
 from trcvtui.net.tap import MOST_HELD_SHOWN, TapEventKind, TapOrder
 
-RESET_WAIT_NS: Final = 1_000_000_000  # for what was read before an RST
-RESET_CHECK_NS: Final = 2_000_000  # between two looks at whether the other end has all of it
-UNREGISTERED_MASK, GONE_MASK = -1, -2  # in place of a mask: nothing is to be done with it; it is not there
+RESET_WAIT_NS: Final = 1_000_000_000  # for the bytes before an RST
+RESET_CHECK_NS: Final = 2_000_000  # between two checks whether the other end has acknowledged them
+UNREGISTERED_MASK, GONE_MASK = -1, -2  # in place of a mask: not in the poll set; the port is gone
 SPLIT_PAUSE_NS: Final = 50_000_000  # between two pieces
 READ_BYTES: Final = 256 << 10  # bytes of one read
 MOST_HELD_BYTES: Final = 1 << 20  # bytes of one direction that are held or delayed
@@ -30,7 +30,7 @@ HELD_LIMIT: Final = "the tap holds no more than 1 MiB of a direction"
 
 
 class TapLoop:
-    """The poll set and the timers, which conversations ask."""
+    """The poll set and the timers of all conversations."""
 
     def __init__(self, say: Callable[[str], object], poll: Any) -> None:
         self.say = say
@@ -38,21 +38,20 @@ class TapLoop:
         self.holds = False  # each direction from its beginning
         self._numbers = count(1)
         self._poll = poll
-        self._heard: dict[int, Callable[[int], object]] = {}
+        self._handlers: dict[int, Callable[[int], object]] = {}
         self._timers: list[tuple[int, int, Callable[[], None]]] = []
         self._timer_numbers = count()
 
     def register(self, fd: int, mask: int, ready: Callable[[int], object]) -> None:
-        """Call `ready` with what the poll set says of a descriptor."""
+        """Call `ready` with the events of a descriptor."""
         self._poll.register(fd, mask)
-        self._heard[fd] = ready
+        self._handlers[fd] = ready
 
     def set_mask(self, fd: int, mask: int) -> None:
-        """Change what is wanted of a descriptor."""
         self._poll.modify(fd, mask)
 
     def unregister(self, fd: int) -> None:
-        if self._heard.pop(fd, None) is not None:
+        if self._handlers.pop(fd, None) is not None:
             self._poll.unregister(fd)
 
     def call_at(self, ns: int, call: Callable[[], None]) -> None:
@@ -60,24 +59,23 @@ class TapLoop:
         heappush(self._timers, (ns, next(self._timer_numbers), call))
 
     def call_after(self, ns: int, call: Callable[[], None]) -> None:
-        """Call when so much time has passed."""
         self.call_at(time.monotonic_ns() + ns, call)
 
     def next_number(self) -> int:
         return next(self._numbers)
 
     def run_once(self, seconds: float) -> None:
-        """Do what there is to do; wait so long at most for it, -1: for ever."""
+        """Call all that is due or ready; wait at most so long for it, -1: without limit."""
         while self._timers and self._timers[0][0] <= time.monotonic_ns():
             heappop(self._timers)[2]()
-            seconds = 0  # it may have ended the loop
+            seconds = 0  # the timer may have ended the loop
         if self._timers:
-            left = max(self._timers[0][0] - time.monotonic_ns(), 0) / 1e9
-            seconds = left if seconds < 0 else min(left, seconds)
-        heard = self._heard
+            until_due = max(self._timers[0][0] - time.monotonic_ns(), 0) / 1e9
+            seconds = until_due if seconds < 0 else min(until_due, seconds)
+        handlers = self._handlers
         for fd, events in self._poll.poll(seconds):
-            ready = heard.get(fd)
-            if ready is not None:
+            ready = handlers.get(fd)
+            if ready is not None:  # an earlier handler of this round may have unregistered it
                 ready(events)
 
     def report(
@@ -87,7 +85,7 @@ class TapLoop:
 
 
 class TapConversation:
-    """A conversation with two lanes, which knows what its ends are: here none is ever seen."""
+    """A conversation with two lanes. Here for kinds without FIN and RST; those with them override."""
 
     loop: TapLoop
     place: int
@@ -106,23 +104,23 @@ class TapConversation:
         raise NotImplementedError
 
     def handle_fin(self, lane: TapLane) -> None:
-        """Take the FIN of a lane's source."""
+        """Handle the FIN of a lane's source."""
 
     def handle_source_reset(self, lane: TapLane, failed: OSError) -> None:
-        """Take the RST of a lane's source: nothing is left to read."""
+        """Handle the RST of a lane's source: nothing is left to read."""
 
     def handle_target_reset(self, lane: TapLane, failed: OSError) -> None:
-        """Take the RST of a lane's target, which may have said something before it."""
+        """Handle the RST of a lane's target; bytes that it sent before may be unread."""
 
     def has_unacknowledged(self, end: TapEnd) -> bool:
-        """Return whether the stack still has bytes that the end has not acknowledged."""
+        """Return whether the stack has bytes that the end has not acknowledged."""
         return False
 
     def pass_fin(self, lane: TapLane) -> None:
-        """Let the target see that no more comes."""
+        """Send FIN to the target."""
 
     def pass_reset(self, lane: TapLane) -> None:
-        """Let the target see an RST."""
+        """Send RST to the target."""
 
 
 class TapEnd:
@@ -152,12 +150,12 @@ class TapEnd:
             return
         if self.port.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
             self.reads.handle_reset(self.reads.is_read)
-        if self.is_open and not self.mask:  # its end would be told again and again
+        if self.is_open and not self.mask:  # the poll set would report its end in every round
             self.loop.unregister(self.fd)
             self.mask = UNREGISTERED_MASK
 
     def update_mask(self) -> None:
-        """Let the poll set tell what can be done."""
+        """Ask the poll set for what can be done now."""
         if self.mask == GONE_MASK or not self.is_open:
             return
         mask = (IN if self.reads.may_read() else 0) | (OUT if self.writes.out else 0)
@@ -180,7 +178,7 @@ class TapEnd:
 
 
 class TapLane:
-    """One direction of one conversation: what waits between its source and its target, in this order."""
+    """One direction of one conversation: the bytes between its source and its target."""
 
     def __init__(self, talk: TapConversation, way: int, source: TapEnd, target: TapEnd) -> None:
         self.talk, self.way, self.source, self.target = talk, way, source, target
@@ -188,25 +186,25 @@ class TapLane:
         self.loop = talk.loop
         self.send = talk.sender(target)
         self.receive = talk.receiver(source)
-        self.out = bytearray()  # what the target has not taken
-        self.held: bytearray | None = bytearray() if talk.loop.holds else None
-        self.late: deque[tuple[int, bytes]] = deque()  # what is delayed, and until when
+        self.out = bytearray()  # bytes that the target has not taken; they go before all others
+        self.held: bytearray | None = bytearray() if talk.loop.holds else None  # None: nothing is held
+        self.late: deque[tuple[int, bytes]] = deque()  # delayed bytes, and until when
         self.late_size = 0
         self.delay_ns = 0
-        self.cuts: list[int] = []
-        self.at = 0  # bytes that have gone on
-        self.end: TapEventKind | None = None  # FIN or RST, on its way
-        self.is_read = False  # to its end
+        self.cuts: list[int] = []  # sizes of the pieces that the next bytes are split into
+        self.at = 0  # bytes that were forwarded
+        self.end: TapEventKind | None = None  # FIN or RST that has not passed yet
+        self.is_read = False  # the source has no more bytes
         self.is_over = False  # its end has passed, or nothing passes any more
-        self.figures: tuple[int, int, int] | None = None  # that were told of its target
-        self.is_timed = False  # `late` is looked at in time
-        self.is_deaf = False  # what comes is read away: our own FIN has passed before
-        self.gives_up_ns = 0
+        self.figures: tuple[int, int, int] | None = None  # the last reported ones of its target
+        self.is_timed = False  # a timer for `late` is running
+        self.is_deaf = False  # bytes of the source are dropped: an ordered FIN has passed before them
+        self.gives_up_ns = 0  # when an RST passes without waiting any longer
 
     # -- in ---------------------------------------------------------------------------------------------
 
     def room(self) -> int:
-        if self.out:
+        if self.out:  # Rule 1: as a stack does, let the source wait for a slow target
             return 0
         return MOST_HELD_BYTES - self.late_size - (len(self.held) if self.held is not None else 0)
 
@@ -238,13 +236,13 @@ class TapLane:
             self.forward(data)
 
     def report_held(self) -> None:
-        """Tell what is held here, or that nothing is held any more."""
+        """Report the held bytes, or that nothing is held any more."""
         held = self.held
-        told = b"" if held is None else b"!" + held[:MOST_HELD_SHOWN]
-        self.talk.report(TapEventKind.HELD, self.way, memoryview(told), len(held or b""))
+        shown = b"" if held is None else b"!" + held[:MOST_HELD_SHOWN]
+        self.talk.report(TapEventKind.HELD, self.way, memoryview(shown), len(held or b""))
 
     def delay_data(self, data: bytes) -> None:
-        """Let bytes go on later, cut as asked."""
+        """Queue bytes to be forwarded later, split as ordered."""
         now = time.monotonic_ns()
         due = max(now + self.delay_ns, self.late[-1][0] if self.late else 0)
         if not data:  # a datagram may be empty
@@ -265,7 +263,7 @@ class TapLane:
         self.late_size += len(data)
 
     def pass_late(self, is_due: bool = False) -> None:
-        """Let go on whose time has come, or all."""
+        """Forward the delayed bytes whose time has come; `is_due`: all of them."""
         now = time.monotonic_ns()
         while self.late and (is_due or self.late[0][0] <= now) and not self.is_over:
             _, data = self.late.popleft()
@@ -299,21 +297,20 @@ class TapLane:
             self.handle_data(memoryview(held))
 
     def insert(self, data: bytes) -> None:
-        """Let bytes of ours go on, before what is held."""
+        """Forward bytes of ours, before the held ones."""
         if self.held is not None:
             self.held[:0] = data
         else:
             self.handle_data(memoryview(data))
 
     def drop_held(self, size: int) -> None:
-        """Throw away so much of what is held."""
         if self.held is not None:
             del self.held[:size]
 
     # -- out --------------------------------------------------------------------------------------------
 
     def forward(self, data: memoryview) -> None:
-        """Send bytes, and tell that they went on."""
+        """Send bytes, and report them as forwarded."""
         if self.is_over:
             return
         sent = 0
@@ -333,7 +330,6 @@ class TapLane:
         self.at += len(data)
 
     def flush(self) -> None:
-        """Send what the target has not taken."""
         try:
             del self.out[: self.send(self.out)]
         except (BlockingIOError, InterruptedError):
@@ -347,40 +343,41 @@ class TapLane:
             self.pass_end()
 
     def handle_reset(self, is_read: bool) -> None:
-        """Take an RST of the source; what it sent before may still be there to read."""
+        """Handle an RST of the source; bytes that it sent before may still be unread (`is_read` False)."""
         back = self.target.reads
-        if back.end is TapEventKind.RST:  # both have reset it: nobody is left to read anything
+        if back.end is TapEventKind.RST:  # both ends have reset it: there is no reader left
             self.talk.pass_reset(self)
             return
-        back.is_over = True
+        back.is_over = True  # an end that has sent RST takes no more bytes
         back.out.clear()
         back.held, back.late_size = None, 0
         back.late.clear()
         self.is_read |= is_read
         if self.end is not TapEventKind.RST:
             self.end = TapEventKind.RST
-            if self.is_over and not self.is_deaf:  # its FIN has passed
+            if self.is_over and not self.is_deaf:  # its FIN has passed: no bytes come after it
                 self.is_read = True
-            if self.held is None:
+            if self.held is None:  # Rule 3
                 self.start_reset_timer()
         self.source.update_mask()
         self.target.update_mask()
         self.pass_end()
 
     def start_reset_timer(self) -> None:
-        """Give what was read before an RST its time."""
+        """Start RESET_WAIT_NS, the time for the bytes before an RST."""
         self.gives_up_ns = time.monotonic_ns() + RESET_WAIT_NS
         self.loop.call_at(self.gives_up_ns, self.pass_end)
 
     def pass_end(self) -> None:
-        """Pass the end on, when all before it has gone."""
-        if self.end is None or self.held is not None or not self.target.is_open:
+        """Pass the end on, when all bytes before it were sent."""
+        if self.end is None or self.held is not None or not self.target.is_open:  # Rule 3
             return
         if self.end is TapEventKind.RST:
             now = time.monotonic_ns()
-            if now < self.gives_up_ns:
+            if now < self.gives_up_ns:  # Rule 2
                 if not self.is_read or self.out or self.late:
                     return
+                # An RST makes the target's stack drop what its program has not read.
                 if self.talk.has_unacknowledged(self.target):
                     self.loop.call_at(now + RESET_CHECK_NS, self.pass_end)
                     return
@@ -391,11 +388,11 @@ class TapLane:
 
 
 class DatagramLane(TapLane):
-    """One direction of datagrams: none is joined with another, and what there is no room for is lost."""
+    """One direction of datagrams: they are never joined, and one without room is lost."""
 
     def __init__(self, talk: TapConversation, way: int, source: TapEnd, target: TapEnd) -> None:
         super().__init__(talk, way, source, target)
-        self._sizes: deque[int] = deque()  # of the datagrams that are held
+        self._sizes: deque[int] = deque()  # of the held datagrams
 
     def handle_data(self, data: memoryview) -> None:
         if len(data) > self.room():
@@ -406,14 +403,13 @@ class DatagramLane(TapLane):
         super().handle_data(data)
 
     def forward(self, data: memoryview) -> None:
-        """Send a datagram, and tell that it went on; the system may lose it, as the network may."""
-        with suppress(OSError):
+        """Send a datagram, and report it as forwarded."""
+        with suppress(OSError):  # a datagram may be lost: here or in the network is the same
             self.send(data)
         self.talk.report(TapEventKind.BYTES, self.way, data, self.at)
         self.at += len(data)
 
     def pass_held(self, held: bytearray) -> None:
-        """Let go on what was held, one datagram after the other."""
         sizes, self._sizes = self._sizes, deque()
         at = 0
         for size in sizes:
@@ -421,13 +417,12 @@ class DatagramLane(TapLane):
             at += size
 
     def insert(self, data: bytes) -> None:
-        """Let a datagram of ours go on, before what is held."""
         if self.held is not None:
             self._sizes.appendleft(len(data))
         super().insert(data)
 
     def drop_held(self, size: int) -> None:
-        """Throw away so much of what is held; a datagram of which nothing is left is gone."""
+        """Drop so many held bytes; a datagram without a byte left is dropped, too."""
         super().drop_held(size)
         while size and self._sizes:
             first = self._sizes.popleft()
@@ -437,7 +432,7 @@ class DatagramLane(TapLane):
 
 
 def find_refusal(lane: TapLane, order: TapOrder) -> str:
-    """Return why an order cannot be done in a direction, "" where it can."""
+    """Return why an order cannot be done in a direction, "" if it can."""
     held, has_ends = lane.held, lane.talk.has_ends
     size = len(held or b"")
     match order.verb:
@@ -457,7 +452,7 @@ def find_refusal(lane: TapLane, order: TapOrder) -> str:
 
 
 def apply_order(lane: TapLane, order: TapOrder) -> None:
-    """Do what can be done in a direction."""
+    """Do an order; `find_refusal` has allowed it."""
     held = lane.held
     match order.verb:
         case "hold":
@@ -484,7 +479,7 @@ def apply_order(lane: TapLane, order: TapOrder) -> None:
         case "rst":
             lane.talk.pass_reset(lane)
         case "fin":
-            lane.release_all()
+            lane.release_all()  # before the FIN: what follows is dropped (`is_deaf`)
             lane.is_deaf, lane.end = True, TapEventKind.FIN
             lane.pass_end()
 

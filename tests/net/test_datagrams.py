@@ -59,7 +59,7 @@ def test_where_no_broadcast_address_is_known_broadcasts_are_sent_and_not_heard(
     handle = opened(b)
     monkeypatch.setattr(b.sim, "local_addresses", lambda: ())
     hearing, why = enable_broadcasts(b.sim, "X", handle, b.end(handle))
-    assert (hearing, why) == (None, "this system tells no broadcast address of 127.0.0.1")
+    assert (hearing, why) == (None, "the broadcast address of 127.0.0.1 is unknown")
     assert b.sim.send_to(handle, memoryview(b"x"), Endpoint("127.255.255.255", 9)) == 1
 
 

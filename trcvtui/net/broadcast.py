@@ -23,11 +23,11 @@ def enable_broadcasts(
         return None, str(refused or "")
     own = kernel.local_addresses()  # 127.0.0.0/8 is one network
     near = (a for a in own if a.address == here or (is_loopback(here) and is_loopback(a.address)))
-    everybody = next((each.broadcast for each in near), "")
-    made = kernel.datagram_socket(owner) if everybody else f"this system tells no broadcast address of {here}"
+    broadcast = next((each.broadcast for each in near), "")
+    made = kernel.datagram_socket(owner) if broadcast else f"the broadcast address of {here} is unknown"
     if isinstance(made, Fault | str):
         return None, str(made)
-    end = Endpoint(everybody, local.port)
+    end = Endpoint(broadcast, local.port)
     refused = kernel.set_reuse(made) or kernel.bind(made, end) or (kernel.poll_add(made) if polled else None)
     if refused is None:  # set_reuse: several programs may listen at one broadcast address
         return made, ""

@@ -110,7 +110,7 @@ class LayerSession(Protocol):
 
     @property
     def partner_is_done(self) -> bool:
-        """Return whether the partner has said, inside the session, that nothing more comes."""
+        """Return whether the partner has announced the end inside the session (close_notify)."""
 
     def note_partner_end(self) -> None:
         """Note the end of the partner's bytes."""

@@ -1,6 +1,6 @@
 """The meaning of a connection description, and the first flaw that a CPU would report (STEP 7 help, TCON).
 
-Rule: the checks are a table (`_CHECKS`), in the order of a CPU; the first that finds a flaw is the answer.
+Rule: each check is a row of a table (`_CHECKS`), called in this order; the first flaw is the answer.
 """
 
 from __future__ import annotations
@@ -164,9 +164,9 @@ def _read_param_meaning(description: Description) -> LinkSpec:
 class DescribedConnect(Struct, frozen=True):
     """A description, and what the project file says besides.
 
-    `own_address` is the address of InterfaceId. `takes_free_port`: LocalPort 0 is no flaw, because the file
-    names the port; `remote_is_known`: it names where the partner listens (`@NAME`). `structures`: those that
-    the instructions accept, () all. `narrow_tsaps`: the CPU is an S7-1200.
+    `own_address` is the address of InterfaceId. `takes_free_port`: LocalPort 0 is no flaw; `remote_is_known`:
+    the file names where the partner listens (`@NAME`). `structures`: those that the instructions accept, ()
+    all. `narrow_tsaps`: the CPU is an S7-1200.
     """
 
     description: Description
@@ -178,104 +178,106 @@ class DescribedConnect(Struct, frozen=True):
     narrow_tsaps: bool = False
 
 
-def find_flaw(asked: DescribedConnect) -> DescriptionFlaw | None:
+def find_flaw(connect: DescribedConnect) -> DescriptionFlaw | None:
     """Return the first flaw, None if a CPU would try to connect."""
-    found = next((found for question in _CHECKS if (found := question(asked)) is not None), None)
-    return DescriptionFlaw(found[0], field_name(asked.description, found[1]), found[2]) if found else None
+    found = next((found for check in _CHECKS if (found := check(connect)) is not None), None)
+    return DescriptionFlaw(found[0], field_name(connect.description, found[1]), found[2]) if found else None
 
 
 # -- the checks --------------------------------------------------------------------------------------------
 
 
-def _check_structure(asked: DescribedConnect) -> FlawAnswer | None:
-    name = asked.description.structure.name
-    if not asked.structures or name in asked.structures:
+def _check_structure(connect: DescribedConnect) -> FlawAnswer | None:
+    name = connect.description.structure.name
+    if not connect.structures or name in connect.structures:
         return None
-    return Flaw.STRUCTURE, "", f"{name}: these instructions take {', '.join(asked.structures)} only"
+    return Flaw.STRUCTURE, "", f"{name}: these instructions take {', '.join(connect.structures)} only"
 
 
-def _check_length(asked: DescribedConnect) -> FlawAnswer | None:
-    structure, size = asked.description.structure, len(asked.description.data)
+def _check_length(connect: DescribedConnect) -> FlawAnswer | None:
+    structure, size = connect.description.structure, len(connect.description.data)
     if structure.size - structure.spare <= size <= structure.size:
         return None
     return Flaw.LENGTH, "", f"{size} bytes, {structure.name} has {structure.size}"
 
 
-def _check_identity(asked: DescribedConnect) -> FlawAnswer | None:
-    if 1 <= asked.meaning.identity <= MOST_ID:
+def _check_identity(connect: DescribedConnect) -> FlawAnswer | None:
+    if 1 <= connect.meaning.identity <= MOST_ID:
         return None
-    name = "id" if asked.description.structure.field("id") else "ID"
-    return Flaw.ID, name, f"{name} is {asked.meaning.identity}, 1 to {MOST_ID}"
+    name = "id" if connect.description.structure.field("id") else "ID"
+    return Flaw.ID, name, f"{name} is {connect.meaning.identity}, 1 to {MOST_ID}"
 
 
-def _check_configured(asked: DescribedConnect) -> FlawAnswer | None:
-    if asked.meaning.protocol is not Transport.CONFIGURED:
+def _check_configured(connect: DescribedConnect) -> FlawAnswer | None:
+    if connect.meaning.protocol is not Transport.CONFIGURED:
         return None
-    return Flaw.ID, "ID", f"no configured connection has the ID {asked.meaning.identity}"
+    return Flaw.ID, "ID", f"no configured connection has the ID {connect.meaning.identity}"
 
 
-def _check_interface(asked: DescribedConnect) -> FlawAnswer | None:
+def _check_interface(connect: DescribedConnect) -> FlawAnswer | None:
     # A description with a name may leave the choice of the interface to the CPU: 0.
-    names_own = asked.meaning.remote_name or asked.description.structure.name.startswith("TCON_QDN")
-    field = "local_device_id" if asked.description.structure.field("local_device_id") else "InterfaceId"
-    if asked.description.number(field) == 0 and not names_own:
+    names_own = connect.meaning.remote_name or connect.description.structure.name.startswith("TCON_QDN")
+    field = "local_device_id" if connect.description.structure.field("local_device_id") else "InterfaceId"
+    if connect.description.number(field) == 0 and not names_own:
         return Flaw.INTERFACE, field, f"{field} is 0, the hardware identifier of a port such as 64"
-    if asked.own_address == ANY_ADDRESS:
+    if connect.own_address == ANY_ADDRESS:
         return Flaw.NO_LOCAL_ADDRESS, field, "LocalAddress is 0.0.0.0: the interface has no address"
     return None
 
 
-def _check_type(asked: DescribedConnect) -> FlawAnswer | None:
-    if asked.meaning.protocol is not Transport.UNKNOWN:
+def _check_type(connect: DescribedConnect) -> FlawAnswer | None:
+    if connect.meaning.protocol is not Transport.UNKNOWN:
         return None
-    structure = asked.description.structure
+    structure = connect.description.structure
     field = "connection_type" if structure.field("connection_type") else "ConnectionType"
     taken = ", ".join(f"16#{one:02X}" for one in connection_types_of(structure.name))
-    number = asked.description.number(field)
+    number = connect.description.number(field)
     return Flaw.TYPE, field, f"{field} is 16#{number:02X}, {structure.name} takes {taken}"
 
 
-def _check_udp_active(asked: DescribedConnect) -> FlawAnswer | None:
-    if asked.meaning.protocol is not Transport.UDP or not asked.meaning.is_active:
+def _check_udp_active(connect: DescribedConnect) -> FlawAnswer | None:
+    if connect.meaning.protocol is not Transport.UDP or not connect.meaning.is_active:
         return None
     return Flaw.UDP_ACTIVE, "ActiveEstablished", "UDP is never established actively"
 
 
-def _check_udp_port(asked: DescribedConnect) -> FlawAnswer | None:
-    if asked.meaning.protocol is not Transport.UDP:
+def _check_udp_port(connect: DescribedConnect) -> FlawAnswer | None:
+    if connect.meaning.protocol is not Transport.UDP:
         return None
-    if not asked.meaning.local_port and not asked.takes_free_port:
+    if not connect.meaning.local_port and not connect.takes_free_port:
         return Flaw.PARAMETER, "LocalPort", "LocalPort is 0, UDP needs a port"
     return None
 
 
-def _check_tsap(asked: DescribedConnect) -> FlawAnswer | None:
-    if asked.meaning.protocol is not Transport.ISO:
+def _check_tsap(connect: DescribedConnect) -> FlawAnswer | None:
+    if connect.meaning.protocol is not Transport.ISO:
         return None
-    return _test_tsap(asked) or (check_narrow_tsap(asked.meaning.local_tsap) if asked.narrow_tsaps else None)
+    return _test_tsap(connect) or (
+        check_narrow_tsap(connect.meaning.local_tsap) if connect.narrow_tsaps else None
+    )
 
 
-def _test_tsap(asked: DescribedConnect) -> FlawAnswer | None:
-    local = asked.meaning.local_tsap
-    if asked.description.structure.name == "TCON_Param":
-        return _check_param_tsap(asked)
+def _test_tsap(connect: DescribedConnect) -> FlawAnswer | None:
+    local = connect.meaning.local_tsap
+    if connect.description.structure.name == "TCON_Param":
+        return _check_param_tsap(connect)
     for field in ("LocalTSelector", "RemoteTSelector"):
-        size = _selector_length(asked.description, field)
+        size = _selector_length(connect.description, field)
         if size > LONGEST_SELECTOR:
             return Flaw.PARAMETER, field, f"TSelLength is {size}, at most {LONGEST_SELECTOR}"
     if not local:
         return Flaw.TSAP, "LocalTSelector", "the local T-selector is empty"
-    if len(local) < TSAP_SIZES.start and not asked.meaning.is_active:
+    if len(local) < TSAP_SIZES.start and not connect.meaning.is_active:
         return Flaw.TSAP, "LocalTSelector", "the local T-selector of a passive end has one byte, two or more"
-    if len(local) == 2 and local[0] not in _first_bytes(asked):
+    if len(local) == 2 and local[0] not in _first_bytes(connect):
         return Flaw.TSAP, "LocalTSelector", f"two bytes begin with E0, not with {local[0]:02X}"
     if local.startswith(b"SIMATIC-"):
         return Flaw.TSAP, "LocalTSelector", "SIMATIC- is the system's own"
     return None
 
 
-def _first_bytes(asked: DescribedConnect) -> bytes:
-    return TSAP_FIRST_BYTES if asked.narrow_tsaps else TSAP_FIRST_BYTES[:1]
+def _first_bytes(connect: DescribedConnect) -> bytes:
+    return TSAP_FIRST_BYTES if connect.narrow_tsaps else TSAP_FIRST_BYTES[:1]
 
 
 def check_narrow_tsap(local: bytes) -> DescriptionFlaw | None:
@@ -294,87 +296,89 @@ def _selector_length(description: Description, name: str) -> int:
     return int.from_bytes(description.data[field.offset : field.offset + 2], "big")
 
 
-def _check_param_tsap(asked: DescribedConnect) -> FlawAnswer | None:
-    local = asked.meaning.local_tsap
-    if not asked.meaning.is_active and (len(local) < TSAP_SIZES.start or local[0] not in _first_bytes(asked)):
+def _check_param_tsap(connect: DescribedConnect) -> FlawAnswer | None:
+    local = connect.meaning.local_tsap
+    if not connect.meaning.is_active and (
+        len(local) < TSAP_SIZES.start or local[0] not in _first_bytes(connect)
+    ):
         return Flaw.TSAP, "local_tsap_id", f"{local.hex(' ')}: two bytes or more that begin with E0"
     return None
 
 
-def _check_param_lengths(asked: DescribedConnect) -> FlawAnswer | None:
+def _check_param_lengths(connect: DescribedConnect) -> FlawAnswer | None:
     # S7-1200 System Manual, TCON_Param
-    if asked.description.structure.name != "TCON_Param":
+    if connect.description.structure.name != "TCON_Param":
         return None
-    number, says = asked.description.number, asked.meaning
-    for field, taken in _allowed_param_lengths(says):
+    number, spec = connect.description.number, connect.meaning
+    for field, taken in _allowed_param_lengths(spec):
         if number(field) not in taken:
             wanted = " or ".join(map(str, taken)) if len(taken) < 4 else f"{taken[0]} to {taken[-1]}"
             return Flaw.PARAMETER, field, f"{field} is {number(field)}, {wanted}"
     return None
 
 
-def _allowed_param_lengths(says: LinkSpec) -> list[tuple[str, tuple[int, ...]]]:
+def _allowed_param_lengths(spec: LinkSpec) -> list[tuple[str, tuple[int, ...]]]:
     lengths: list[tuple[str, tuple[int, ...]]] = [
         ("block_length", (TCON_PARAM_SIZE,)),
         ("rem_subnet_id_len", (0,)),
         ("next_staddr_len", (0,)),
-        ("rem_staddr_len", (4,) if says.is_active else (0, 4)),
+        ("rem_staddr_len", (4,) if spec.is_active else (0, 4)),
     ]
-    if says.protocol is Transport.ISO:
+    if spec.protocol is Transport.ISO:
         sizes = tuple(TSAP_SIZES)
         lengths += [
             ("local_tsap_id_len", sizes),
-            ("rem_tsap_id_len", sizes if says.is_active else (0, *sizes)),
+            ("rem_tsap_id_len", sizes if spec.is_active else (0, *sizes)),
         ]
-    elif says.protocol is Transport.UDP:
+    elif spec.protocol is Transport.UDP:
         lengths += [("local_tsap_id_len", (2,)), ("rem_tsap_id_len", (0,))]
     else:
         lengths += [
-            ("local_tsap_id_len", (0, 2) if says.is_active else (2,)),
-            ("rem_tsap_id_len", (2,) if says.is_active else (0, 2)),
+            ("local_tsap_id_len", (0, 2) if spec.is_active else (2,)),
+            ("rem_tsap_id_len", (2,) if spec.is_active else (0, 2)),
         ]
     return lengths
 
 
-def _check_ports(asked: DescribedConnect) -> FlawAnswer | None:
-    says = asked.meaning
-    if says.protocol is not Transport.TCP:
+def _check_ports(connect: DescribedConnect) -> FlawAnswer | None:
+    spec = connect.meaning
+    if spec.protocol is not Transport.TCP:
         return None
-    if says.is_active and not says.remote_port and not asked.remote_is_known:
+    if spec.is_active and not spec.remote_port and not connect.remote_is_known:
         return Flaw.PARAMETER, "RemotePort", "RemotePort is 0, an active end needs one"
-    if not says.is_active and not says.local_port and not asked.takes_free_port:
+    if not spec.is_active and not spec.local_port and not connect.takes_free_port:
         return Flaw.PARAMETER, "LocalPort", "LocalPort is 0, a passive end needs one"
     return None
 
 
-def _check_remote(asked: DescribedConnect) -> FlawAnswer | None:
-    says = asked.meaning
-    if asked.description.structure.field("RemoteQDN"):
+def _check_remote(connect: DescribedConnect) -> FlawAnswer | None:
+    spec = connect.meaning
+    if connect.description.structure.field("RemoteQDN"):
         return None
     # 0.0.0.0 is "any partner" on a passive end.
-    if says.is_active and says.remote_address == ANY_ADDRESS:
+    if spec.is_active and spec.remote_address == ANY_ADDRESS:
         return Flaw.PARAMETER, "RemoteAddress", "RemoteAddress is 0.0.0.0, the partner's address"
-    if is_group(says.remote_address):
-        text = f"{says.remote_address} is no address of one partner, and multicast groups are not joined"
+    if is_group(spec.remote_address):
+        text = f"{spec.remote_address} is no address of one partner, and multicast groups are not joined"
         return Flaw.REMOTE, "RemoteAddress", text
     # On loopback that is no mistake: the bench and its peers share the address.
-    if says.remote_address == asked.own_address and not is_loopback(says.remote_address):
-        return Flaw.REMOTE, "RemoteAddress", f"{says.remote_address} is this PLC's own address"
+    if spec.remote_address == connect.own_address and not is_loopback(spec.remote_address):
+        return Flaw.REMOTE, "RemoteAddress", f"{spec.remote_address} is this PLC's own address"
     return None
 
 
-def _check_local_port(asked: DescribedConnect) -> FlawAnswer | None:
-    port = asked.meaning.local_port
+def _check_local_port(connect: DescribedConnect) -> FlawAnswer | None:
+    port = connect.meaning.local_port
     if port in RESERVED_PORTS or port >= FIRST_DYNAMIC_PORT:
         return Flaw.PORT_RESERVED, "LocalPort", f"port {port} is the system's own; take 2000 to 5000"
     return None
 
 
-def _check_name(asked: DescribedConnect) -> FlawAnswer | None:
-    if asked.description.structure.field("RemoteQDN") is None:
+def _check_name(connect: DescribedConnect) -> FlawAnswer | None:
+    if connect.description.structure.field("RemoteQDN") is None:
         return None
-    name = asked.meaning.remote_name
-    if not name and not asked.meaning.is_active:
+    name = connect.meaning.remote_name
+    if not name and not connect.meaning.is_active:
         return None
     if not name:
         return Flaw.NAME_EMPTY, "RemoteQDN", "RemoteQDN is empty"
@@ -383,18 +387,18 @@ def _check_name(asked: DescribedConnect) -> FlawAnswer | None:
     return None
 
 
-def _check_secure_type(asked: DescribedConnect) -> FlawAnswer | None:
-    is_udp = asked.description.number("ConnectionType") == UDP_TYPE
-    if not is_udp or not asked.description.number("ActivateSecureConn"):
+def _check_secure_type(connect: DescribedConnect) -> FlawAnswer | None:
+    is_udp = connect.description.number("ConnectionType") == UDP_TYPE
+    if not is_udp or not connect.description.number("ActivateSecureConn"):
         return None
     return Flaw.SECURE_DATAGRAMS, "ConnectionType", "UDP cannot be secured: there is no DTLS"
 
 
-def _check_secure(asked: DescribedConnect) -> FlawAnswer | None:
-    number = asked.description.number
+def _check_secure(connect: DescribedConnect) -> FlawAnswer | None:
+    number = connect.description.number
     if not number("ActivateSecureConn"):
         return None
-    if asked.meaning.is_active:
+    if connect.meaning.is_active:
         if number("TLSServerReqClientCert"):
             text = "TLSServerReqClientCert is TRUE: only a server asks for a client's certificate"
             return Flaw.CLIENT_ASKS, "TLSServerReqClientCert", text
@@ -418,22 +422,22 @@ PARAM_STRUCTURE: Final = CONNECTIONS["TCON_Param"]
 _PARAM_TYPES: Final = {Transport.TCP: 17, Transport.ISO: 18, Transport.UDP: 19}
 
 
-def to_tcon_param(says: LinkSpec, has_interface: bool) -> Description | None:
+def to_tcon_param(spec: LinkSpec, has_interface: bool) -> Description | None:
     """Return the TCON_Param with the same meaning, None if it cannot have it.
 
     `has_interface`: the description names an interface; here it is always the first one.
     """
-    if says.protocol not in _PARAM_TYPES or says.remote_name:
+    if spec.protocol not in _PARAM_TYPES or spec.remote_name:
         return None
-    local, remote = _param_tsaps(says)
+    local, remote = _param_tsaps(spec)
     if max(len(local), len(remote)) >= TSAP_SIZES.stop:
         return None
-    address = bytes(map(int, says.remote_address.split("."))) if says.remote_address != ANY_ADDRESS else b""
+    address = bytes(map(int, spec.remote_address.split("."))) if spec.remote_address != ANY_ADDRESS else b""
     values: dict[str, FieldValue] = {
         "block_length": PARAM_STRUCTURE.size,
-        "id": says.identity,
-        "connection_type": _PARAM_TYPES[says.protocol],
-        "active_est": says.is_active,
+        "id": spec.identity,
+        "connection_type": _PARAM_TYPES[spec.protocol],
+        "active_est": spec.is_active,
         "local_device_id": int(has_interface),
         "local_tsap_id_len": len(local),
         "rem_staddr_len": len(address),
@@ -445,10 +449,10 @@ def to_tcon_param(says: LinkSpec, has_interface: bool) -> Description | None:
     return Description(PARAM_STRUCTURE, pack(PARAM_STRUCTURE, values))
 
 
-def _param_tsaps(says: LinkSpec) -> tuple[bytes, bytes]:
-    if says.protocol is Transport.ISO:
-        return says.local_tsap, says.remote_tsap
-    local, remote = says.local_port.to_bytes(2, "big"), says.remote_port.to_bytes(2, "big")
-    if says.is_active:
-        return local if says.local_port else b"", remote
-    return local, remote if says.remote_port and says.protocol is Transport.TCP else b""
+def _param_tsaps(spec: LinkSpec) -> tuple[bytes, bytes]:
+    if spec.protocol is Transport.ISO:
+        return spec.local_tsap, spec.remote_tsap
+    local, remote = spec.local_port.to_bytes(2, "big"), spec.remote_port.to_bytes(2, "big")
+    if spec.is_active:
+        return local if spec.local_port else b"", remote
+    return local, remote if spec.remote_port and spec.protocol is Transport.TCP else b""

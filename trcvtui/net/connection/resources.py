@@ -94,9 +94,9 @@ class ScanBudget:
         self._reserved: dict[BudgetShare, int] = {}  # the shares of this scan
         self._rest = self.units
         self._episodes: dict[tuple[str, EventKind], int] = {}  # when it last had to wait; the oldest first
-        self._shaken = 0  # ns of handshakes in this scan
+        self._handshake_ns = 0  # ns of handshakes in this scan
         self._steps = 0
-        self._longest = 0  # ns of a step, fading
+        self._longest_step_ns = 0  # ns of a step, fading
 
     def set_interval(self, interval_ns: int) -> None:
         self._interval = interval_ns
@@ -106,8 +106,8 @@ class ScanBudget:
         """Begin a scan: reserve shares for the parties that had to wait in the last one."""
         self.scan += 1
         self._now = now
-        self._shaken = self._steps = 0
-        self._longest -= self._longest >> FADE_SHIFT
+        self._handshake_ns = self._steps = 0
+        self._longest_step_ns -= self._longest_step_ns >> FADE_SHIFT
         self._reserved.clear()
         self._rest = self.units
         if self._waiting:
@@ -148,7 +148,8 @@ class ScanBudget:
     def may_handshake(self) -> bool:
         """Return whether the next step fits into the time of handshakes, or is the first of the scan."""
         # Rule 4: it is assumed to take as long as the longest so far.
-        return not self._steps or self._shaken + self._longest <= self._interval // HANDSHAKE_DIVISOR
+        until = self._handshake_ns + self._longest_step_ns
+        return not self._steps or until <= self._interval // HANDSHAKE_DIVISOR
 
     def handshake(self, party: BudgetShare, partner: str, step: Callable[[], int]) -> int:
         """Call one step of a handshake and measure its time; return what `step` returns, its units."""
@@ -156,8 +157,8 @@ class ScanBudget:
         units = step()
         took = self.clock() - began
         self._steps += 1
-        self._shaken += took
-        self._longest = max(self._longest, took)
+        self._handshake_ns += took
+        self._longest_step_ns = max(self._longest_step_ns, took)
         if took > self._interval // HANDSHAKE_DIVISOR:
             part, interval = format_ns(self._interval // HANDSHAKE_DIVISOR), format_ns(self._interval)
             why = f"one step took {format_ns(took)}; handshakes have {part} of the {interval} of a scan"

@@ -35,9 +35,9 @@ def find_address_error(address: str, own: tuple[LocalAddress, ...], strict: bool
     if is_group(address):
         return f"{address} is a multicast or broadcast address"
     mine = next((a for a in own if a.address == address), None)
-    everybody = next((a for a in own if a.broadcast == address), None)
-    if everybody is not None and mine is None:
-        return f"{address} is the broadcast address of {everybody.interface}"
+    network = next((a for a in own if a.broadcast == address), None)
+    if network is not None and mine is None:
+        return f"{address} is the broadcast address of {network.interface}"
     if is_loopback(address):
         return f"{address} is loopback, no Ethernet port" if strict else ""
     if not own:
@@ -96,9 +96,9 @@ class SetUp:
         self._connection_ids = connection_ids
         self._kernel, self._policy, self._resolve, self._note = kernel, policy, resolve, note
         self._verdict: Fault | None = None
-        self._is_asking = False  # the resolver, for the address of the partner's name
+        self._is_resolving = False  # the resolver, for the address of the partner's name
         self._deadline = 0
-        self._has_told_limit = False
+        self._has_noted_limit = False
         self._resolved_port: int | None = None
         self._kept_port = config.local.port
         self._successor: NewClient | None = None  # accepted while the connection before it was ending
@@ -130,9 +130,9 @@ class SetUp:
         taken = self._connection_ids.try_take(self._holder)
         if taken is None:
             return None
-        how, holder = taken
+        conflict, holder = taken
         text = f"ID {self._holder.identity} is that of {holder}"
-        return StepFault(SetUpStage.IDENTITY, Fault("identity", how), text)
+        return StepFault(SetUpStage.IDENTITY, Fault("identity", conflict), text)
 
     def create_socket(self) -> StepFault | None:
         make = self._kernel.datagram_socket if self.config.is_datagram else self._kernel.socket
@@ -145,8 +145,8 @@ class SetUp:
     def prepare(self, now: int) -> StepFault | None:
         """Bind the socket, then listen or start to connect."""
         assert self.attempt is not None
-        if self.config.keep_alive_limit_note and not self._has_told_limit:
-            self._has_told_limit = True
+        if self.config.keep_alive_limit_note and not self._has_noted_limit:
+            self._has_noted_limit = True
             self._note(EventKind.OPTION_LIMITED, None, self.config.keep_alive_limit_note)
         self._set_options(self.attempt)
         return self._bind(self.attempt) or (
@@ -214,7 +214,7 @@ class SetUp:
         if port is None:
             return Fault("resolve", f"{self.config.remote_port} does not listen")
         address = self._resolve_address(handle)
-        self._is_asking = isinstance(address, WouldBlock)
+        self._is_resolving = isinstance(address, WouldBlock)
         if not isinstance(address, str):
             return address if isinstance(address, Fault) else None
         self.remote = Endpoint(address, port)
@@ -238,9 +238,9 @@ class SetUp:
     def poll_attempt(self, now: int) -> NewClient | StepFault | None:
         """Return the result of the running attempt of an active CONNECT, None while there is none."""
         assert self.attempt is not None
-        if self._is_asking:
+        if self._is_resolving:
             self._verdict = self._start_connect(self.attempt)
-        verdict: Fault | WouldBlock | None = WOULD_BLOCK if self._is_asking else self._verdict
+        verdict: Fault | WouldBlock | None = WOULD_BLOCK if self._is_resolving else self._verdict
         if verdict is None:
             verdict = self._kernel.connect_result(self.attempt)
         if verdict is WOULD_BLOCK:
@@ -319,7 +319,7 @@ class SetUp:
     def free(self) -> Fault | None:
         """Close the listener and give up the attempt."""
         fault = None
-        self.is_withdrawn = self._has_told_limit = False
+        self.is_withdrawn = self._has_noted_limit = False
         self._connection_ids.give_back(self._holder)
         if self._successor is not None:
             self._kernel.abort(self._successor.handle)
@@ -334,7 +334,7 @@ class SetUp:
         if self.attempt is None:
             return None
         fault = self._kernel.abort(self.attempt)  # no TIME_WAIT: so a fixed LocalPort is free at once
-        self.attempt, self._verdict, self._is_asking = None, None, False
+        self.attempt, self._verdict, self._is_resolving = None, None, False
         return fault
 
     def forget_port(self) -> None:

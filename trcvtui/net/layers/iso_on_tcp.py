@@ -209,7 +209,7 @@ def _parse_connect(code: Code, header: bytes) -> Tpdu:
     if max(len(calling), len(called)) > LONGEST_TSAP:
         return MalformedTpdu(f"a TSAP of {max(len(calling), len(called))} bytes")
     size = parameters.get(_Parameter.SIZE)
-    asked = header[5] >> 4
+    protocol_class = header[5] >> 4
     return ConnectTpdu(
         code,
         int.from_bytes(header[1:3], "big"),
@@ -217,7 +217,7 @@ def _parse_connect(code: Code, header: bytes) -> Tpdu:
         calling,
         called,
         size[0] if size is not None and len(size) == 1 else None,
-        asked if asked not in CLASSES_TAKEN_AS_0 else 0,
+        protocol_class if protocol_class not in CLASSES_TAKEN_AS_0 else 0,
     )
 
 
@@ -494,10 +494,10 @@ class IsoSession:
             case UnusedTpdu(code=code):  # harmless: its length is known, so the next TPDU can be read
                 self._note_unused(code)
 
-    def _refuse_unfit(self, asked: ConnectTpdu) -> None:
-        if asked.code is Code.CR and self.phase is IsoPhase.WAITS_FOR_CR and self.request is None:
-            self._output += encode_tpdu(DisconnectTpdu(asked.source_ref, 0, DrReason.NEGOTIATION_FAILED))
-        self._end("EPROTO", asked.unfit)
+    def _refuse_unfit(self, tpdu: ConnectTpdu) -> None:
+        if tpdu.code is Code.CR and self.phase is IsoPhase.WAITS_FOR_CR and self.request is None:
+            self._output += encode_tpdu(DisconnectTpdu(tpdu.source_ref, 0, DrReason.NEGOTIATION_FAILED))
+        self._end("EPROTO", tpdu.unfit)
 
     def _note_unused(self, code: int) -> None:
         self._ignored += 1

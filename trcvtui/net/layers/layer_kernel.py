@@ -50,7 +50,7 @@ def unknown_ready_handles() -> Mapping[Handle, str] | None:
 class LayerKernel(KernelProxy):
     """`clock` returns the time in ns; `report_note` gets the notes of dropped clients and ended sessions.
 
-    `caught` gets an exception in a session of a CONNECT; that session is ended.
+    `report_error` gets an exception in a session of a CONNECT; that session is ended.
     `polls`: clients are put into the poll set before they are accepted; False: there is no poll set.
     `work`: a work budget shared with others; None: a new one.
     """
@@ -60,7 +60,7 @@ class LayerKernel(KernelProxy):
         inner: Kernel,
         clock: Callable[[], int],
         report_note: NoteSink,
-        caught: ErrorHandler = raise_error,
+        report_error: ErrorHandler = raise_error,
         polls: bool = True,
         work: ScanBudget | None = None,
     ) -> None:
@@ -68,7 +68,7 @@ class LayerKernel(KernelProxy):
         self._work = work or ScanBudget()
         self._begins = work is None  # else its owner says when a scan begins
         self._clock = clock
-        self._report_note, self._caught = report_note, caught
+        self._report_note, self._report_error = report_note, report_error
         self._polls = polls
         self._owners: dict[Handle, str] = {}
         self._wanted: dict[Handle, LayerSettings] = {}
@@ -95,7 +95,7 @@ class LayerKernel(KernelProxy):
                     listener.poll(self._clock())
             except Exception as error:  # a fault in one session must not end the scan of all others
                 listener.has_failed = True
-                self._caught(listener.owner, error)
+                self._report_error(listener.owner, error)
         for handle, stream in self._streams.items():
             try:
                 if stream.has_backlog or self.inner.readable(handle):
@@ -106,7 +106,7 @@ class LayerKernel(KernelProxy):
                     stream.check_message_time(self._clock())
                     self._report_notes(handle, stream)
             except Exception as error:
-                self._caught(self._owners.get(handle, ""), error)
+                self._report_error(self._owners.get(handle, ""), error)
                 stream.fail()
 
     def _listeners_in_turn(self) -> list[SharedListener]:
@@ -175,8 +175,8 @@ class LayerKernel(KernelProxy):
         if stream is None:
             if options.session is not None:
                 self._wanted[handle] = options.session
-        elif (asked := find_choice_session(stream.session)) is not None and options.session is not None:
-            asked.accept_for(options.session)
+        elif (choice := find_choice_session(stream.session)) is not None and options.session is not None:
+            choice.accept_for(options.session)
             stream.flush()
         return refused
 
@@ -208,7 +208,9 @@ class LayerKernel(KernelProxy):
             if fault is not None:
                 return fault
             party = BudgetShare(self._work, self._owners.get(handle, ""), EventKind.CLIENTS_WAIT)
-            joined = SharedListener(self.inner, handle, self._report_note, self._polls, party, self._caught)
+            joined = SharedListener(
+                self.inner, handle, self._report_note, self._polls, party, self._report_error
+            )
             end = self.inner.local_end(handle)
             if wanted.shares_port and end is not None:
                 self._ports[end] = joined
@@ -344,7 +346,7 @@ class LayerKernel(KernelProxy):
         try:
             return handle in self._streams and self._streams[handle].send_goodbye()
         except Exception as error:
-            self._caught(self._owners.get(handle, ""), error)
+            self._report_error(self._owners.get(handle, ""), error)
             self._streams[handle].fail()
             return False
 
@@ -355,18 +357,18 @@ class LayerKernel(KernelProxy):
         after a FIN the port would be blocked for a minute (TIME_WAIT).
         """
         stream = self._streams.get(handle)
-        asked = None if stream is None else find_choice_session(stream.session)
-        if stream is not None and asked is not None:
-            asked.refuse(is_known=True)
+        choice = None if stream is None else find_choice_session(stream.session)
+        if stream is not None and choice is not None:
+            choice.refuse(is_known=True)
             stream.flush()
             stream.is_told = True  # the caller reports why it refused this client
-        says_goodbye = asked is None and self._send_goodbye(handle) and handle not in self._fixed
+        says_goodbye = choice is None and self._send_goodbye(handle) and handle not in self._fixed
         stays = self._forget(handle)
         if stays:
             return None
         if says_goodbye:  # a RST could overtake it (RFC 8446 6.1), and unread bytes would make the FIN a RST
             self.inner.discard(handle, DRAIN_BYTES)
-        return self.inner.close(handle) if asked or says_goodbye else self.inner.abort(handle)
+        return self.inner.close(handle) if choice or says_goodbye else self.inner.abort(handle)
 
     def close(self, handle: Handle) -> Fault | None:
         self._send_goodbye(handle)

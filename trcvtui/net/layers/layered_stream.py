@@ -308,10 +308,10 @@ class SharedListener:
         report_note: NoteSink,
         polls: bool,
         party: BudgetShare,
-        caught: ErrorHandler,
+        report_error: ErrorHandler,
     ) -> None:
         self.handle = handle
-        self._caught, self.has_failed = caught, False
+        self._report_error, self.has_failed = report_error, False
         self._party = party
         self.members: dict[Handle, PortMember] = {}
         self.clients: list[LayeredStream] = []
@@ -333,7 +333,7 @@ class SharedListener:
             try:
                 self._add_client(got, now)
             except Exception as error:
-                self._caught(self.owner, error)
+                self._report_error(self.owner, error)
                 self._kernel.abort(got.handle)
 
     def _leaves_in_stack(self) -> bool:
@@ -366,7 +366,7 @@ class SharedListener:
         try:
             self._advance(client, now)
         except Exception as error:
-            self._caught(self.owner, error)
+            self._report_error(self.owner, error)
             client.fail()
             self._drop_client(client, "an internal error of this program")
 
@@ -379,8 +379,8 @@ class SharedListener:
             client.pump()
         for remark in session.take_remarks():
             self._report_note(LayerNote(self.owner, TPDU_IGNORED, str(client.peer), remark))
-        if (asked := find_choice_session(session)) is not None:
-            self._assign_client(client, asked)
+        if (choice := find_choice_session(session)) is not None:
+            self._assign_client(client, choice)
         elif session.is_up:
             self._hand_over(client, self._any_member())
         elif client.is_over or session.ended is not None:

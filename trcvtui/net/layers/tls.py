@@ -65,9 +65,9 @@ def session_end_of(problem: Exception) -> SessionEnd:
         error = _VERIFY_ERRORS.get(problem.verify_code, TlsError.DISCARDED)
         return SessionEnd(error, f"the partner's certificate: {problem.verify_message}")
     reason = str(getattr(problem, "reason", None) or problem)
-    before, alert, said = reason.partition(_ALERT_INFIX)
+    before, alert, name = reason.partition(_ALERT_INFIX)
     if alert and before in ("SSLV3", "TLSV1", "TLSV13"):
-        return SessionEnd(TlsError.REFUSED, f"the partner says: {_format_reason(said)}", said.lower())
+        return SessionEnd(TlsError.REFUSED, f"the partner says: {_format_reason(name)}", name.lower())
     return SessionEnd(_REASON_ERRORS.get(reason, TlsError.HANDSHAKE), _format_reason(reason), reason.lower())
 
 

@@ -21,8 +21,8 @@ PART_OVERHEAD: Final = 200  # bytes of memory for a part beside its data: many s
 class LossyPipe:
     """Writes without waiting. While the reader is behind, whole parts are left out.
 
-    `restate` is called with the (events, bytes, ends) that were left out, as soon as the reader has read all
-    parts before them; `hear` with each line from the reader; `end` once, when the reader is gone.
+    `report_gap` is called with the (events, bytes, ends) that were left out, as soon as all parts before them
+    were read; `handle_line` with each line from the reader; `handle_end` once, when it is gone.
     """
 
     def __init__(
@@ -30,12 +30,12 @@ class LossyPipe:
         loop: TapLoop,
         sock: socket.socket,
         most: int,
-        restate: Callable[[int, int, bytes], object],
-        hear: Callable[[bytes], object],
-        end: Callable[[], object],
+        report_gap: Callable[[int, int, bytes], object],
+        handle_line: Callable[[bytes], object],
+        handle_end: Callable[[], object],
     ) -> None:
         self._loop, self._sock, self.most = loop, sock, most
-        self._restate, self._hear, self._end = restate, hear, end
+        self._report_gap, self._handle_line, self._handle_end = report_gap, handle_line, handle_end
         self.waiting: deque[memoryview] = deque()
         self._size = 0  # bytes that wait
         self.is_behind = self.is_gone = False
@@ -96,7 +96,7 @@ class LossyPipe:
         if self.is_behind:  # the queue is empty: the reader has caught up
             self.is_behind, lost = False, self._lost
             self._lost = (0, 0, b"")
-            self._restate(*lost)
+            self._report_gap(*lost)
 
     def _read(self) -> None:
         try:
@@ -108,7 +108,7 @@ class LossyPipe:
         *lines, self._line = (self._line + data).split(b"\n")
         for line in filter(None, lines):
             if not self.is_gone:  # a line may have closed it
-                self._hear(line)
+                self._handle_line(line)
         if not data or len(self._line) > MOST_LINE:  # a line without end would fill the memory
             self.close()
 
@@ -118,7 +118,7 @@ class LossyPipe:
             self._loop.unregister(self._sock.fileno())
             self._sock.close()
             self.waiting.clear()
-            self._end()
+            self._handle_end()
 
     def finish(self, until_ns: int) -> None:
         """Send what waits, until a time of the monotonic clock at most; then close."""

@@ -204,7 +204,7 @@ LOOPBACK_ONLY: Final = (
 class _IfAddrs(ctypes.Structure):
     """The head of `struct ifaddrs`, which is the same on Linux and the BSDs; the rest is not read.
 
-    `everybody` is the broadcast address; of a point-to-point interface it is the partner's address.
+    `broadcast` is the broadcast address; of a point-to-point interface it is the partner's address.
     """
 
 
@@ -214,7 +214,7 @@ _IfAddrs._fields_ = [
     ("flags", ctypes.c_uint),
     ("address", ctypes.c_void_p),
     ("netmask", ctypes.c_void_p),
-    ("everybody", ctypes.c_void_p),
+    ("broadcast", ctypes.c_void_p),
 ]
 
 
@@ -252,13 +252,13 @@ def _iter_addresses(entry: ctypes._Pointer[_IfAddrs]) -> Iterator[LocalAddress]:
         address = _read_ipv4(item.address)
         if address is not None:
             name, loopback = item.name.decode(errors="replace"), bool(item.flags & IFF_LOOPBACK)
-            everybody = _broadcast_address(address, item)
-            yield LocalAddress(address, name, _is_ethernet(name, item.flags), loopback, everybody)
+            broadcast = _broadcast_address(address, item)
+            yield LocalAddress(address, name, _is_ethernet(name, item.flags), loopback, broadcast)
         entry = item.next
 
 
 def _broadcast_address(address: str, item: _IfAddrs) -> str:
-    found = _read_ipv4(item.everybody) if item.flags & IFF_BROADCAST else None
+    found = _read_ipv4(item.broadcast) if item.flags & IFF_BROADCAST else None
     if found in (None, ANY_ADDRESS, address):  # glibc returns the own address if none was set (`ip addr add`)
         found = broadcast_address(address, _read_ipv4(item.netmask) or "")
     return "" if found == address else found

@@ -123,7 +123,7 @@ class Encoder(Protocol):
 class ObserverKind(NamedTuple):
     """What an observer reads, and how many bytes may wait for it.
 
-    `holds`: when it leaves, the tap releases what it holds: it may have been started to hold everything.
+    `holds`: a tap may hold all directions from its beginning for this kind, and releases them when it leaves.
     """
 
     events: frozenset[int]
@@ -197,13 +197,15 @@ class Observer:
 class ObserverServer:
     """Serves observers with a `capture` of the events that the tap reports on `events`.
 
-    The tap hands over sockets of its own observers on `ways`; guests connect to the Unix socket at `path`.
+    The tap hands over sockets of its own observers on `channels`; guests connect to the socket at `path`.
     """
 
-    def __init__(self, events: int, ways: int, path: Path | None, may_order: bool, capture: Encoder) -> None:
+    def __init__(
+        self, events: int, channels: int, path: Path | None, may_order: bool, capture: Encoder
+    ) -> None:
         self.loop, self.capture, self.may_order = TapLoop(self.notify, new_poll_set()), capture, may_order
         self.newest = 0  # conversation
-        self._tap, self._ways = socket.socket(fileno=events), socket.socket(fileno=ways)
+        self._tap, self._channels = socket.socket(fileno=events), socket.socket(fileno=channels)
         self._path, self._events = path, read_events(self._tap.recv)
         self._observers: tuple[Observer, ...] = ()
         self._has_ended = False
@@ -242,7 +244,7 @@ class ObserverServer:
             return
         open_before = [*takewhile(lambda event: event.kind == TapEventKind.OPEN and event.at, events)]
         self._distribute(open_before)  # before the tap's observers are added: their first blocks show these
-        while poll_once({self._ways.fileno(): IN}) and self._accept_own():
+        while poll_once({self._channels.fileno(): IN}) and self._accept_own():
             pass  # an observer that was handed over before an event gets that event
         self._distribute(events[len(open_before) :])
 
@@ -251,8 +253,7 @@ class ObserverServer:
         made = [
             (event, self.capture.encode_event(event))
             for event in events
-            if event.kind in wanted
-            or event.kind != TapEventKind.BYTES  # all others change the capture's state
+            if event.kind in wanted or event.kind != TapEventKind.BYTES  # the others change the capture
         ]
         self.newest = max([self.newest, *[e.number for e in events if e.kind == TapEventKind.OPEN]])
         parts: dict[frozenset[int], list[tuple[TapEvent, bytes]]] = {}
@@ -264,10 +265,10 @@ class ObserverServer:
                 observer.handle_events(parts[kinds])
 
     def _accept_own(self) -> bool:
-        what, ways, _, _ = socket.recv_fds(self._ways, 1, 1)
-        for way in ways:
-            self._add_observer(socket.socket(fileno=way), OBSERVER_KINDS[what])
-        return bool(what)
+        kind, channels, _, _ = socket.recv_fds(self._channels, 1, 1)
+        for channel in channels:
+            self._add_observer(socket.socket(fileno=channel), OBSERVER_KINDS[kind])
+        return bool(kind)
 
     # -- observers -------------------------------------------------------------------------------------------
 

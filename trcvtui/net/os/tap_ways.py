@@ -52,19 +52,19 @@ class ObserverServerPipes:
 
     def __init__(self) -> None:
         self.events, self._theirs = socket.socketpair()
-        self._ways, self._their_ways = socket.socketpair()
-        self.fds = self._theirs.fileno(), self._their_ways.fileno()  # the other ends
+        self._channels, self._their_channels = socket.socketpair()
+        self.fds = self._theirs.fileno(), self._their_channels.fileno()  # the other ends
 
     def close_far_ends(self) -> None:
         self._theirs.close()
-        self._their_ways.close()
+        self._their_channels.close()
 
-    def hand_over_observer(self, kind: bytes, way: socket.socket) -> None:
-        with way, suppress(OSError):
-            socket.send_fds(self._ways, [kind], [way.fileno()])
+    def hand_over_observer(self, kind: bytes, channel: socket.socket) -> None:
+        with channel, suppress(OSError):
+            socket.send_fds(self._channels, [kind], [channel.fileno()])
 
     def close(self) -> None:
-        self._ways.close()
+        self._channels.close()
 
 
 def _ask_tap(fd: int, what: bytes) -> tuple[bytes, list[int]]:
@@ -97,11 +97,11 @@ class TapChannel:
         """Return the whole blocks that were read, None for none yet, b"" if the tap has ended."""
         if not data:
             self._part = b""  # half a block of a server that has ended
-            ways = _ask_tap(self._asks, ASK_CHANNEL)[1]
-            for way in ways:
-                os.dup2(way, self.fd)  # the reader's poll set keeps its descriptor
-                os.close(way)
-            return None if ways else b""
+            channels = _ask_tap(self._asks, ASK_CHANNEL)[1]
+            for channel in channels:
+                os.dup2(channel, self.fd)  # the reader's poll set keeps its descriptor
+                os.close(channel)
+            return None if channels else b""
         data, at = self._part + data, 0
         while at + BLOCK.size <= len(data) and (end := at + BLOCK.unpack_from(data, at)[0]) <= len(data):
             at = end

@@ -416,7 +416,7 @@ class TapSerialConversation(TapConversation):
         end = lane.source
         end.loop.unregister(end.fd)
         end.mask = GONE_MASK
-        end.writes.out.clear()  # the device that comes back must not get half a message
+        end.writes.out.clear()  # stale when the port is back
         with suppress(Exception):
             end.port.close()
         self._reopen(lane, place)

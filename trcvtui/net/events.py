@@ -28,7 +28,7 @@ class EventKind(StrEnum):
     OPTION_REFUSED = "option refused"
     OPTION_LIMITED = "option limited"
     RELEASED = "released"
-    TPDUS_WAIT = "TPDUs wait"  # this and the next four: there is more to do than one scan may (Work)
+    TPDUS_WAIT = "TPDUs wait"  # this and the next four: there is more to do than one scan may (ScanBudget)
     RECORDS_WAIT = "TLS records wait"
     CLIENTS_WAIT = "clients wait"
     HANDSHAKES_WAIT = "handshakes wait"

@@ -97,7 +97,7 @@ class LayerSession(Protocol):
     def feed(self, data: memoryview, most: int = ...) -> int:
         """Take bytes that the partner has sent, and do at most `most` units of work on what is here.
 
-        Return the units that were used (Work). Bytes that were not looked at are kept as a backlog.
+        Return the units that were used (ScanBudget). Bytes that were not looked at are kept as a backlog.
         """
 
     @property

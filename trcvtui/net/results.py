@@ -13,7 +13,7 @@ from msgspec import Struct
 class WouldBlock(Enum):
     """The answer "not now": nothing to read, no room to write, no verdict yet.
 
-    HELD_BACK: there may be something to read, but this scan has no work budget left for it (Work).
+    HELD_BACK: there may be something to read, but this scan has no work budget left for it (ScanBudget).
     """
 
     WOULD_BLOCK = "WOULD_BLOCK"

@@ -190,9 +190,7 @@ class Connection:
         self._kernel, self._resources, self._policy, self._write = kernel, resources, policy, write
         self._name = config.name
         self._local: Endpoint | None = None
-        self._early: list[
-            tuple[State, StepFault | None]
-        ] = []  # steps taken by `open`, to be shown one a scan
+        self._early: list[tuple[State, StepFault | None]] = []  # steps of `open`, shown one a scan
         self._stepped_in = -1
         self._step_fault: StepFault | None = None
         self._losses: dict[int, ConnectionLoss] = {}  # of the newest incarnations
@@ -284,7 +282,7 @@ class Connection:
 
     def _take_step(self, now: int) -> StepFault | None:
         match self.state:
-            case State.QUEUED | State.CREATED if self._early:
+            case State.QUEUED | State.CREATED if self._early:  # done by `open`, shown now
                 self.state, failed = self._early.pop(0)
                 return failed
             case State.QUEUED:
@@ -298,7 +296,7 @@ class Connection:
                 return self._adopt(self.set_up.accept_partner(), now)
             case _ if self.set_up.attempt is not None:
                 return self._adopt(self.set_up.poll_attempt(now), now)
-            case _ if self._pauses:
+            case _ if self._pauses:  # else a partner that ends at once would be called in each scan
                 self._pauses, self.retry_at = False, now + self._policy.retry_ns
             case _ if self.retry_at is None or now >= self.retry_at:
                 return self._create(now) or self._prepare(now)
@@ -308,9 +306,9 @@ class Connection:
         self.retry_at = None
         self.attempts += 1
         self.state = State.CREATED
-        short = self._resources.budget.acquire(self.config.name)
-        full = StepFault(SetUpStage.SOCKET, short) if short else None
-        failed = self.set_up.check() or full or self.set_up.create_socket()
+        no_room = self._resources.budget.acquire(self.config.name)
+        full = StepFault(SetUpStage.SOCKET, no_room) if no_room else None
+        failed = self.set_up.check() or full or self.set_up.create_socket()  # a flaw shows first
         return self._fail_attempt(failed, now) if failed else None
 
     def _prepare(self, now: int) -> StepFault | None:
@@ -349,7 +347,7 @@ class Connection:
         self.set_up.free_attempt()
         self._resources.budget.release(self.config.name)
         self.state = State.ESTABLISHING
-        if failed.stage is SetUpStage.CONNECT:
+        if failed.stage is SetUpStage.CONNECT:  # a refusal is an answer: then the machine is there again
             self.link_is_dead &= failed.fault.error in LINK_DEAD_ERRORS
         self.retry_at = now + self._policy.retry_ns
         return failed
@@ -362,7 +360,7 @@ class Connection:
             return True
         listener = self.set_up.listener
         if listener is None or self.state is not State.CONNECTED or not self._kernel.readable(listener):
-            return False
+            return False  # without a partner `step` accepts
         if self._policy.second_client == "queue":  # it waits in the stack
             return False
         before = self.incarnation
@@ -404,13 +402,13 @@ class Connection:
         if got is WOULD_BLOCK:
             return WOULD_BLOCK if self.pending_loss is None else self._end_after_last_byte(self.pending_loss)
         if isinstance(got, int):
-            if got == 0:
+            if got == 0:  # FIN
                 return self._end_after_last_byte(self.pending_loss or self._classify_loss(None))
             self._note_received(into[:got], instance)
             return got
         if isinstance(got, Fault) and got.error != "EAGAIN":
             return self._end_after_last_byte(self.pending_loss or self._classify_loss(got))
-        return WOULD_BLOCK
+        return WOULD_BLOCK  # HELD_BACK, or a planned EAGAIN
 
     def _end_after_last_byte(self, loss: ConnectionLoss) -> WouldBlock | ConnectionLoss:
         """Release the connection, or wait until a block has shown a whole frame that it has read."""
@@ -429,7 +427,7 @@ class Connection:
         if isinstance(got, Datagram):
             self._note_received(into[: got.size], instance)
             return got
-        if got is HELD_BACK:
+        if got is HELD_BACK:  # there may be a message before the loss
             return WOULD_BLOCK
         seen = KernelLoss(got, 0) if isinstance(got, Fault) else self._kernel.loss(self.handle)
         loss = self.pending_loss or (self._classify_loss(seen.fault) if seen else None)
@@ -476,6 +474,7 @@ class Connection:
             if self.pending_loss is None or self._is_reader(asking):
                 return None
             return self._apply_loss(self.pending_loss)
+        # Older than LOSSES_KEPT: how it ended is not known any more.
         return self._losses.get(incarnation) or ConnectionLoss(LossKind.OURS, self.partner)
 
     def unread(self) -> int:
@@ -485,7 +484,7 @@ class Connection:
         """Note bytes of an incarnation (default: this one) that never reach DATA; offset -1: in the stack."""
         if size:
             of = self.incarnation if incarnation is None else incarnation
-            position = self.received.skip(size) if offset < 0 else -1
+            position = self.received.skip(size) if offset < 0 else -1  # -1: the ring has them already
             self._write(BytesDropped(self.config.name, of, offset, size, reason, position))
 
     def _classify_loss(self, fault: Fault | None) -> ConnectionLoss:
@@ -542,7 +541,7 @@ class Connection:
         sent = SentState.SETTLED if self.handle is None else self._dead_link.check(self.handle)
         if sent is SentState.SETTLED:
             self._resources.unsettled.pop(self._name, None)
-        if sent is not SentState.DEAD or self.pending_loss is not None:
+        if sent is not SentState.DEAD or self.pending_loss is not None:  # Rule 2: a loss is found once
             return False
         self._apply_loss(self._classify_loss(Fault("path", "ETIMEDOUT")))
         return True
@@ -618,6 +617,7 @@ class Connection:
         if len(self._losses) > LOSSES_KEPT:
             del self._losses[min(self._losses)]
         self.link_is_dead = loss.kind is LossKind.LINK_DEAD
+        # retry_at None: the first attempt after a connection begins at once.
         self.handle, self.pending_loss, self.retry_at = None, None, None
         self.peer, self._local = None, None
         self.receiving.end_all()

@@ -157,7 +157,7 @@ class SetUp:
         local = Endpoint(self.config.local.address, self._kept_port)
         own = self._kernel.local_addresses()
         wrong = find_address_error(local.address, own, self._policy.strict_local_address)
-        if wrong and not self.config.any_local:
+        if wrong and not self.config.any_local:  # any_local: the system's routing chooses
             return StepFault(SetUpStage.ADDRESS, Fault("address", wrong))
         fault = self._set_reuse(handle)
         if fault is not None:
@@ -313,7 +313,7 @@ class SetUp:
             session=self.config.session,
         )
         refused = self._kernel.set_options(handle, options)
-        if refused:
+        if refused:  # only noted: the connection works without them
             self._note(EventKind.OPTION_REFUSED, None, ", ".join(refused))
 
     def free(self) -> Fault | None:
@@ -321,7 +321,7 @@ class SetUp:
         fault = None
         self.is_withdrawn = self._has_noted_limit = False
         self._connection_ids.give_back(self._holder)
-        if self._successor is not None:
+        if self._successor is not None:  # no block will see it
             self._kernel.abort(self._successor.handle)
             self._successor = None
         if self.listener is not None:

@@ -1,7 +1,8 @@
 """One TCP stream with a session on it: reads from the kernel into the session, and sends the session's bytes.
 
-Rule 1: a scan moves a bounded number of bytes, in a bounded number of steps (Work). Bytes that were read and
-not looked at come before those in the stack. Bytes that the stack does not take wait here, a message at most.
+Rule 1: a scan moves a bounded number of bytes, in a bounded number of steps (ScanBudget). Bytes that were
+read and not looked at come before those in the stack. Bytes that the stack does not take wait here, a message
+at most.
 Rule 2: a message that the partner has begun ends within MESSAGE_LIMIT_NS, or the session is ended.
 """
 
@@ -231,7 +232,7 @@ _NO_BYTES = memoryview(b"")
 #
 # Rule 1: at most CLIENTS_WAITING clients are in a handshake at a time, each for HANDSHAKE_LIMIT_NS at most;
 # at most CLIENTS_WAITING finished ones wait for each CONNECT.
-# Rule 2: the work of a scan is bounded (Work): clients that are not accepted yet wait in the stack.
+# Rule 2: the work of a scan is bounded (ScanBudget): clients that are not accepted yet wait in the stack.
 # Rule 3: a silent client delays no other one: the newest client takes the place of the oldest silent one.
 
 CLIENTS_WAITING: Final = 16

@@ -147,7 +147,7 @@ class TlsSession:
         return len(self._plain) + self._incoming.pending
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> int:
-        """Take bytes of the stream, and read at most so many records; return the units of work (Work).
+        """Take bytes of the stream, and read at most so many records; return the units of work (ScanBudget).
 
         most=0: only the first byte is looked at.
         """

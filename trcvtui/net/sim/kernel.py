@@ -317,7 +317,7 @@ class SimKernel:
         return self._add_socket(SimSocket(self.wire, owner))
 
     def _add_socket(self, socket: SimSocket) -> Handle:
-        self._made += 1
+        self._made += 1  # never used again, unlike a descriptor: a wrong use of a freed handle shows as EBADF
         handle = Handle(self._made)
         self._sockets[handle] = socket
         socket.set_watcher(partial(self._update_ready, handle, socket))
@@ -400,7 +400,7 @@ class SimKernel:
         most = len(into)
         if not most:
             return 0
-        if self._fragment and socket.stream.unread > 1:
+        if self._fragment and socket.stream.unread > 1:  # TCP keeps no boundaries: any cut can happen
             most = self._random.randint(1, socket.stream.unread)
         got = socket.stream.read(into, most)
         return Fault("recv", got) if isinstance(got, str) else got
@@ -444,7 +444,7 @@ class SimKernel:
         if socket.stream is None:
             return KernelLoss(None, 0)
         error = socket.stream.take_error()
-        # A RST after a FIN is EPIPE: the FIN came first, and recv answers 0 too.
+        # A RST after a FIN is EPIPE: the FIN came first, and recv answers 0, too.
         fault = Fault("recv", error) if error and error != "EPIPE" else None
         return KernelLoss(fault, socket.stream.unread)
 

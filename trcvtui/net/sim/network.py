@@ -88,8 +88,8 @@ class PortTable:
     def _is_taken(self, claim: PortClaim, address: str, port: int) -> bool:
         return any(
             other is not claim
-            and (address == other.address or ANY_ADDRESS in (address, other.address))
-            and (other.listening or not (claim.reuse and other.reuse))
+            and (address == other.address or ANY_ADDRESS in (address, other.address))  # 0.0.0.0 meets all
+            and (other.listening or not (claim.reuse and other.reuse))  # SO_REUSEADDR never shares a listener
             for other in self._claims.get(port, ())
         )
 
@@ -189,7 +189,7 @@ class SimWire:
         elif partner.lingering and not segment.data:  # TIME_WAIT answers a FIN or probe again
             if segment.flags:
                 partner.acknowledge()
-        elif not segment.flags & SegmentFlag.RST:
+        elif not segment.flags & SegmentFlag.RST:  # RFC 9293 3.10.7.1: never an RST for an RST
             self.carry(partner, RESET_SEGMENT)
 
     # -- the handshake -------------------------------------------------------------------------------
@@ -215,7 +215,7 @@ class SimWire:
     def connect(self, client: SimStream) -> None:
         """Begin a connection whose ends are free."""
         ends = (client.local, client.remote)
-        if ends in self._streams:
+        if ends in self._streams:  # TIME_WAIT: the caller has asked `has_connection`
             self._remove_stream(self._streams[ends])
         self._streams[ends] = client
         if client.owner in self.played:
@@ -324,7 +324,7 @@ class SimWire:
         ends = (stream.local, stream.remote)
         if self._streams.get(ends) is stream:
             del self._streams[ends]
-        if not (stream.claim.fixed and stream.held):
+        if not (stream.claim.fixed and stream.held):  # a bound socket keeps its port until it is closed
             self.ports.release(stream.claim)
 
     def release_port(self, stream: SimStream) -> None:

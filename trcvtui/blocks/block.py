@@ -1,4 +1,4 @@
-"""What every block is to those who call it: bound once, called once a scan, asked how its job stands."""
+"""The interface of every block: bound once, called once a scan; its job can be read."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trcvtui.net.connection.resources import Claim
 
 
 class JobBinding(Struct, frozen=True):
-    """What every job asks for. `data` None: the pin is open; `priority` is that of its task."""
+    """What every job needs. `data` None: the pin is open; `priority` is that of its task."""
 
     env: Environment
     data: DataArea | None
@@ -31,7 +31,7 @@ class JobBinding(Struct, frozen=True):
 
 
 class ConnectBinding(JobBinding, frozen=True):
-    """What an instance on a CONNECT is tied to; `address`: what stands at ADDR, for datagrams alone."""
+    """The binding of an instance on a CONNECT; `address`: the value of ADDR, for datagrams alone."""
 
     connection: Connection
     address: RemoteAddress | None = None
@@ -49,7 +49,7 @@ class AnyBinding(Protocol):
 
 
 class Job(Protocol):
-    """How a job stands; sizes in bytes, `last_bytes` the time (ns) at which bytes last moved."""
+    """`have` of `need` bytes are here; `last_bytes_at`: the time (ns) at which bytes last moved."""
 
     @property
     def running(self) -> bool: ...
@@ -82,8 +82,6 @@ class NoJob:
 
 
 class StoppableJob(Job, Protocol):
-    """A job that can be ended from outside."""
-
     def abandon(self, reason: str) -> None: ...
 
     def detach(self, reason: str) -> None: ...
@@ -95,7 +93,7 @@ class HasJob(Protocol):
 
 
 class JobBlock:
-    """A block with a job. Its connection stays when the instance goes."""
+    """A block with a job. Its connection outlives the instance."""
 
     def stop(self: HasJob, reason: str) -> None:
         self.job.abandon(reason)
@@ -105,8 +103,6 @@ class JobBlock:
 
 
 class JoblessBlock:
-    """A block that moves no bytes."""
-
     def __init__(self) -> None:
         self.job = NoJob()
 
@@ -116,7 +112,7 @@ class JoblessBlock:
 
 
 class ScriptBlock(JoblessBlock):
-    """It shows what is in its script, one outcome a call."""
+    """A block that shows its script, one outcome a call."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -128,7 +124,7 @@ class ScriptBlock(JoblessBlock):
 
 
 class StoppedBlock(JoblessBlock):
-    """What stands in the place of a block that an internal error has stopped; it is called no more."""
+    """In the place of a block that an internal error has stopped; it is not called."""
 
     def call(self, inputs: Inputs) -> Outcome:
         raise NotImplementedError
@@ -141,10 +137,10 @@ class Block(Protocol):
     def call(self, inputs: Inputs) -> Outcome: ...
 
     def stop(self, reason: str) -> None:
-        """Drop what runs; the connection is closed by others (PLC STOP)."""
+        """Drop the running job; the runtime closes the connection (PLC STOP)."""
 
     def detach(self, reason: str) -> None:
-        """Detach the instance: deleted, or made anew by a download. The lock of a running job may stay."""
+        """The instance is deleted or downloaded: end its job; the lock of a running job may stay."""
 
 
 def new_block(row: BlockRow, bound: AnyBinding) -> Block:

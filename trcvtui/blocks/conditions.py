@@ -1,4 +1,4 @@
-"""What is the case, in neutral words; a dialect turns each into its STATUS."""
+"""States and failures of a block in neutral words; a dialect turns each into its STATUS."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from typing import Final
 
 
 class Condition(StrEnum):
-    """One word for each state and each failure that a block can show."""
-
     NOT_CALLED = "not called"
     NO_JOB = "no job"
     CREATING = "creating socket"
@@ -137,5 +135,5 @@ DONE_CONDITIONS: Final = frozenset(
         Condition.RECEIVED,
     }
 )
-# RESETTING stands above the manual's "exception" heading: it is no error.
+# The manual has RESETTING above its heading "exception": it is no error.
 ERROR_CONDITIONS: Final = frozenset(list(Condition)[list(Condition).index(Condition.NO_SOCKET) :])

@@ -13,7 +13,7 @@ class ElementKind(Enum):
 
 
 class LeastTextLens(NamedTuple):
-    """The smallest LEN but 0 of a variable that is one STRING or WSTRING, by direction."""
+    """The smallest LEN (apart from 0) of a variable that is one STRING or WSTRING."""
 
     sent: int = 0
     received: int = 0
@@ -25,9 +25,8 @@ NO_TEXT_LENS: Final = LeastTextLens()
 class DataArea:
     """One global variable: its IEC type as text, its size and its bytes. `generation` counts the writes.
 
-    The newest one had `newest` bytes, the longest one since the start `longest`.
-
-    `symbolic`: it stands in an optimized block, so that its bytes have no order of their own.
+    `newest`: where the newest write ended, in bytes; `longest`: the furthest end of all.
+    `symbolic`: an optimized block has it, so that its bytes have no order of their own.
     """
 
     def __init__(
@@ -49,7 +48,7 @@ class DataArea:
         self.generation = self.newest = self.longest = 0
 
     def write(self, offset: int, payload: bytes | memoryview) -> None:
-        """Overwrite bytes from `offset`; what would stand after the end is left out."""
+        """Overwrite bytes from `offset`; bytes beyond the end are left out."""
         room = max(0, self.size - offset)
         self.content[offset : offset + min(room, len(payload))] = payload[:room]
         self._note_write(min(self.size, offset + len(payload)))
@@ -66,7 +65,7 @@ class DataArea:
 
     @property
     def shape(self) -> tuple[str, int]:
-        """Return what a job that runs may rely on: type and size."""
+        """Return type and size, which a running job may rely on."""
         return self.type_name, self.size
 
     def resize(
@@ -76,7 +75,7 @@ class DataArea:
         elements: ElementKind = ElementKind.OTHER,
         text_lens: LeastTextLens = NO_TEXT_LENS,
     ) -> None:
-        """Take another type; bytes that both sizes have stay, new ones are 0."""
+        """Change the type; bytes within both sizes stay, new ones are 0."""
         self.type_name, self.size, self.elements, self.text_lens = type_name, size, elements, text_lens
         self.content = self.content[:size] + bytes(max(0, size - len(self.content)))
         self.newest = self.longest = 0

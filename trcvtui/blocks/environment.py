@@ -70,7 +70,7 @@ class NoiseDropped(NamedTuple):
 
 
 class LineHeld(NamedTuple):
-    """A full ComBuffer began to hold the TRCV_C that feeds it (called with EN_R = 0), or let it go."""
+    """A full ComBuffer began to hold the TRCV_C that feeds it (called with EN_R = 0), or released it."""
 
     buffer: str
     held: bool
@@ -92,7 +92,7 @@ class JobStarted(NamedTuple):
 
 
 class ModeChange(NamedTuple):
-    """The receive job that runs goes on ad-hoc, or static."""
+    """The running receive job continues ad-hoc, or static."""
 
     instance: str
     job: int
@@ -102,7 +102,7 @@ class ModeChange(NamedTuple):
 class JobEnded(NamedTuple):
     """A receive job ended; `size` bytes of the stream, from `offset` on, went to DATA when `done`.
 
-    They follow each other, unless a job of another priority has read in between: BytesReceived says whose.
+    They are contiguous unless a job of another priority has read in between: see BytesReceived.
     """
 
     instance: str

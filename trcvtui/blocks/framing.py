@@ -34,13 +34,13 @@ class Framing(Struct, frozen=True):
         return mine == (other.size, other.prefix, other.suffix, other.text)
 
     def ended_by(self, ending: FrameEnding) -> str:
-        """Return in words what ended a frame: of a suffix only where there is one."""
+        """Return what ended a frame in words; without a suffix they do not blame one."""
         is_full = ending is FrameEnding.OVERRUN and not self.suffix
         return "size reached, and there is no suffix" if is_full else str(ending)
 
 
 class Frame(NamedTuple):
-    """A frame: its bytes, prefix and suffix among them, and what ended it."""
+    """A frame; `content` includes prefix and suffix."""
 
     content: bytes
     ending: FrameEnding
@@ -53,22 +53,22 @@ class FramerStep(NamedTuple):
     frame: Frame | None = None
 
 
-# Rule: frames do not depend on how the stream was cut: each search begins where the call before has left off.
-# Bounds: the part is never longer than the size of a frame, the noise that is kept than KEPT_NOISE_BYTES.
+# Rule: frames do not depend on how the stream was cut: each search continues where the last one ended.
+# Bounds: the part never exceeds the size of a frame; only the newest KEPT_NOISE_BYTES of noise are kept.
 
 KEPT_NOISE_BYTES: Final = 256
 
 
 class Framer:
-    """The part of a frame, and the noise before it. `discarded` counts every byte that was thrown away.
+    """Cuts a stream into frames and keeps the part of the next one. `discarded` counts the bytes of noise.
 
-    `had_false_start`: in the last call bytes began a prefix, and turned out to be noise.
+    `had_false_start`: noise of the last call began like a prefix.
     """
 
     def __init__(self) -> None:
         self.discarded = 0
         self.had_false_start = False
-        self.noise = b""  # the last of them
+        self.noise = b""  # its newest bytes
         self.last_byte: int | None = None  # ns
         self._part = bytearray()
         self._has_prefix = False
@@ -86,7 +86,7 @@ class Framer:
 
     @property
     def queued(self) -> int:
-        """Return how many bytes of it are here."""
+        """Return how many bytes of that frame are here."""
         return len(self._part)
 
     def framing_changed(self, framing: Framing) -> bool:
@@ -100,9 +100,9 @@ class Framer:
         return part
 
     def feed(self, received: bytes, framing: Framing, now: int) -> FramerStep:
-        """Take bytes until none is left or a frame is complete; without any, look at the gap."""
+        """Take bytes up to the end of one frame; a call without bytes checks the gap."""
         self.had_false_start = False
-        if not received:
+        if not received:  # bytes that have come were in time: only silence makes a gap
             return FramerStep(0, self._end_by_gap(framing, now))
         self._framing, self.last_byte = framing, now
         used = 0 if self._has_prefix else self._seek_prefix(received, framing)
@@ -115,7 +115,7 @@ class Framer:
         if found is None:
             return FramerStep(used)
         end, ending = found
-        used -= len(self._part) - end
+        used -= len(self._part) - end  # what follows the end is of the next frame
         del self._part[end:]
         return FramerStep(used, Frame(self.flush(), ending))
 
@@ -125,8 +125,8 @@ class Framer:
         return Frame(self.flush(), FrameEnding.GAP) if now - self.last_byte >= framing.timeout_ns else None
 
     def _seek_prefix(self, received: bytes, framing: Framing) -> int:
-        """Look for the prefix and return how many bytes that used up; its longest start is kept."""
-        head = framing.prefix[: framing.size]  # a frame has no room for more of it
+        """Look for the prefix; return the bytes used. An end that may begin the prefix is kept."""
+        head = framing.prefix[: framing.size]  # a frame has no room for more
         before = len(self._part)
         joined = bytes(self._part) + received
         at = joined.find(head)
@@ -140,17 +140,18 @@ class Framer:
         return end - before
 
     def _find_end(self, before: int, framing: Framing) -> tuple[int, FrameEnding] | None:
-        """Return where the frame ends: the suffix first, then the size; `before` bytes were looked at."""
+        """Return where the frame ends: suffix first, then size; `before` bytes were searched already."""
         prefix, suffix = framing.prefix, framing.suffix
+        # A suffix may begin in the bytes of an earlier call, but not in the prefix.
         at = self._part.find(suffix, max(len(prefix), before - len(suffix) + 1)) if suffix else -1
         zero = self._part.find(0, 0, at if at >= 0 else None) if framing.text else -1
         if zero >= 0:
-            return zero + 1, FrameEnding.ZERO
+            return zero + 1, FrameEnding.ZERO  # a STRING cannot hold it
         if at >= 0:
             return at + len(suffix), FrameEnding.SUFFIX
         if len(self._part) < framing.size:
             return None
-        good = not suffix and not framing.text and len(prefix) <= framing.size
+        good = not suffix and not framing.text and len(prefix) <= framing.size  # else no end came
         return framing.size, FrameEnding.SIZE if good else FrameEnding.OVERRUN
 
 
@@ -201,7 +202,7 @@ NO_FRAMES = FrameTally()
 
 
 def marks_of(frame: Frame, framing: Framing) -> FrameMarks:
-    """Return where the marks of a frame lie; a frame that a gap ended may have but half a prefix."""
+    """Return the marks of a frame; one that a gap ended may have only part of the prefix."""
     size = len(frame.content)
     suffix = len(framing.suffix) if frame.ending is FrameEnding.SUFFIX else 0
     return FrameMarks(size, min(size, len(framing.prefix)), suffix, frame.ending)

@@ -1,4 +1,4 @@
-"""The answer of one call: its condition, and the cause that is the evidence of it."""
+"""The outcome of one call: its condition, and the cause as its evidence."""
 
 from __future__ import annotations
 
@@ -14,8 +14,6 @@ from trcvtui.net.results import Fault
 
 
 class CauseKind(StrEnum):
-    """What kind of thing brought a STATUS about."""
-
     NOT_CALLED = "not called"
     INPUT = "input"
     SEQUENCE = "sequence"
@@ -31,19 +29,18 @@ class CauseKind(StrEnum):
     INTERNAL = "internal error"
 
 
-# What fails like a call and is none, though a plan can make it fail, or the kernel was asked before:
-# the call that took part, "" for none.
+# Faults of what is no kernel call, though a plan can name it: the call that took part, "" for none.
 UNDERLYING_CALLS: Final = {
     "budget": "",
     "description": "",
     "identity": "",
     "address": "",
-    "session": "recv",  # it brought what the partner said, or refused to say
+    "session": "recv",  # it brought the answer of the partner, or none
     "attempt_limit": "connect",  # it had no answer
 }
 _ERRNO: Final = re.compile(r"E[A-Z0-9]+|EAI_[A-Z]+")
 
-# What fails like a call and is none; everything else is the kernel's own answer, or a planned fault's.
+# Their causes; every other fault is an answer of the kernel, or a planned one.
 PSEUDO_CALL_CAUSES: Final = {
     "queue": (CauseKind.RESOURCE, "the job queue is full"),
     "buffer": (CauseKind.RESOURCE, "no buffer is left"),
@@ -52,7 +49,7 @@ PSEUDO_CALL_CAUSES: Final = {
     "identity": (CauseKind.OWNER, "another CONNECT has this ID"),
     "session": (CauseKind.PARTNER, "the handshake failed"),
     "address": (CauseKind.PARAMETER, "the address cannot be used"),
-    "resolve": (CauseKind.WAITING, "nobody has listened there yet"),
+    "resolve": (CauseKind.WAITING, "nothing has listened there yet"),
     "attempt_limit": (CauseKind.WAITING, "connect had no answer within the attempt's limit"),
 }
 
@@ -77,7 +74,7 @@ class Cause(Struct, frozen=True):
     holder: str = ""  # the instance that is in the way
     is_orphan: bool = False  # it was deleted or downloaded
     local: str = ""  # where a partner is waited for
-    words: str = ""  # of the system
+    words: str = ""  # the system's text
     is_expected: bool = False  # EN_R before the first connection: it receives once that is up
 
     @property
@@ -95,16 +92,14 @@ class Cause(Struct, frozen=True):
         return str(self.error)
 
 
-FULL: Final = Fault("send", "EAGAIN")  # what the kernel means when it takes no byte
-
-
+FULL: Final = Fault("send", "EAGAIN")  # the kernel's answer when it takes no byte
 NEXT_REQ: Final = Cause(
     CauseKind.WAITING, "the last job has ended; a rising edge of REQ starts the next", pin="REQ"
 )
 
 
 def send_full_cause(fault: Fault, name: str, need: int, peer: str) -> Cause:
-    """Return the cause of a send of which the stack took no byte: `fault` is FULL, or what a plan said."""
+    """Return the cause of a send of which the stack took no byte; `fault`: FULL, or a planned one."""
     call, error, injected = fault.call, fault.error, fault.injected
     return Cause(
         CauseKind.BYTES, name, call=call, error=error, injected=injected, peer=peer, have=0, need=need
@@ -112,10 +107,10 @@ def send_full_cause(fault: Fault, name: str, need: int, peer: str) -> Cause:
 
 
 def cause_of_fault(fault: Fault, peer: str = "") -> Cause:
-    """Return the cause that a failed call is; what is no kernel call is a resource of the PLC."""
+    """Return the cause of a failed call, or of what fails without one (PSEUDO_CALL_CAUSES)."""
     why, name = PSEUDO_CALL_CAUSES.get(fault.call, (CauseKind.KERNEL, f"{fault.call} failed"))
     if fault.call == "resolve" and fault.error.startswith("EAI_"):  # the network's names, not `@NAME`
-        why, name = CauseKind.KERNEL, "nobody knows an address for the partner's name"
+        why, name = CauseKind.KERNEL, "no address is known for the partner's name"
     return Cause(
         why, name, call=fault.call, error=fault.error, injected=fault.injected, peer=peer or fault.peer,
         words=fault.words,
@@ -123,7 +118,7 @@ def cause_of_fault(fault: Fault, peer: str = "") -> Cause:
 
 
 class Lamp(Enum):
-    """BUSY or DONE of a block whose job is not to move bytes: its condition alone does not tell."""
+    """BUSY or DONE of an outcome whose condition alone does not decide it."""
 
     BUSY = "busy"
     DONE = "done"

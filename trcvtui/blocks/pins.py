@@ -16,9 +16,9 @@ class Direction(StrEnum):
 
 
 class Pin(Struct, frozen=True):
-    """One pin. `edge` pins act on their rising edge; `label`: how the manual draws it, if otherwise.
+    """One pin. `edge` pins act on their rising edge; `label`: its drawn name, where that differs.
 
-    `shows`: what an output shows, by its name in the outcome of a call.
+    `shows`: the field of Outcome that an output shows.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The questionnaire: everything that a vendor may decide, as one frozen record, what shows when with it."""
+"""The questionnaire: everything that a vendor may decide, as one frozen record."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from trcvtui.net.connection.config import ConnectionPolicy
 from trcvtui.net.connection.connection import LossKind
 from trcvtui.net.connection.set_up import SetUpStage
 
-# The defaults are the plain course; each answer is one row of the questionnaire (`rules.py`).
+# The defaults are the plain sequence; the answers of each vendor are in its dialect (`rules.py`).
 
 # (stage, errno) -> condition; an errno of "" is every other one of that stage.
 SetUpConditions = Mapping[tuple[SetUpStage, str], Condition]
@@ -34,26 +34,26 @@ PLAIN_SET_UP_CONDITIONS: Final[SetUpConditions] = {
 class StatusSequence(Struct, frozen=True):
     """What shows when. A tuple of conditions shows one a scan.
 
-    `job_begins`: the first scan of a connection that a job has been waiting for, which has what it takes from
-    then on; a job that will be refused shows `established`. None: "connected" as ever.
-    `established`: the same of a connection that no job waits for.
+    `job_begins`: the first scan of a connection for which a job waits; the job has its lock from then on. One
+    that would be refused shows `established`. None: "connected".
+    `established`: the first scan of a connection without a waiting job.
     `waiting_req_sends`: a REQ that is still 1 when the connection comes up sends; False: an edge without a
     connection is an error of its own.
-    `en_r_keeps_job`: a receive job that runs goes on when EN_R falls. `first_data_keeps_job`: with data.
-    `second_lags`: where two blocks want a connection, the one that is called second in the scan that brings
-    it up sees it one scan later, whichever of them has opened it.
+    `en_r_keeps_job`: a running receive job outlives EN_R. `first_data_keeps_job`: only once it has data.
+    `second_lags`: of two blocks on a connection, the one called second in the scan that brings it up sees it
+    one scan later, whichever of them has opened it.
     `reset`, `reset_ends_send`: what COM_RST shows, and the error before it that ends a running send job.
-    `rebuilding`: what stands between an error and "connecting", when the block builds the connection again.
-    `let_go`: what a block shows whose connection another block has closed or reset.
-    `closes_together`: CONT that falls on two blocks of a connection at once is a close for both.
-    `idle_loss`: the error of a loss while no job runs; None: no error, but for a dead link.
-    `job_loss`: the error that ends a job, by kind of loss; a kind that is not named fails the job itself.
-    `still_asked`: the error of EN_R = 1 in the scan after a loss that ended a job, and of a TRCV of its own
-    while its connection is being built again.
+    `rebuilding`: what shows between an error and "connecting" when the block reconnects.
+    `let_go`: what a block shows after another block has closed or reset its connection.
+    `closes_together`: if CONT falls on two blocks of a connection in one scan, both show the close.
+    `idle_loss`: the error of a loss while no job runs; None: an error only for a dead link.
+    `job_loss`: the error that ends a job, by kind; any other kind is "send failed" or "receive failed".
+    `still_asked`: the error of EN_R = 1 in the scan after a loss that ended a job, and of a separate TRCV
+    while its connection is rebuilt.
     `teardown`: "closing" shows before the error of a loss that ends a job.
     `silent_connect`: a failed attempt shows no error; `silent_dead_link`: while a link is dead it shows none.
     `reset_closes`: COM_RST closes the connection and its listener, and builds both anew.
-    `request_connects`: an edge of REQ or EN_R = 1 connects, too, and CONT says whether that outlives the job.
+    `request_connects`: an edge of REQ or EN_R = 1 connects too; CONT decides whether that outlives the job.
     `faults_once`: a receive job that every call refuses shows its error once, else with each call.
     `set_up`: the error of a set-up step.
     """
@@ -89,7 +89,7 @@ class StatusSequence(Struct, frozen=True):
         return self.set_up.get((stage, error)) or self.set_up[stage, ""]
 
     def outlives_en_r(self, has_data: bool) -> bool:
-        """Return whether a receive job goes on although EN_R is 0."""
+        """Return whether a receive job continues while EN_R is 0."""
         return self.en_r_keeps_job or (self.first_data_keeps_job and has_data)
 
 
@@ -104,11 +104,11 @@ class NotConnectedRule(Enum):
 class DataAreaRules(Struct, frozen=True):
     """What a vendor asks of DATA and LEN.
 
-    `missing`: an open DATA pin. `longer`: LEN against the size of DATA. `refuses_bits`: no BOOL, no ARRAY OF
-    BOOL. `symbolic_alone`: a symbolic DATA goes with LEN = 0 only, `symbolic_bytes`: and ad-hoc with elements
-    of 8 bits only. `must_stay`: a change of DATA or LEN ends the job that runs. `adhoc_lens`: these values of
+    `missing`: an open DATA pin. `longer`: LEN larger than DATA. `refuses_bits`: no BOOL, no ARRAY OF
+    BOOL. `symbolic_alone`: a symbolic DATA takes LEN = 0 only. `symbolic_bytes`: ad-hoc it takes elements of
+    8 bits only. `must_stay`: a change of DATA or LEN ends the job that runs. `adhoc_lens`: these values of
     LEN mean ad-hoc. `texts_whole`: LEN of a STRING or WSTRING is 0, or covers all of it in a send job and its
-    header in a receive job. `datagram_needs_len`: LEN of TUSEND is not 0, but for a symbolic DATA.
+    header in a receive job. `datagram_needs_len`: LEN of TUSEND is 0 only with a symbolic DATA.
     """
 
     missing: Condition = Condition.DATA_EMPTY
@@ -126,13 +126,13 @@ class VendorRules(Struct, frozen=True):
     """One vendor's answers. Lengths in bytes."""
 
     status: Mapping[Condition, int]
-    status_of: Mapping[str, Mapping[Condition, int]] = field(default_factory=dict)  # of a block, its own
+    status_of: Mapping[str, Mapping[Condition, int]] = field(default_factory=dict)  # codes of one block
     single_instructions: bool = False  # TCON, TSEND, ...: one job for each edge (blocks/single)
     course: StatusSequence = field(default_factory=StatusSequence)
     area: DataAreaRules = field(default_factory=DataAreaRules)
     lacks: frozenset[str] = frozenset()  # pins that this vendor's blocks do not have
     labels: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # block -> pin -> its name here
-    types: Mapping[str, str] = field(default_factory=dict)  # pin -> IEC type, where it is another one
+    types: Mapping[str, str] = field(default_factory=dict)  # pin -> IEC type, where it differs
     also_busy: frozenset[Condition] = frozenset()  # BUSY shows here, too
     receiving_part: Condition = Condition.RECEIVING  # the job has some bytes
     datagram_too_long: Condition = Condition.RECEIVE_FAILED
@@ -145,13 +145,13 @@ class VendorRules(Struct, frozen=True):
     large_datagram_cut: bool = False
     lock_across_tasks: bool = False
     adhoc_at_once: bool = False  # ADHOC acts on the job that runs; else on the next one
-    part_follows_en_r: bool = False  # of a frame from a TRCV_C: EN_R = 0 throws it away
+    part_follows_en_r: bool = False  # EN_R = 0 of the TRCV_C before a ComBuffer drops it
     lock_outlives: bool = True  # the lock of a job stays when its instance goes
-    one_class: bool = False  # blocks of another priority are kept off a connection while one works on it
+    one_class: bool = False  # a connection works for blocks of one priority at a time
     policy: ConnectionPolicy = field(default_factory=ConnectionPolicy)
     buffers: int = 64
     queue: int = 64
-    internal_fault: int = 0x8FFF  # STATUS of an instance that an error of this program has stopped
+    internal_fault: int = 0x8FFF  # STATUS of an instance stopped by an error of this program
 
     def with_iec_type(self, pin: Pin) -> Pin:
         """Return a pin with the IEC type that this vendor gives it."""

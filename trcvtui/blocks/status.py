@@ -1,4 +1,4 @@
-"""A vendor's STATUS table: the word, the condition that it shows, and what a person should know of it."""
+"""A vendor's STATUS table: the word, the condition that it shows, and advice for the reader."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class Reproducibility(StrEnum):
 class StatusRow(Struct, frozen=True):
     """One code. `manual` names the section it comes from; `blocks` are the blocks that list it.
 
-    `unreached`: why nothing on this bench shows it (Reach.NEVER); such a row may have no condition.
-    `unsure`: what of it no manual says, so that a real PLC may overrule it.
+    `unreached`: why nothing on this bench shows it (Reproducibility.NEVER); such a row may have no condition.
+    `unsure`: what no manual says about it: a real PLC may differ.
     """
 
     code: int

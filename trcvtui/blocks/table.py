@@ -1,4 +1,4 @@
-"""Which blocks there are: ONE row a block. Files, forms, lines, waveforms and calls ask the row.
+"""The blocks, ONE row each: files, forms, command lines, waveforms and calls read it.
 
 A new block is one row here and the class that the row names; a dialect that offers it lists its name.
 """
@@ -20,13 +20,13 @@ MARK_NAMES: Final = ("prefix", "suffix")
 class BlockRow(Struct, frozen=True):
     """One block. Its classes are named `module:Class` and imported when an instance is made.
 
-    `shared`, `single`: on a CONNECT, as the manual of one job course has it, or as single instructions.
+    `shared`: on a CONNECT; `single`: the same where the vendor has single instructions (rules.py).
     `datagrams`: on a CONNECT of UDP. `on_config`: on a UDP_CONFIG. `serial`: on a ComBuffer.
-    `data_pin`: what the manual calls DATA, "" where the block has none; `data_length`: the pin of its size.
-    `buffer_pin`: what it calls its ComBuffer; such a block has no CONNECT.
+    `data_pin`: the manual's name of DATA, "" for none; `data_length`: the pin of its size.
+    `buffer_pin`: the pin of its ComBuffer; such a block has no CONNECT.
     `pointers`: further variables: prefix first, then suffix; `mark_lengths`: the pins of their lengths.
     `has_id`: it has an ID where connections have one; `id_alone`: and no CONNECT beside it.
-    `runs_as`: what is the case while its job runs, of a single instruction whose STATUS does not say it.
+    `runs_as`: the condition while its job runs, of a single instruction whose STATUS does not say it.
     """
 
     name: str
@@ -106,11 +106,11 @@ class BlockRow(Struct, frozen=True):
 
     @property
     def mark_pins(self) -> dict[str, str]:
-        """Return the pins of prefix and suffix, and which is which; none for a block without."""
+        """Return the pins of prefix and suffix, each with its name in MARK_NAMES."""
         return dict(zip(self.pointers, MARK_NAMES, strict=False))
 
 
-# CONNECT and DATA are InOut too; they are named by the project file.
+# CONNECT and DATA are InOut too; the project file names them.
 _EN_R: Final = Pin("EN_R", Direction.IN, "BOOL", "TRUE keeps receiving, job after job")
 _REQ: Final = Pin("REQ", Direction.IN, "BOOL", "rising edge sends DATA once", edge=True)
 _CONT: Final = Pin("CONT", Direction.IN, "BOOL", "1 builds and holds the connection, 0 closes it")
@@ -137,7 +137,7 @@ _LAMPS: Final = (
     _out("ERROR", "BOOL", "error", "something failed; STATUS says what"),
     _out("STATUS", "WORD", "status", "what the block is doing"),
 )
-# ReceiveData and what belongs to it (TwinCAT TF6340 help). EN is that of the box in FBD and LD: it is called.
+# ReceiveData and its relatives (TwinCAT TF6340 help). EN is that of the box in FBD and LD: 1 calls the block.
 _EN: Final = Pin("EN", Direction.IN, "BOOL", "the block is called while EN is 1")
 _TIMEOUT: Final = Pin("Timeout", Direction.IN, "TIME", "longest gap between two bytes; 0 = any")
 _RESET: Final = Pin("Reset", Direction.IN, "BOOL", "1 throws the part of a frame away")
@@ -230,7 +230,7 @@ _ROWS: Final = (
     ),
     BlockRow(
         "T_DIAG",
-        _req_and_lamps("rising edge reads how the connection stands into RESULT (key data)"),
+        _req_and_lamps("rising edge reads the state of the connection into RESULT (key data)"),
         single=f"{_SINGLE}.connect:TDiag",
         data_pin="RESULT",
         has_id=True,
@@ -333,17 +333,17 @@ def block_row(name: str | None) -> BlockRow:
 
 
 def known_blocks(names: Iterable[str]) -> tuple[str, ...]:
-    """Return those of the names that are blocks, as a dialect lists them."""
+    """Return those of the names that are blocks, in their order."""
     return tuple([name for name in names if name in BLOCKS])
 
 
 def buffer_pins() -> tuple[str, ...]:
-    """Return what blocks call their ComBuffer, sorted."""
+    """Return the names of all pins for a ComBuffer, sorted."""
     return tuple(sorted({row.buffer_pin for row in BLOCKS.values() if row.buffer_pin}))
 
 
 def pointer_pins() -> tuple[str, ...]:
-    """Return what blocks call the variables of prefix and suffix."""
+    """Return the names of all pins for prefix or suffix."""
     return tuple(dict.fromkeys(pin for row in BLOCKS.values() for pin in row.pointers))
 
 
@@ -356,7 +356,7 @@ def find_pin(name: str) -> Pin | None:
 
 
 def outcome_field(name: str) -> str:
-    """Return what an output shows, by its name in the outcome of a call; "" for what is no output."""
+    """Return the field of Outcome that an output shows; "" for any other name."""
     pin = find_pin(name)
     return pin.shows if pin is not None else ""
 

@@ -1,9 +1,9 @@
-"""Which instances a scan really calls: those that might answer otherwise than in the scan before.
+"""Which instances a scan really calls: those whose outcome may differ from the last scan's.
 
-A CONNECT sleeps, and all instances on it, once each of them has given an answer that lasts. What wakes it:
-any command, what the poll saw on it, a change made by the communication phase. While it is awake all its
-instances are called, so each of them meets the connection in the order of the program. An idle CONNECT costs
-nothing, and nobody can see the difference (tests/properties/test_ready_only.py).
+A CONNECT and its instances sleep once each of them has given a stable outcome. Any command, a poll event on
+it, or a change in the communication phase wakes it. While it is awake all its instances are called, in the
+order of the program. An idle CONNECT costs nothing, and no output shows the difference
+(tests/properties/test_ready_only.py).
 
 A task is due at the multiples of its interval; its instances are called in the first scan that has reached
 the time: every 25 ms with scans of 10 ms are the scans at 0, 30, 50, 80, ...
@@ -21,9 +21,9 @@ from trcvtui.plc.ledger import StatusEdge
 class CallOrder:
     """The instances in call order, each with the interval of its task; times in ns.
 
-    A CONNECT on which no instance is left can change too (PLC STOP): `connects` names them all.
-    `failed` puts an instance out of service that has
-    raised, and answers whether its outputs differ; `check` raises where a replay has it so.
+    A CONNECT without instances can change too (PLC STOP): `connects` names all CONNECTs.
+    `failed` takes an instance that raised out of service and returns whether its outputs differ; `check`
+    raises where a replay has a recorded exception.
     """
 
     def __init__(
@@ -59,17 +59,17 @@ class CallOrder:
         self.awake.update(connects)
 
     def call(self, turn: int) -> list[StatusEdge]:
-        """Call who is awake and due, in call order; return the edges of those whose outputs changed."""
+        """Call the instances that are awake and due; return the edges of those whose outputs changed."""
         changed: list[StatusEdge] = []
         if not self.awake:
             return changed
         due = None if self.is_one_task else self._due_intervals(turn)
         asleep: set[str] = set()
-        awake: set[str] = set()  # beside an instance that sleeps, another one on the same CONNECT
+        awake: set[str] = set()  # with an instance that has to be called again
         for place in self._ordered_places():
             instance, interval, connect = self._entries[place]
             if due is not None and interval not in due:
-                awake.add(connect)
+                awake.add(connect)  # it was not asked whether it sleeps
                 continue
             try:
                 has_changed = instance.call_block()
@@ -87,7 +87,7 @@ class CallOrder:
         return self._places[connect]
 
     def take_awake(self) -> set[str]:
-        """Return the CONNECTs on which anything can have changed since the last time that this was asked."""
+        """Return the CONNECTs on which anything may have changed since the last call."""
         awake, self._awake_since = self._awake_since, set(self.awake)
         return awake
 
@@ -102,7 +102,7 @@ class CallOrder:
         return self._order
 
     def due_instances(self, turn: int) -> Iterator[Instance]:
-        """Return the instances that this turn calls, the sleeping ones among them."""
+        """Return the instances that this turn calls, including sleeping ones."""
         due = self._due_intervals(turn)
         return (instance for instance, interval, _ in self._entries if interval in due)
 

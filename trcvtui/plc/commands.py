@@ -1,4 +1,4 @@
-"""What is asked of the next scan: frozen values, applied in phase 1 and nowhere else."""
+"""Commands to the next scan: frozen values, applied in its phase 1 and nowhere else."""
 
 from __future__ import annotations
 
@@ -58,20 +58,20 @@ PartDecl = DataDecl | ConnectConfig | UdpConfig | AddrParam | ComBufferDecl
 
 
 class AddDeclaration(Struct, frozen=True):
-    """One more global variable, CONNECT, UDP_CONFIG, ADDR or ComBuffer; no instance has it yet."""
+    """One more global variable, CONNECT, UDP_CONFIG, ADDR or ComBuffer; no instance uses it yet."""
 
     decl: PartDecl
 
 
 class ReplaceDeclaration(Struct, frozen=True):
-    """Another declaration of the same name: what has it, or is called on it, begins anew; inputs stay."""
+    """Another declaration of the same name: every instance that uses it begins anew; inputs stay."""
 
     before: PartDecl | InstanceDecl
     decl: PartDecl | InstanceDecl
 
 
 class RemoveDeclaration(Struct, frozen=True):
-    """A declaration is gone that no instance has."""
+    """Remove a declaration that no instance uses."""
 
     decl: PartDecl
 

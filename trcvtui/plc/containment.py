@@ -1,9 +1,9 @@
-"""An exception in one part of a run takes that part out of service; all others go on.
+"""An exception in one part of a run takes that part out of service; all others continue.
 
 Rule 1: the exception is an entry of the journal. A replay takes the part out of service in that scan because
 the entry says so, whether or not the program still raises there.
 Rule 2: the UserError of a replay is passed on, for it says where run and journal differ; so is a command's.
-Rule 3: with TRCVTUI_EXCEPTIONS=raise nothing is contained: the tests run so.
+Rule 3: with TRCVTUI_EXCEPTIONS=raise nothing is contained, as in the tests.
 """
 
 from __future__ import annotations
@@ -38,23 +38,23 @@ class RecordedException(UserError):
 class Containment:
     """The parts of one run that are out of service.
 
-    `record(part, report)` keeps the exception and returns what it says; `is_due(part)`: a replay has one of
-    this part next, None: no replay. `report` writes a report; it returns the error and the report's name.
-    `off_record` lets calls be made that a replay does not make again.
+    `record(part, report)` records the exception and returns its note; `is_due(part)`: the next entry of a
+    replay is an exception of this part, None: no replay. `report` writes a report and returns its note.
+    `off_record` runs calls that a replay does not repeat.
     """
 
     def __init__(
         self,
         record: Callable[[RunPart, Callable[[], ExceptionNote]], ExceptionNote | None],
         report: Callable[[BaseException], ExceptionNote],
-        tell: Callable[[BenchNote], None],
+        write: Callable[[BenchNote], None],
         is_due: Callable[[RunPart], bool] | None,
         off_record: Callable[[Callable[[], object]], object],
     ) -> None:
         self.out: set[RunPart] = set()
         self.is_due = is_due
         self._newest: list[str] = []
-        self._record, self._report, self._tell, self._off_record = record, report, tell, off_record
+        self._record, self._report, self._write, self._off_record = record, report, write, off_record
         self._raises = os.environ.get(EXCEPTIONS_VARIABLE) == "raise"
 
     def raise_recorded(self, part: RunPart) -> None:
@@ -65,34 +65,34 @@ class Containment:
     def handle(self, part: RunPart, error: Exception) -> ExceptionNote:
         if not isinstance(error, RecordedException):
             is_users = isinstance(error, UserError) and (self.is_due is not None or part == COMMAND)
-            if is_users or self._raises:
+            if is_users or self._raises:  # rules 2 and 3
                 raise error
         try:
             raised = self._record(part, lambda: self._report(error)) or self._report(error)
         except UserError as differs:  # the recorded run has not raised here
             raise differs from RuntimeError(self._report(error).why)
-        self._tell(BenchNote(part[1], INTERNAL_ERROR, raised[0]))
+        self._write(BenchNote(part[1], INTERNAL_ERROR, raised[0]))
         self.add_message(f"{' '.join(part)}: {raised[0]}")
         return ExceptionNote(*raised)
 
     def add_message(self, what: str) -> None:
-        """Take what is to be said of an internal error, MOST_TOLD of them until somebody asks."""
+        """Keep a message about an internal error: MOST_REPORTED of them until `take_messages`."""
         if len(self._newest) < MOST_REPORTED:
             self._newest.append(f"an internal error of {what}")
 
     def take_messages(self) -> str:
-        """Return what was noted since this was asked, of all parts; "" for nothing."""
+        """Return the messages since the last call in one line, "" for none."""
         newest, self._newest = self._newest, []
         return "; ".join(newest)
 
     def clean_up(self, part: RunPart, do: Callable[[], object]) -> None:
-        """Clean up after an exception: the calls that this makes are no part of the run on record."""
+        """Clean up after an exception; these calls are no part of the recorded run."""
         self._off_record(lambda: self.attempt(part, do))
 
     def attempt(self, part: RunPart, do: Callable[[], T]) -> T | None:
-        """Do it and return what it answers; None where it has raised, or is recorded to have."""
+        """Return what `do` returns; None where it raises, or where the journal says so (rule 1)."""
         try:
-            self.raise_recorded(part)  # it has asked nothing before it raised: a command was not carried out
+            self.raise_recorded(part)  # recorded before any call of `do`: it was not carried out
             answer = do()
             self.raise_recorded(part)
             return answer

@@ -1,4 +1,4 @@
-"""One block instance: its block, its inputs, its outputs, and what has become of its jobs."""
+"""One block instance: its block, its inputs, its outputs, and the results of its jobs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST_KNOWN_OUTCOMES: Final = 64
 
 
 class Instance:
-    """One instance; `scan` calls its block once, `outputs` is what the program reads afterwards."""
+    """One instance; `call_block` calls it once a scan, the program reads `outputs` afterwards."""
 
     def __init__(
         self,
@@ -42,7 +42,7 @@ class Instance:
             if pin.name not in bound.env.rules.lacks
         }
         self.inputs.update(decl.inputs)
-        self._has = {pin.shows for pin in self._row.outputs}
+        self._shown_fields = {pin.shows for pin in self._row.outputs}
         self._bound = bound
         self._env = bound.env
         self._note = note
@@ -69,20 +69,20 @@ class Instance:
         self.outcome = NOT_CALLED
         self.edge = self._make_edge(NOT_CALLED)
         self.called = self.has_failed = False
-        self.asleep = False  # the next call would change nothing that anybody can see
+        self.asleep = False  # the next call would change no output
         self.since_scan = self._env.scan
         self.jobs_done = self.errors = 0
         self.last_done: tuple[int, int] | None = None
         self.last_error: tuple[int, int] | None = None
-        self.last_is_expected = False  # of this error: its cause
+        self.last_is_expected = False  # the cause of this error is expected
 
     # -- inputs ------------------------------------------------------------------------------------
 
     def set_input(self, pin: str, value: PinValue) -> None:
-        """Write one input; it holds until changed: no blink and no pulse of it goes on."""
-        for going_on in (self._blinking, self._pulsed, self._fading):
-            if pin in going_on:
-                going_on.remove(pin)
+        """Write one input; it holds until changed, so a blink or pulse of it ends."""
+        for pins in (self._blinking, self._pulsed, self._fading):
+            if pin in pins:
+                pins.remove(pin)
         self._write(pin, value)
 
     def pulse(self, pin: str) -> None:
@@ -120,20 +120,20 @@ class Instance:
             self._fading, self._pulsed = self._pulsed, []
         if outcome.clear_com_rst:
             self._write("COM_RST", False)
-        goes_on = self._frozen is None or bool(  # type: ignore[comparison-overlap]  # _write may have taken it
+        stays_awake = self._frozen is None or bool(  # type: ignore[comparison-overlap]  # _write may have taken it
             self._blinking or self._fading
         )
         if self._stream is not None:
             self._stream.after_call(outcome, bool(self.inputs["EN_R" if self._row.receives else "REQ"]))
-            goes_on = goes_on or self._stream.keeps_awake
-        self.asleep = outcome.stable and not goes_on
+            stays_awake = stays_awake or self._stream.keeps_awake
+        self.asleep = outcome.stable and not stays_awake
         first, self.called = not self.called, True
         if outcome is self.outcome and not first:
             return False
         return self.show(outcome) or first
 
     def fail(self, why: str) -> bool:
-        """Show ERROR, and be called no more until `fresh`; return whether any output differs."""
+        """Show ERROR, and be called no more until `reset`; return whether any output differs."""
         self._block, self._block_would_read = StoppedBlock(), None
         self.has_failed = self.called = self.asleep = True
         return self.show(
@@ -141,7 +141,7 @@ class Instance:
         )
 
     def _would_read(self, waits: bool) -> bool:
-        pins = self.inputs | dict.fromkeys(self._blinking, True)
+        pins = self.inputs | dict.fromkeys(self._blinking, True)  # a blinking EN_R will be 1 again
         inputs = Inputs(**{pin.lower(): value for pin, value in pins.items()})  # type: ignore[arg-type]
         return self._block_would_read is not None and self._block_would_read(inputs, waits)
 
@@ -168,15 +168,15 @@ class Instance:
             self.jobs_done += 1
             size = outcome.cause.have if now.rcvd_len is None else now.rcvd_len
             self.last_done = (self._env.scan, size or 0)
-        if now.error and not (before.done and before.error):  # else it only stays
+        if now.error and not (before.done and before.error):  # else the DONE scan has counted it
             self.errors += 1
-            if self.last_error is None or not outcome.cause.is_expected:  # which hides no other
+            if self.last_error is None or not outcome.cause.is_expected:  # an expected one hides no other
                 self.last_error = (self._env.scan, now.status)
                 self.last_is_expected = outcome.cause.is_expected
         if now.status != before.status:
             self.since_scan = self._env.scan
             return True
-        # Frames may come scan after scan: each is told, though its pins look like those of the one before.
+        # Frames may come scan after scan: each is an edge, though its pins may equal those of the last one.
         is_frame = now.done and isinstance(self._bound, SerialBinding)
         return is_frame or (now is not before and now != before)
 
@@ -191,7 +191,7 @@ class Instance:
         return self.outputs != before
 
     def detach(self, reason: str) -> None:
-        """Drop the running job; its lock on the connection stays."""
+        """Drop the running job; its lock on the connection may stay (rules)."""
         if isinstance(self._bound, ConnectBinding):
             self._bound.connection.readers.pop(self.name, None)
         self._block.detach(reason)
@@ -201,20 +201,20 @@ class Instance:
         return self.edge.outputs
 
     def get_edge(self, outcome: Outcome) -> StatusEdge:
-        """Return what an outcome looks like, made once for outcomes that come again."""
+        """Return the edge of an outcome, made once for outcomes that recur."""
         return self._known.get(outcome) or self._make_edge(outcome)
 
     def _make_edge(self, outcome: Outcome) -> StatusEdge:
-        if len(self._known) >= MOST_KNOWN_OUTCOMES:
+        if len(self._known) >= MOST_KNOWN_OUTCOMES:  # outcomes carry lengths: there is no end of them
             self._known.clear()
         outputs = Outputs(
             self._env.rules.status_word(self.block_name, outcome.condition),
             outcome.busy or outcome.condition in self._env.rules.also_busy,
             outcome.done,
             outcome.error,
-            outcome.rcvd_len if "rcvd_len" in self._has else None,
-            outcome.rx_timeout if "rx_timeout" in self._has else None,
-            outcome.byte if "byte" in self._has else None,
+            outcome.rcvd_len if "rcvd_len" in self._shown_fields else None,
+            outcome.rx_timeout if "rx_timeout" in self._shown_fields else None,
+            outcome.byte if "byte" in self._shown_fields else None,
         )
         edge = StatusEdge(self.name, self.block_name, outputs, str(outcome.condition), outcome.cause)
         self._known[outcome] = edge

@@ -1,6 +1,6 @@
 """The ledger: what happened, in which scan, and why. Every view of the past is a view of this one list.
 
-Rule: what every frame writes is a NamedTuple: it is made in a quarter of the time of a frozen dataclass.
+Rule: events of every frame are NamedTuples: making one takes a quarter of a frozen dataclass's time.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class InputEdge(Struct, frozen=True):
     value: PinValue
 
 
-# Who sent, where nobody of the bench did: bytes of a captured packet, bytes that the capture has not.
+# The sender, where it is no peer: bytes of a captured packet, bytes that the capture lacks.
 A_PACKET, A_HOLE = "packet:", "missing:"
 NO_END = "none:"  # in place of the local end: the remote one is the name of a link without connections
 
@@ -72,7 +72,7 @@ NO_END = "none:"  # in place of the local end: the remote one is the name of a l
 class PeerSent(NamedTuple):
     """A peer's message: its number (from 1), and where it lies in the peer's sent stream.
 
-    `ns`: when a captured packet came, in ns from the first one; -1: in the scan that the ledger tells.
+    `ns`: when a captured packet came, in ns from the first one; -1: in the scan of its line.
     """
 
     peer: str
@@ -155,7 +155,7 @@ class Ledger:
         """Return the lines after `seq` that are still kept, oldest first; the newest `most` of them."""
         items = self.events_since(seq, most)
         first = self.last_seq - len(items) + 1
-        new = tuple.__new__  # the quickest way
+        new = tuple.__new__  # quicker than Line(..), which a picture needs for each line
         return tuple([new(Line, (seq, *item)) for seq, item in enumerate(items, first)])
 
     def events_since(self, seq: int, most: int = KEPT_LINES) -> list[StampedEvent]:

@@ -6,7 +6,7 @@ from typing import Final
 
 from trcvtui.plc.snapshot import ComBufferSnapshot
 
-# Rule: what to do goes by the errno; where the table has none, the system's own words are told.
+# Rule: the errno chooses the hint; for any other errno it is the system's own text.
 
 NO_RIGHTS_HINT: Final = (
     "this user may not open it; on Linux its group may, most often dialout (`ls -l` of the port shows it): "
@@ -24,20 +24,20 @@ PORT_HINTS: Final = {
     "EBUSY": IN_USE_HINT,
     "EAGAIN": IN_USE_HINT,
     "ENOTTY": "that is no serial port",
-    "EINPROGRESS": "nobody has answered yet",
-    "ECONNREFUSED": "the host is there, but nobody listens on that TCP port",
+    "EINPROGRESS": "there is no answer yet",
+    "ECONNREFUSED": "the host is there, but nothing listens on that TCP port",
     "ECONNRESET": "the far end has reset the connection",
-    "EHOSTUNREACH": "no way leads to the host: address, network, cable?",
-    "ENETUNREACH": "no way leads to the host: address, network, cable?",
-    "ETIMEDOUT": "nobody answers there: is the host on, and does it speak this protocol?",
-    "EAI_NONAME": "nobody knows a host of that name",
+    "EHOSTUNREACH": "the host is unreachable: check address, network and cable",
+    "ENETUNREACH": "the host is unreachable: check address, network and cable",
+    "ETIMEDOUT": "the host does not answer: is it on, and does it speak this protocol?",
+    "EAI_NONAME": "no host of that name is known",
     "EAI_AGAIN": "no name server answers",
     "EOF": "the far end has closed the connection",
 }
 
 
 def describe_port_fault(buffer: ComBufferSnapshot | None) -> str:
-    """Return which port is not there and which call said so, "" where nothing is known to be wrong."""
+    """Return which port is not there and which call reported it, "" without a known fault."""
     if buffer is None or buffer.is_up or buffer.fault is None:
         return ""
     fault = buffer.fault

@@ -1,7 +1,7 @@
 """The PLC: `scan(now)` is one scan in four phases, in this order, and nothing else.
 
 1 read_inputs            commands are applied and frozen; the network's readiness is taken once
-2 execute_program        every due instance is called once, in call order; who sleeps is left out
+2 execute_program        every due instance is called once, in call order; sleeping ones are left out
 3 write_outputs          conditions have become STATUS; the ledger gets what changed, and why
 4 service_communication  connections on which the poll saw something: housekeeping; the job queue is served
 """
@@ -70,7 +70,7 @@ LEAST_WSTRING_LEN: Final = 5
 
 
 def element_kind_of(type_: Type) -> ElementKind:
-    """Return it for a variable's type; a STRUCT is something else, whatever stands in it."""
+    """Return the kind of a variable's type; a STRUCT is OTHER, whatever is in it."""
     while isinstance(type_, Array):
         type_ = type_.element
     if not isinstance(type_, Elementary):
@@ -109,11 +109,13 @@ class Runtime:
     ) -> None:
         self.ledger, self._containment = Ledger(), containment
         self.running = True
-        self.calls_all = False  # True: sleeping instances are called too; no reader can tell the difference
+        self.calls_all = False  # True: sleeping instances are called too; no output differs
         self.changed: tuple[StatusEdge, ...] = ()
         self._program_ran = False
-        self._ready_handles: Mapping[Handle, str] | None = None  # what the poll saw; None: look at everything
-        self._stopped: list[Instance] = []  # whose outputs a STOP has changed, not yet told
+        self._ready_handles: Mapping[Handle, str] | None = (
+            None  # what the poll saw; None: everything may be ready
+        )
+        self._stopped: list[Instance] = []  # a STOP has changed their outputs, and `changed` lacks them
         self.interval_ns = min(task.interval_ns for task in project.tasks)
         self._project = project
         self._kernel = kernel
@@ -185,7 +187,7 @@ class Runtime:
         self._commands.append(command)
 
     def use_kernel(self, kernel: ReadyKernel) -> None:
-        """Use this kernel in front of the one of before; CONNECTs that are there keep theirs."""
+        """Use this kernel, which wraps the one before; existing CONNECTs keep theirs."""
         self._kernel = kernel
 
     @property
@@ -208,7 +210,7 @@ class Runtime:
         return end.port if end else None
 
     def connected_since(self, connect: str) -> int:
-        """Return in which scan the newest connection of a CONNECT has come to stand; 0: in none."""
+        """Return in which scan the newest connection of a CONNECT came up; 0: in none."""
         connection = self._connections.get(connect)
         return 0 if connection is None else connection.since_scan
 
@@ -220,7 +222,7 @@ class Runtime:
 
     @property
     def due_edges(self) -> tuple[StatusEdge, ...]:
-        """Return what the instances show that were due in the last scan, in call order."""
+        """Return the edges of the instances that were due in the last scan, in call order."""
         if not self._program_ran:
             return ()
         return tuple(instance.edge for instance in self._call_order.due_instances(self._env.scan - 1))
@@ -244,7 +246,7 @@ class Runtime:
         return bytes(self._data[name].content[start:stop])
 
     def received_ring(self, name: str) -> ReceivedRing | None:
-        """Return the newest bytes received by a CONNECT, UDP_CONFIG, ComBuffer; by `sent_ring_name`: sent."""
+        """Return the newest bytes received by a CONNECT, UDP_CONFIG or ComBuffer; `sent_ring_name`: sent."""
         return self._resources.received.get(name)
 
     def job_bytes(self, instance: str) -> bytes:
@@ -264,9 +266,9 @@ class Runtime:
         return SentBytes(*ends, connection.bytes_sent, connection.unacknowledged())
 
     def quiet_until(self) -> int | None:
-        """Return when time alone changes something, once scans change nothing; None: never.
+        """Return the time (ns) at which time alone changes something, once scans change nothing; None: never.
 
-        The time of the last scan: nobody knows. What becomes ready changes something at any time.
+        The time of the last scan means: not known. A handle that becomes ready may change something earlier.
         """
         resources, now = self._resources, self._env.now
         if self._commands or resources.unsettled or self._lines.names:
@@ -286,7 +288,7 @@ class Runtime:
         self._env.scan += scans
 
     def sample_stack(self) -> None:
-        """Ask what the stack says of each connection: for a recording."""
+        """Ask the stack about each connection: for a recording."""
         for connection in self._connections.values():
             if connection.state is State.CONNECTED:
                 connection.unacknowledged()
@@ -334,13 +336,13 @@ class Runtime:
         if self.changed:
             self.ledger.write_all(self.changed)
         if self._stopped:
-            told = {edge.instance for edge in self.changed}
-            self.changed += tuple([i.edge for i in self._stopped if i.name not in told])
+            shown = {edge.instance for edge in self.changed}
+            self.changed += tuple([i.edge for i in self._stopped if i.name not in shown])
             self._stopped.clear()
 
     def _service_communication(self) -> None:
         resources, ready = self._resources, self._ready_handles
-        resources.queue.clear()
+        resources.queue.clear()  # its places are those of one scan (80AC)
         self._lines.send_waiting(self._env.now)
         if ready is None or ready:
             for name in self._connections if ready is None else self._ready_listeners(ready):
@@ -380,9 +382,9 @@ class Runtime:
         return self._stop_instance(instance, *self._containment.handle(("instance", instance.name), error))
 
     def _stop_instance(self, instance: Instance, why: str, in_connection: bool = False) -> bool:
-        """Let an instance show ERROR and hold nothing; close its connection where no other works on it.
+        """Let an instance show ERROR and hold no lock; close its connection if no other works on it.
 
-        One that is in no known state is closed for all: the others build it anew.
+        A connection in no known state is closed for all: the others rebuild it.
         """
         name, connect = instance.name, instance.decl.connect
         self._containment.clean_up(("instance", name), partial(instance.detach, INTERNAL_ERROR))
@@ -398,7 +400,7 @@ class Runtime:
     @staticmethod
     def _is_working(instance: Instance) -> bool:
         row, pins = block_row(instance.block_name), instance.inputs
-        always = row.moves_bytes or row.runs_as is Condition.ESTABLISHING
+        always = row.moves_bytes or row.runs_as is Condition.ESTABLISHING  # no CONT: TSEND, TRCV, TCON
         asks = pins.get("CONT", always) or pins.get("EN_R", False) or pins.get("REQ", False)
         return bool(asks) and not instance.has_failed
 
@@ -501,8 +503,8 @@ class Runtime:
         decl, kept = instance.decl, dict(instance.inputs)
         self._containment.restore_parts(("CONNECT", decl.connect))
         if isinstance(before, InstanceDecl):
-            given = dict(before.inputs)
-            kept |= {pin: value for pin, value in decl.inputs if given.get(pin) != value}
+            declared = dict(before.inputs)  # an input stays as it is unless its declaration changed
+            kept |= {pin: value for pin, value in decl.inputs if declared.get(pin) != value}
         self._lines.detach(decl.name)
         instance.detach("declared anew")
         fresh = self._instances[decl.name] = self._instance(decl)
@@ -612,7 +614,7 @@ class Runtime:
             if self._data_snapshots[name].generation != self._data[name].generation:
                 self._data_snapshots[name] = data_snapshot(self._data[name])
         self._written.clear()
-        # The time to the next attempt runs on also where nobody is left to make it.
+        # retry_in_ns counts down, even where no block is left to make that attempt.
         for name in awake | self._pausing:
             if name in self._connection_snapshots:
                 fresh = self.link_snapshot(name)

@@ -1,8 +1,8 @@
 """The bytes of a ComBuffer: from and to a serial port, a TRCV_C or a TSEND_C, chunk by chunk.
 
-Rule: what it knows of its connection outlives the TRCV_C: one that is created anew goes on with it.
-Rule: a ComBuffer that has no room for a whole DATA holds the TRCV_C: it is called with EN_R = 0, so that the
-bytes stay with the network, which slows the sender. Never in a job that has bytes: they would drop.
+Rule 1: its knowledge of the connection outlives the TRCV_C: one created under the same name takes it over.
+Rule 2: a ComBuffer without room for a whole DATA holds the TRCV_C: it is called with EN_R = 0, so that the
+bytes stay with the network, which slows the sender. Never in a job that has bytes: they would be dropped.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from trcvtui.net.connection.connection import Connection, State
 from trcvtui.net.results import Fault
 from trcvtui.net.serial_line import PortOpening, SerialPort
 
-# A port that is not there, or vanishes, is looked for again every RETRY_NS; a frame that was half here ends.
+# A port that is missing or disappears is tried again every RETRY_NS; its incomplete frame ends.
 
 RETRY_NS: Final = 1_000_000_000
 MOST_READ_BYTES: Final = 4096
 SLOW_OPEN_NOTE: Final = "port opens slowly"
-NO_ANSWER_FAULT: Final = Fault("open", "EINPROGRESS", words="nobody has answered yet")
+NO_ANSWER_FAULT: Final = Fault("open", "EINPROGRESS", words="there is no answer yet")
 
 
 class PortFeed:
-    """One port: what comes goes to `rx`, what is in `tx` goes out. `note` tells the ledger what happened.
+    """One port: what comes goes to `rx`, what is in `tx` goes out. `note` writes to the ledger.
 
-    `fault`: why it is not there, None while that is not known.
+    `fault`: why it is not there, None while unknown.
     """
 
     def __init__(self, port: SerialPort, rx: ComBuffer, note: Callable[[str, str], None]) -> None:
@@ -41,7 +41,7 @@ class PortFeed:
         self._rx = rx
         self._note = note
         self._retry_at: int | None = None  # None: at once
-        self._told: Fault | None = None
+        self._reported: Fault | None = None
         self._opening_since: int | None = None
 
     def inject_bytes(self, payload: bytes) -> None:
@@ -50,7 +50,7 @@ class PortFeed:
             self._rx.put(payload)
 
     def poll_errors(self) -> None:
-        """Ask what the driver has counted: for a recording."""
+        """Ask the driver for its error counts: for a recording."""
         if self.is_open:
             self._port.line_errors()
 
@@ -65,7 +65,7 @@ class PortFeed:
             self._rx.put(got)
 
     def send(self, most: int, now: int) -> None:
-        """Hand on what waits, `most` bytes of it (0: all); while the port is away it waits on."""
+        """Send waiting bytes, at most `most` (0: all); while the port is not there they wait."""
         if self.tx is None or not self.is_open or not self.tx.count:
             return
         payload = self.tx.peek()
@@ -91,7 +91,7 @@ class PortFeed:
             return False
         self._opening_since = None
         if wrong is None:
-            self.is_open, self.fault, self._told = True, None, None
+            self.is_open, self.fault, self._reported = True, None, None
             self._note("port open", "")
             return True
         self._retry_at = now + RETRY_NS
@@ -106,8 +106,8 @@ class PortFeed:
 
     def _report_once(self, what: str, fault: Fault) -> None:
         self.fault = fault
-        if fault != self._told:
-            self._told = fault
+        if fault != self._reported:
+            self._reported = fault
             self._note(what, NO_ANSWER_FAULT.words if fault is NO_ANSWER_FAULT else _format_fault(fault))
 
     def _handle_loss(self, fault: Fault, now: int) -> None:
@@ -122,15 +122,15 @@ def _format_fault(fault: Fault) -> str:
     return f"{fault}: {fault.words}" if fault.words else str(fault)
 
 
-# Rule: bytes wait as long as there is no connection; when one ends, those that it should have carried go.
+# Rule 3: bytes wait while there is no connection; when one ends, the bytes meant for it are dropped.
 
-READY_TO_SEND: Final = (Condition.CONNECTED, Condition.SENT)  # what the last call showed, where REQ may rise
+READY_TO_SEND: Final = (Condition.CONNECTED, Condition.SENT)  # the last call's, after which REQ may rise
 
 
 class StreamDrain:
     """One ComBuffer in front of one TSEND_C; `per_call`: the most bytes of one REQ, 0: what DATA holds."""
 
-    keeps_awake = True  # bytes come without a word
+    keeps_awake = True  # bytes arrive without an event
 
     def __init__(
         self, connection: Connection, data: DataArea | None, buffer: ComBuffer, per_call: int
@@ -144,7 +144,7 @@ class StreamDrain:
         self._ready = False
 
     def before_call(self, job: Job) -> bool:
-        """Put the next bytes into DATA where a call may send them; return whether the inputs change by it."""
+        """Put the next bytes into DATA if this call may send; return whether the inputs change."""
         was_asked, self._size = bool(self._size), 0
         self.check_connection()
         if self._ready and self._data is not None and self._incarnation is not None and not job.running:
@@ -156,15 +156,15 @@ class StreamDrain:
         return was_asked or bool(self._size)
 
     def input_overrides(self) -> dict[str, int]:
-        """Return the inputs that the program writes."""
+        """Return the inputs that replace those of the program."""
         return {"req": True, "len": self._size} if self._size else {}
 
     def after_call(self, outcome: Outcome, asked: bool) -> None:
-        """See whether the next call may send; a REQ of somebody else must have fallen before."""
+        """Note whether the next call may send: not while the program's own REQ is 1."""
         self._ready = outcome.condition in READY_TO_SEND and not asked
 
     def continue_from(self, earlier: StreamDrain) -> None:
-        """Go on where a deleted TSEND_C of the same name has left the ComBuffer."""
+        """Rule 1: take over from a deleted TSEND_C of the same name."""
         if earlier._connection is self._connection:
             self._incarnation = earlier._incarnation
         else:
@@ -174,7 +174,7 @@ class StreamDrain:
         """The TSEND_C is deleted; what waits may still go over its connection."""
 
     def detach(self) -> None:
-        """Turn to another connection: what waited for this one goes with it."""
+        """Rule 3: leave this connection; the bytes that waited for it are dropped."""
         if self._incarnation is not None:
             self._buffer.discard_all("connection closed")
             self._incarnation = None
@@ -219,27 +219,27 @@ class StreamFeed:
 
     @property
     def keeps_awake(self) -> bool:
-        """Return whether the next call may differ though the block says nothing."""
+        """Return whether the next call may differ although the outcome is stable."""
         return self.is_held
 
     def before_call(self, job: Job) -> bool:
-        """Decide, before a call, whether it is held; return whether that is new."""
+        """Decide whether the TRCV_C is held in this call; return whether that changed."""
         before, room = self.is_held, self._data.size if self._data is not None else 0
         is_full = self._holds and self._buffer.count > 0 and self._buffer.free < room
-        self.is_held = is_full and (before or not job.have)
+        self.is_held = is_full and (before or not job.have)  # rule 2
         if self.is_held != before:
             self._buffer.note_held(self.is_held)
         return self.is_held != before
 
     def input_overrides(self) -> dict[str, int]:
-        """Return the inputs that the program writes."""
+        """Return the inputs that replace those of the program."""
         return {"en_r": False} if self.is_held else {}
 
     def after_call(self, outcome: Outcome, asked: bool) -> None:
-        """Take the bytes of a DONE; see whether the connection that they came over is still the same."""
+        """Take the bytes of a DONE, and check that their connection is still the same."""
         connection = self._connection
         if self._follows_en_r and self._was_asked and not asked:
-            self._buffer.mark_end("EN_R fell")
+            self._buffer.mark_end("EN_R fell")  # rules.part_follows_en_r
         self._was_asked = asked
         size = outcome.rcvd_len
         if outcome.done and size and self._data is not None:
@@ -252,30 +252,30 @@ class StreamFeed:
         self.check_connection()
 
     def continue_from(self, earlier: StreamFeed) -> None:
-        """Go on where a deleted TRCV_C of the same name has left the ComBuffer."""
+        """Rule 1: take over from a deleted TRCV_C of the same name."""
         if earlier._connection is self._connection:
             self._incarnation, self._was_asked = earlier._incarnation, earlier._was_asked
         else:
             earlier.detach()
 
     def note_deleted(self) -> None:
-        """The TRCV_C is deleted: nobody holds the line any more."""
+        """The TRCV_C is deleted: the line is no longer held."""
         if self.is_held:
             self.is_held = False
             self._buffer.note_held(False)
 
     def check_connection(self) -> None:
-        """See whether the connection that the last bytes came over is still the same."""
+        """End the stream if the connection of the last bytes is gone."""
         if self._incarnation is not None and not self._is_same(self._connection):
             self._end_stream()
 
     def detach(self) -> None:
-        """Turn to another connection: what came over this one has ended."""
+        """Leave this connection: its stream has ended."""
         if self._incarnation is not None:
             self._end_stream()
 
     def stop(self) -> None:
-        """PLC STOP: the connection is closed, nobody has read the rest."""
+        """PLC STOP: the connection is closed, and `SerialLines.stop` drops the rest."""
         self._incarnation, self.is_held = None, False
 
     def _is_same(self, connection: Connection) -> bool:

@@ -1,7 +1,7 @@
-"""The ComBuffers of a PLC and what stands at their other ends: the part that SerialLineControl has.
+"""The ComBuffers of a PLC and their other ends: what SerialLineControl does in a TwinCAT program.
 
-Source of a ComBuffer: `sim` (bench commands), `serial` (port_feed.py; simulated as `sim`), a TRCV_C
-(stream_feed.py), or another ComBuffer: a cable.
+Source of a ComBuffer: `sim` (bench commands), `serial` (PortFeed; simulated as `sim`), a TRCV_C
+(StreamFeed), or another ComBuffer: a cable.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from trcvtui.plc.serial_line_control import PortFeed, StreamDrain, StreamFeed
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.project.project import ComBufferDecl, InstanceDecl
 
-TCP_SOURCE: Final = "tcp"  # what a recording says of a source that is a TRCV_C
+TCP_SOURCE: Final = "tcp"  # the source in a recording, if that is a TRCV_C
 CABLE_SOURCE: Final = "cable"
 StreamEnd = StreamFeed | StreamDrain
 TCP_QUEUE_BYTES: Final = 65_536  # bytes in front of a framer on TCP, where the sender can be slowed
@@ -70,12 +70,12 @@ class SerialLines:
                 self._ports[other.line].tx = self._buffers[other.name]
 
     def redeclare(self, decl: ComBufferDecl) -> None:
-        """Put another ComBuffer in the place of one; its bytes are gone, its port is opened anew."""
+        """Replace a ComBuffer; its bytes are dropped, its port is opened again."""
         self._forget(decl.name)
         self.declare(decl)
 
     def withdraw(self, name: str) -> None:
-        """Take a ComBuffer away that no instance has."""
+        """Remove a ComBuffer that no instance uses."""
         self._forget(name)
         del self._decls[name], self._buffers[name]
 
@@ -114,7 +114,7 @@ class SerialLines:
                 return
 
     def detach(self, name: str) -> None:
-        """An instance is deleted: what is in its ComBuffer is still of its connection."""
+        """An instance is deleted: the bytes in its ComBuffer still belong to its connection."""
         if name in self._streams:
             self._streams[name].note_deleted()
             self._orphans.add(name)
@@ -152,11 +152,11 @@ class SerialLines:
         self._ports[name].inject_bytes(payload) if name in self._ports else self._buffers[name].put(payload)
 
     def pull_cable(self, name: str) -> None:
-        """Pull the cable: what has come is there, the frame that is half here will have no end."""
+        """Pull the cable: received bytes stay, an incomplete frame ends."""
         self._buffers[name].mark_end("line broken")
 
     def poll_errors(self) -> None:
-        """Ask what the drivers of the open ports have counted: for a recording."""
+        """Ask the drivers of the open ports for their error counts: for a recording."""
         for feed in self._ports.values():
             feed.poll_errors()
 
@@ -167,7 +167,7 @@ class SerialLines:
             self._run_safely(name, self._streams[name].check_connection)
 
     def _run_safely(self, name: str, do: Callable[[], object]) -> None:
-        """Work for one line; where that raises, its port is closed, and it is served no more."""
+        """Serve one line; if that raises, its port is closed and it is no longer served."""
         part = "line", name
         if part not in self._containment.out:
             self._containment.attempt(part, do)
@@ -177,20 +177,20 @@ class SerialLines:
                     self._containment.clean_up(part, self._ports[name].close)
 
     def send_waiting(self, now: int) -> None:
-        """Let each written ComBuffer's bytes go out, `per_cycle` of them a scan: all those that read none."""
+        """Send the bytes of each written ComBuffer, `per_cycle` of them a scan (0: all)."""
         if not self._decls:
             return
         receivers = {decl.source: name for name, decl in self._decls.items() if decl.source in self._buffers}
         for name, decl in self._decls.items():
             if decl.line in self._ports:
                 self._run_safely(decl.line, partial(self._ports[decl.line].send, decl.per_cycle, now))
-            elif decl.is_written and not decl.line:  # a TSEND_C takes the bytes of its own
+            elif decl.is_written and not decl.line:  # else a TSEND_C takes them
                 self._run_safely(name, partial(self._move_bytes, name, decl.per_cycle, receivers.get(name)))
 
     def _move_bytes(self, name: str, most: int, receiver: str | None) -> None:
-        """Let bytes of a written ComBuffer go out, `most` of them (0: all), into the one at the other end."""
+        """Move bytes of a written ComBuffer, `most` of them (0: all), into the one at the other end."""
         gone = self._buffers[name].read(most or self._buffers[name].count)
-        if gone and receiver is not None:
+        if gone and receiver is not None:  # bytes sent into no cable are lost, as on a real line
             self._buffers[receiver].put(gone)
 
     def stop(self) -> None:

@@ -1,4 +1,4 @@
-"""The frozen picture after a scan: all that readers get."""
+"""The frozen picture after a scan: readers get nothing else."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ class DataSnapshot(Struct, frozen=True):
 
 
 class AddrSnapshot(Struct, frozen=True):
-    """One ADDR_PARAM: `end` is `127.0.0.1:2000`, with `@P1` for the port as long as that stands there."""
+    """One ADDR_PARAM: `end` is `127.0.0.1:2000`, `@P1` for the port until a datagram replaces it."""
 
     name: str
     end: str
@@ -148,8 +148,8 @@ class AddrSnapshot(Struct, frozen=True):
 class ComBufferSnapshot(Struct, frozen=True):
     """One ComBuffer: `count` of `size` bytes wait, `arrived` have come, `lost` had no room or no reader.
 
-    `is_up` unless its port is away; `port` is that port by name, `fault` why it is not there. A ComBuffer
-    that goes out over a `line` has the port of that.
+    `is_up` unless its port is missing; `port` is that port by name, `fault` why it is not there. A ComBuffer
+    that sends over a `line` has the port of that line.
     """
 
     name: str

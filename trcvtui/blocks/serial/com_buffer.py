@@ -15,7 +15,7 @@ from trcvtui.blocks.environment import BytesArrived, BytesLost, Environment, Lin
 from trcvtui.blocks.table import BlockRow
 from trcvtui.net.received_ring import ReceivedRing
 
-# Bound: the newest MOST_BYTES in MOST_RECORDED_CHUNKS chunks; one chunk a scan. A reader gets a frozen copy.
+# Bounds: MOST_RECORDED_*, the newest; the bytes of one scan are one chunk. A reader gets a frozen copy.
 
 MOST_RECORDED_BYTES: Final = 65_536
 MOST_RECORDED_CHUNKS: Final = 8192
@@ -29,12 +29,12 @@ class LineChunk(NamedTuple):
     begins: bool = False
 
 
-@dataclass(frozen=True)  # no slots: its size is asked for often, and worked out once
+@dataclass(frozen=True)  # no slots: `size` is read often and computed once
 class LineRecording:
-    """The chunks of one line, oldest first, as they stand at `until_ns`.
+    """The chunks of one line, oldest first, as of `until_ns`.
 
-    `source` is `sim`, `serial`, `tcp` or `cable`; `tick_ns` is how fine the times are: the interval of the
-    scans; `dropped` counts the older bytes that are not kept any more.
+    `source` is `sim`, `serial`, `tcp` or `cable`; `tick_ns` is the resolution of the times: the interval
+    of the scans; `dropped` counts older bytes that are no longer kept.
     """
 
     source: str
@@ -60,7 +60,7 @@ class LineRecording:
 
 
 class LineRecorder:
-    """One line's recording. Bytes that had no room in the ComBuffer are in it too: the line has had them."""
+    """One line's recording. It also has bytes without room in the ComBuffer: the line carried them."""
 
     def __init__(self) -> None:
         self._chunks: deque[LineChunk] = deque()
@@ -83,7 +83,7 @@ class LineRecorder:
             self._drop_oldest()
 
     def end_connection(self) -> None:
-        """What comes next is of another connection."""
+        """The next bytes are of another connection."""
         self._is_new = True
 
     def make_recording(self, source: str, until: int, tick: int) -> LineRecording:
@@ -101,7 +101,7 @@ class LineRecorder:
         self._dropped += over
 
 
-# Rule: the end of a connection has its place among the bytes; nobody reads over it without being told.
+# Rule: the end of a connection has its place among the bytes; a reader stops there and gets its reason.
 # Bound: never more than `size` bytes; what has no room is dropped and counted.
 
 COM_BUFFER_SIZE: Final = 300  # ARRAY[0..300] OF BYTE: one place of a ring stays free
@@ -111,7 +111,7 @@ MOST_CONNECTION_ENDS: Final = 64
 class ComBuffer:
     """One ComBuffer. `head` and `tail`: how many bytes have left and have come, ever.
 
-    `recorded` is what came over the line, with the times that `now` tells.
+    `recorded`: the bytes of the line, with times by `now` (ns).
     """
 
     def __init__(
@@ -147,7 +147,6 @@ class ComBuffer:
 
     @property
     def tail(self) -> int:
-        """Return how many bytes have come."""
         return self.head + len(self._bytes)
 
     # -- the line's side --------------------------------------------------------------------------------
@@ -167,7 +166,7 @@ class ComBuffer:
     def mark_end(self, reason: str) -> None:
         """Mark the end of a connection after the last byte."""
         self.recorded.end_connection()
-        if not self._ends or self._ends[-1] != (self.tail, reason):
+        if not self._ends or self._ends[-1] != (self.tail, reason):  # marked once
             self._ends.append((self.tail, reason))
 
     def discard_all(self, reason: str) -> None:
@@ -178,21 +177,21 @@ class ComBuffer:
             self._bytes.clear()
 
     def note_held(self, is_held: bool) -> None:
-        """Tell the ledger that the line waits, or goes on."""
+        """Note in the ledger that the line is held, or released."""
         self._write(LineHeld(self.name, is_held))
 
     # -- the reader's side ------------------------------------------------------------------------------
 
     def peek(self) -> bytes:
         """Return a copy of the bytes that wait, up to the end of their connection."""
-        while self._ends and self._ends[0][0] <= self.head:
+        while self._ends and self._ends[0][0] <= self.head:  # rule: its last byte has been read
             self.end_reason = self._ends.popleft()[1]
             self.ends += 1
         size = self._ends[0][0] - self.head if self._ends else len(self._bytes)
         return bytes(self._bytes[:size])
 
     def read(self, size: int) -> bytes:
-        """Take bytes out, as many as there are at most."""
+        """Take out `size` bytes, or as many as there are."""
         taken = bytes(self._bytes[:size])
         del self._bytes[:size]
         self.head += len(taken)

@@ -73,9 +73,9 @@ class FrameReceiveJob:
     # -- one call ----------------------------------------------------------------------------------------
 
     def call(self, framing: Framing, target: tuple[str, int]) -> Outcome:
-        """Take what is there, up to the end of one frame."""
+        """Take the bytes that are here, up to the end of one frame."""
         received = self._buffer.peek()
-        if self._buffer.ends != self._ends:
+        if self._buffer.ends != self._ends:  # a part never joins bytes of another connection
             self._ends = self._buffer.ends
             self.abandon(self._buffer.end_reason)
             self._idle = self._idle if self._idle.condition is not Condition.FRAME_PART else NO_FRAME_OUTCOME
@@ -97,7 +97,7 @@ class FrameReceiveJob:
         return self._waiting_outcome()
 
     def reset(self) -> Outcome:
-        """Throw the part away; the ComBuffer keeps its bytes."""
+        """Drop the part; the ComBuffer keeps its bytes."""
         self.abandon("Reset")
         self._idle = NO_FRAME_OUTCOME
         return RESET
@@ -109,7 +109,7 @@ class FrameReceiveJob:
         return self._idle
 
     def abandon(self, reason: str) -> None:
-        """Throw the part away, and tell the ledger."""
+        """Drop the part, with a note in the ledger."""
         part = self.framer.flush()
         if part:
             self._note_dropped(part, reason)
@@ -122,7 +122,7 @@ class FrameReceiveJob:
             if self._idle.cause != have:
                 self._idle = Outcome(Condition.FRAME_PART, have, lamp=Lamp.BUSY)
         elif self._idle.condition is Condition.FRAME_PART or self.framer.had_false_start:
-            self._idle = NO_FRAME_OUTCOME  # the start of a prefix has cleared what the last frame left
+            self._idle = NO_FRAME_OUTCOME  # rule: a prefix that began has cleared the last frame's outputs
         return self._idle
 
     def _note_dropped(self, part: bytes, reason: str) -> None:
@@ -132,7 +132,7 @@ class FrameReceiveJob:
 
     def _deliver_frame(self, frame: Frame, framing: Framing) -> Outcome:
         size, ending = len(frame.content), frame.ending
-        if ending not in self._conditions:  # no frame at all
+        if ending not in self._conditions:  # byte 00 in a text
             return self._discard_spoilt(frame)
         self.last, self.tally = marks_of(frame, framing), self.tally.count_ending(ending)
         place = self._buffer.head - size
@@ -142,11 +142,11 @@ class FrameReceiveJob:
         cause = Cause(CauseKind.BYTES, f"ended by: {framing.ended_by(ending)}", have=size, need=self.need)
         is_gap = ending is FrameEnding.GAP
         shown = Outcome(self._conditions[ending], cause, size, lamp=Lamp.DONE, rx_timeout=is_gap)
-        self._idle = replace(shown, lamp=None)
+        self._idle = replace(shown, lamp=None)  # rule
         return shown
 
     def _discard_spoilt(self, frame: Frame) -> Outcome:
-        """Throw away what a byte 00 has ended: a STRING cannot hold it."""
+        """Drop a text that a byte 00 has ended: a STRING cannot hold it."""
         size, reason = len(frame.content), str(frame.ending)
         self._note_dropped(frame.content, reason)
         self._idle = Outcome(
@@ -186,7 +186,7 @@ class ReceiveData(JobBlock):
                 CauseKind.PARAMETER, "pReceiveData is 0", pin="pReceiveData"
             )
         size, room = inputs.sizereceivedata, self._data.size
-        if not 0 < size <= room:
+        if not 0 < size <= room:  # DATA is never written beyond its end
             cause = Cause(
                 CauseKind.PARAMETER, "the size is not greater than 0", pin="SizeReceiveData", value=size
             )

@@ -1,4 +1,4 @@
-"""SendData, SendString, SendByte, ClearComBuffer: what goes into a ComBuffer, or is thrown away."""
+"""SendData, SendString, SendByte, ClearComBuffer: what goes into a ComBuffer, or is dropped."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.serial.com_buffer import SerialBinding
 from trcvtui.blocks.serial.receiving import string_bytes
 
-# Rule: a block sends as often as the program calls it, so each has EN, as its box has in FBD and LD. What has
-# no room yet goes at the next calls (Busy); no prefix and no suffix is added.
+# Rule: a block sends as often as the program calls it, so each has EN, as its box has in FBD and LD. Bytes
+# without room follow in later calls (Busy); no prefix and no suffix is added.
 
 EN_IS_0: Final = Cause(CauseKind.INPUT, "EN is 0", pin="EN", value=0)
 
 
 class SendBlock(NoJob):
-    """What the three have in common; `have` of `need` bytes are in the ComBuffer."""
+    """The base of the three send blocks; `have` of `need` bytes are in the ComBuffer."""
 
     def __init__(self, bound: SerialBinding) -> None:
         self._env = bound.env
@@ -37,7 +37,7 @@ class SendBlock(NoJob):
         return self._remember_outcome(self._send(inputs))
 
     def stop(self, reason: str) -> None:
-        """Forget the rest; what is in the ComBuffer goes its way."""
+        """Forget the rest; bytes that are in the ComBuffer still leave."""
         self.running = False
 
     detach = stop
@@ -75,7 +75,7 @@ class SendBlock(NoJob):
 
     def _remember_outcome(self, shown: Outcome) -> Outcome:
         self.running = shown.busy
-        is_over = shown.condition is Condition.SENT
+        is_over = shown.condition is Condition.SENT  # else Busy or Error stays while EN is 0
         self._idle = Outcome(Condition.NO_JOB, EN_IS_0) if is_over else shown
         return shown
 
@@ -84,7 +84,6 @@ class SendData(SendBlock):
     """One SendData instance: Length bytes from pSendData."""
 
     def bytes_to_send(self, inputs: Inputs) -> bytes | Outcome:
-        """Return the first Length bytes of the variable."""
         have = self._data.size if self._data is not None else 0
         if self._data is None or inputs.length > have:
             name = "pSendData points to less"
@@ -123,7 +122,7 @@ class ClearComBuffer(JoblessBlock):
         self._buffer = bound.buffer
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Empty the buffer while EN is 1; what a block has taken of a frame stays with the block."""
+        """Empty the buffer while EN is 1; bytes that a block has taken stay with the block."""
         if not inputs.en:
             return EN_IS_0_OUTCOME
         self._buffer.discard_all(f"{type(self).__name__}")

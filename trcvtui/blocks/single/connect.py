@@ -28,7 +28,7 @@ NO_ENDPOINT: Final = Cause(CauseKind.INPUT, "REQ rose where no such connection i
 
 
 def no_socket_outcome(port: UdpEndpoint, pin: str, asked: str) -> Outcome:
-    """Return why nothing moves on a UDP_CONFIG: what failed when its socket was to be made, if anything."""
+    """Return 80A1 of a UDP_CONFIG, with the fault that kept its socket from opening, if any."""
     return _cached_no_socket_outcome(port.failure, pin, asked)
 
 
@@ -41,12 +41,12 @@ def _cached_no_socket_outcome(fault: Fault | None, pin: str, asked: str) -> Outc
 
 @lru_cache(1024)
 def with_condition(condition: Condition, outcome: Outcome) -> Outcome:
-    """Return the same outcome under another condition; "started" is for one scan, whatever it waits for."""
+    """Return the same outcome under another condition; "started" lasts one scan, so it is never stable."""
     return replace(outcome, condition=condition, stable=outcome.stable and condition is not Condition.STARTED)
 
 
 def end_job(loss: ConnectionLoss, job: StoppableJob, course: StatusSequence, failed: Condition) -> Outcome:
-    """End a job whose connection is gone; a connection that we have closed is no longer up."""
+    """End a job whose connection is gone; after a close by our side it is "not connected"."""
     is_ours = loss.kind is LossKind.OURS
     condition = Condition.NOT_CONNECTED if is_ours else course.job_loss.get(loss.kind, failed)
     cause = loss_cause(loss, job)
@@ -59,7 +59,7 @@ STILL_CLOSING: Final = Cause(CauseKind.OTHER_BLOCK, "TDISCON is still closing th
 
 
 class SingleTcon:
-    """One TCON instance. What it has once established it builds again after each loss."""
+    """One TCON instance. A connection that it has established it rebuilds after each loss."""
 
     def __init__(self, bound: ConnectBinding) -> None:
         self.job = NoJob()
@@ -68,7 +68,7 @@ class SingleTcon:
         self._claim = bound.make_claim()
         self._req = False
         self._is_building = False
-        self._incarnation = 0  # the newest one that it has seen
+        self._incarnation = 0  # the newest that it knows
         self._keeps = False  # established by this instance: the endpoint is there until TDISCON or T_RESET
 
     def call(self, inputs: Inputs) -> Outcome:
@@ -121,7 +121,7 @@ class SingleTcon:
         failed = self._connection.step(self._env.scan, self._env.now)
         if failed is not None:
             if self._env.rules.course.silent_connect and failed.stage is SetUpStage.CONNECT:
-                return _BUILDING
+                return _BUILDING  # legacy: 7002 and BUSY stay (STEP 7 help, TCON)
             self._end_job()
             shown = set_up_failed(self._connection, failed, self._env.rules.course)
             self._connection.disconnect()
@@ -137,7 +137,7 @@ class SingleTcon:
         self._connection.keeping.give_back(self._claim)
 
     def _maintain_connection(self) -> Outcome:
-        """Build a lost connection again; a partner who refuses us has let this attempt fail."""
+        """Rebuild a lost connection; an attempt that the partner refuses shows its error."""
         loss = self._connection.find_loss(self._incarnation) or self._connection.check_loss()
         course = self._env.rules.course
         if loss is not None and loss.fault and loss.kind is LossKind.REFUSED and not course.silent_connect:
@@ -201,7 +201,7 @@ class SingleTdiscon(SingleScriptBlock):
         if self._connection.state is State.CLOSED:
             return Outcome(Condition.ENDPOINT_GONE, NO_ENDPOINT)
         set_up = self._connection.set_up
-        if not set_up.has_been_up:  # its TCON ends with this, a _C block goes on
+        if not set_up.has_been_up:  # this ends its TCON; a _C block continues
             set_up.is_withdrawn = True
             return Outcome(Condition.NOT_NOW, STILL_BUILDING)
         fault = self._connection.queue_job()
@@ -217,7 +217,7 @@ class SingleTdiscon(SingleScriptBlock):
 class SingleTReset(SingleScriptBlock):
     """One T_RESET instance; nothing established is 0001 with DONE.
 
-    The endpoint stays: the block that keeps the connection builds it again.
+    The endpoint stays: the block that keeps the connection rebuilds it.
     """
 
     def _begin(self) -> Outcome:
@@ -298,5 +298,5 @@ def _diag_state(connection: Connection) -> int:
     if connection.is_up:
         return STATE_ESTABLISHED
     if connection.state is State.CONNECTED:
-        return STATE_DOWN  # lost, and somebody still reads what came before
+        return STATE_DOWN  # lost, but a receiver still reads earlier bytes
     return STATE_TRYING if connection.config.active else STATE_WAITING

@@ -36,7 +36,7 @@ class SingleTsend(JobBlock):
         if loss is not None and self.job.running:
             return self._handle_loss(loss)
         if loss is not None:
-            self._link.end_incarnation([])  # nobody was asked to send
+            self._link.end_incarnation([])  # no job, no error
         self._link.adopt_new(self.job.claim)
         if self.job.running:
             return self._as_outcome(self.job.advance(), Condition.RUNNING)
@@ -69,7 +69,7 @@ class SingleTrcv(JobBlock):
         self._connection = bound.connection
         self._link = KnownIncarnation(bound.connection)
         self._complaint: Outcome | None = None
-        self._told = RepeatedFaultFilter(self._course.faults_once, Condition.NO_JOB)
+        self._fault_filter = RepeatedFaultFilter(self._course.faults_once, Condition.NO_JOB)
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 7000, 7001, 7002, 0000 with NDR; without a connection 80A1 or 80C4."""
@@ -77,18 +77,18 @@ class SingleTrcv(JobBlock):
         if loss is not None and self.job.running:
             return self._handle_loss(loss)
         if loss is not None:
-            self._link.end_incarnation([])  # nobody was asked to receive
+            self._link.end_incarnation([])  # no job, no error
         self._link.adopt_new(self.job.claim)
         if not inputs.en_r and not self.job.outlives_en_r():
             self.job.abandon("EN_R fell")
             self.job.release_direction()
-            self._told.forget()
+            self._fault_filter.forget()
             return _EN_R_IS_0
         shown = self._receive(inputs) if self._link.has_incarnation() else self._no_link_outcome()
-        return self._told.filter_outcome(shown, inputs)
+        return self._fault_filter.filter_outcome(shown, inputs)
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
-        """Return whether this instance receives on the connection when its turn comes; asked by name."""
+        """Return whether its next call would receive on the connection; found by getattr (plc)."""
         return self.job.would_read(inputs, waits)
 
     def _receive(self, inputs: Inputs) -> Outcome:
@@ -105,7 +105,7 @@ class SingleTrcv(JobBlock):
         return end_job(loss, self.job, self._course, Condition.RECEIVE_FAILED)
 
     def _no_link_outcome(self) -> Outcome:
-        """Return 80A1, or 80C4 while somebody builds the connection again."""
+        """Return 80A1, or 80C4 while the connection is rebuilt."""
         now = not_connected("EN_R", "EN_R is 1 without a connection", self._connection)
         if self._connection.state is not State.CLOSED and self._course.still_asked:
             now = replace(now, condition=self._course.still_asked)
@@ -124,7 +124,7 @@ _EN_R_IS_0: Final = Outcome(
 )
 
 
-# The UDP_CONFIG stands for a connection that the CPU has established: its socket opens with the first call.
+# A UDP_CONFIG is here what the CPU has established before: its socket opens with the first call.
 
 
 class Tusend(JobBlock):

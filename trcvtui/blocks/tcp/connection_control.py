@@ -20,14 +20,13 @@ from trcvtui.net.connection.resources import Claim
 from trcvtui.net.connection.set_up import SetUpStage, StepFault
 from trcvtui.net.results import Fault
 
-# CONT where a request connects, too (cont_mode manual): an edge of REQ, EN_R = 1, or CONT = 1 builds a
-# connection, which then stays. It ends at once when CONT falls while no job waits or runs, else after the
-# job; and after a job that had CONT = 0 when it counted: at the edge of REQ, for TRCV_C when the connection
-# was begun.
+# cont_mode manual: an edge of REQ, EN_R = 1 or CONT = 1 builds a connection, which is kept. When CONT falls
+# it ends: at once, or after the job that waits or runs. It also ends after a job for which CONT was 0 at the
+# edge of REQ (for TRCV_C: when the connection was begun).
 
 
 class ConnectionReasons(Struct, frozen=True):
-    """Why a connection is begun, why it ends, and that there is none."""
+    """The causes of its begin and of its end, and the outcome without a connection."""
 
     asked: Cause
     ended: Cause
@@ -54,22 +53,22 @@ BY_EN_R: Final = ConnectionReasons(
 
 
 class ConnectionDemand:
-    """CONT of one instance. `told` None: the connection is wanted as long as the pin is 1."""
+    """Whether one instance wants a connection. `reasons` None: while CONT is 1 (cont_mode level)."""
 
-    def __init__(self, told: ConnectionReasons | None) -> None:
+    def __init__(self, reasons: ConnectionReasons | None) -> None:
         self.begins, self.ends_by = CONT_ROSE, CONT_FELL
-        self.idle = told.idle if told else CONT_IS_0
+        self.idle = reasons.idle if reasons else CONT_IS_0
         self.is_due = False  # the connection ends as soon as no job needs it
-        self._told = told
-        self._is_single = False  # it serves one job
+        self._reasons = reasons
+        self._is_single = False  # it serves one job: CONT was 0 when it counted
         self._cont = self._is_wanted = False
 
     def update(self, cont: bool, asks: bool, is_closing: bool) -> bool:
         """Return whether the connection is wanted.
 
-        `asks`: a request waits for it, or a job runs on it; `is_closing`: what a close shows is not over.
+        `asks`: a request waits for it, or a job runs on it; `is_closing`: a close has codes to show.
         """
-        if self._told is None:
+        if self._reasons is None:
             return cont
         fell, self._cont = self._cont and not cont, cont
         if fell and self._is_wanted:
@@ -78,25 +77,25 @@ class ConnectionDemand:
             self.is_due = self._is_wanted = False
         elif (cont or asks) and not is_closing and not self._is_wanted:
             self._is_wanted = True
-            self.begins = self._told.asked if asks else CONT_ROSE
+            self.begins = self._reasons.asked if asks else CONT_ROSE
             self.latch_cont(cont)
         return self._is_wanted
 
     def latch_cont(self, cont: bool) -> None:
-        """Take CONT as it is now for the job that comes."""
+        """Latch CONT for the next job."""
         self._is_single = not cont
 
     def note_job_done(self) -> None:
-        """Say that the job has what it came for."""
-        if self._told is not None and self._is_single and not self.is_due:
-            self.is_due, self.ends_by = True, self._told.ended
+        """Let the connection end if it was for this job alone."""
+        if self._reasons is not None and self._is_single and not self.is_due:
+            self.is_due, self.ends_by = True, self._reasons.ended
 
     def keep_connection(self) -> None:
-        """Keep the connection: it is built anew, and the job that was to end it is gone."""
+        """Keep the connection, which is rebuilt: the job that was to end it is gone."""
         self.is_due = self._is_single = False
 
 
-# Disconnect and reset answer what they show, one outcome a scan; a call that failed is the only one shown.
+# disconnect and reset return their outcomes, one a scan; after a failed call its error alone.
 
 
 def disconnect(connection: Connection, cause: Cause) -> list[Outcome]:
@@ -109,7 +108,7 @@ def disconnect(connection: Connection, cause: Cause) -> list[Outcome]:
 
 
 def reset(connection: Connection, cause: Cause, shown: Iterable[Condition]) -> list[Outcome]:
-    """Abort the connection with RST and show these; the listener stays."""
+    """Abort the connection with RST and return the outcomes of `shown`; the listener stays."""
     peer = connection.partner
     fault = connection.reset()
     if fault is not None:
@@ -121,29 +120,29 @@ def _failure_condition(fault: Fault, otherwise: Condition) -> Condition:
     return Condition.POLL_DEL_FAILED if fault.call == "poll_del" else otherwise
 
 
-# Rule 1: inputs are judged before the network is looked at.
-# Rule 2: what must show for exactly one scan stands in `_script`; one entry leaves it in each scan.
+# Rule 1: inputs are evaluated before the network.
+# Rule 2: outcomes that must show for exactly one scan wait in `_script`; each scan takes one.
 
 
 class RivalWatch:
-    """What one block that wants to build a connection knows of its rivals."""
+    """Looks for rivals of a block that wants to build a connection: blocks of another priority."""
 
     def __init__(self, env: Environment, connection: Connection, claim: Claim) -> None:
-        self.rival = ""  # the instance that was in the way at the last look; empty: nobody is
+        self.rival = ""  # the instance in the way at the last check, "" for none
         self._env = env
         self._connection = connection
         self._claim = claim
         self._again_at = 0
 
     def check_at_start(self) -> bool:
-        """Look as CONT rises; return whether somebody is in the way, which the next look tells."""
+        """Return whether a rival is in the way as CONT rises; the next check shows the error."""
         rival = find_rival(self._env, self._connection, self._claim)
         self.rival = rival.instance if rival is not None else ""
         self._again_at = self._env.now
         return rival is not None
 
     def check_again(self) -> Outcome | None:
-        """Look again when it is time; return the error when somebody is in the way, else None."""
+        """Check again once the pause is over; return the error while a rival is in the way."""
         if self._env.now < self._again_at:
             return None
         rival = find_rival(self._env, self._connection, self._claim)
@@ -155,8 +154,6 @@ class RivalWatch:
 
 
 class Phase(Enum):
-    """Which stretch of the connection's life the block is showing."""
-
     IDLE = auto()
     STARTING = auto()
     CONNECTING = auto()
@@ -164,7 +161,7 @@ class Phase(Enum):
 
 
 class ConnectionControl:
-    """Show a connection's life on STATUS; `call` answers None when the job may decide."""
+    """Shows the phases of a connection on STATUS; `call` returns None when the job decides."""
 
     def __init__(
         self,
@@ -172,11 +169,11 @@ class ConnectionControl:
         connection: Connection,
         claim: Claim,
         has_addr: bool = True,
-        level: ConnectionDemand | None = None,
+        demand: ConnectionDemand | None = None,
     ) -> None:
         self.phase = Phase.IDLE
         self.incarnation = 0
-        self.waits = 0  # how many scans of 7002 have been shown since connecting began
+        self.waits = 0  # scans of 7002 since connecting began
         self._env = env
         self._course = env.rules.course
         self._connection = connection
@@ -186,8 +183,8 @@ class ConnectionControl:
         self._job_error: Condition | None = None
         self._script: deque[Outcome] = deque()
         self.cont = False
-        self._has_begun_anew = False  # CONT has risen, and no connection has stood since
-        self._level = level or ConnectionDemand(None)
+        self._has_begun_anew = False  # CONT has risen, and no connection has been up since
+        self._demand = demand or ConnectionDemand(None)
         self._com_rst = False
         self._close_wanted = False
         self._reset_wanted = False
@@ -196,7 +193,7 @@ class ConnectionControl:
         self._wait: tuple[tuple[str, str, str, str, bool], Outcome] | None = None
 
     def is_steady(self) -> bool:
-        """Return whether the connection stands, and inputs that have not changed leave all to the job."""
+        """Return whether the connection is up and unchanged inputs leave everything to the job."""
         return (
             self.phase is Phase.CONNECTED
             and self._connection.is_up
@@ -208,7 +205,7 @@ class ConnectionControl:
 
     @property
     def is_closing(self) -> bool:
-        """Return whether something of a close is still to be shown."""
+        """Return whether a close has codes to show."""
         return not self.cont and (bool(self._script) or self._close_wanted)
 
     def call(
@@ -220,15 +217,16 @@ class ConnectionControl:
         """
         self._asks, self._job_error = asks, job_error
         rose, fell = cont and not self.cont, self.cont and not cont
+        # COM_RST that rises without a connection has no effect and is not remembered.
         self._reset_wanted |= com_rst and not self._com_rst and self.phase is Phase.CONNECTED
         self.cont, self._com_rst = cont, com_rst
-        if fell or (self._close_wanted and not cont):
+        if fell or (self._close_wanted and not cont):  # rule 1: also before a loss; CONT wins over COM_RST
             return self._close()
         self._has_begun_anew |= rose
         if rose and not self._script:  # else a close that has begun ends first
             return self._start()
         if not cont:
-            return self._script.popleft() if self._script else self._level.idle
+            return self._script.popleft() if self._script else self._demand.idle
         return self._answer_while_wanted()
 
     def _answer_while_wanted(self) -> Outcome | None:
@@ -236,7 +234,7 @@ class ConnectionControl:
         if reset is not None:
             return reset
         if self._script and not self._asks and self._script[0].condition is self._course.still_asked:
-            self._script.popleft()
+            self._script.popleft()  # EN_R has fallen: no 80C4
         if self._script:
             return self._script.popleft()
         if self.phase is Phase.IDLE:
@@ -258,16 +256,16 @@ class ConnectionControl:
             self.phase, self._queued = Phase.STARTING, False
             return self._creating_outcome()
         self._connection.keeping.hold(self._claim)
-        if self._connection.state is not State.CLOSED:
+        if self._connection.state is not State.CLOSED:  # joins: 7002 and 7004 only
             return self.begin_waiting("another block has opened the connection")
         fault = self._connection.open(self._env.now, self._has_addr)
-        self.phase, self._queued = Phase.STARTING, fault is None
+        self.phase, self._queued = Phase.STARTING, fault is None  # 80AC: tried in each scan
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of_fault(fault))
         return self._creating_outcome()
 
     def _creating_outcome(self) -> Outcome:
-        return Outcome(Condition.CREATING, self._level.begins)
+        return Outcome(Condition.CREATING, self._demand.begins)
 
     def _wait_for_rival(self) -> Outcome:
         refused = self._connect_in_use.check_again()
@@ -280,7 +278,7 @@ class ConnectionControl:
             )
         begun = self._start()
         return (
-            replace(begun, condition=Condition.ESTABLISHING)
+            replace(begun, condition=Condition.ESTABLISHING)  # 0001 has shown before
             if begun.condition is Condition.CREATING
             else begun
         )
@@ -299,6 +297,7 @@ class ConnectionControl:
         if self.phase is Phase.STARTING:
             self.phase, self.waits = Phase.CONNECTING, 0
         shown = set_up_failed(self._connection, failed, self._course)
+        # 7.15.1, 80AB: "holds it for one cycle, and subsequently stays in the 7002 state".
         is_dead = self._connection.link_is_dead and not self._has_begun_anew
         is_silent = self._course.silent_connect or (self._course.silent_dead_link and is_dead)
         if is_silent and failed.stage is SetUpStage.CONNECT:
@@ -311,10 +310,11 @@ class ConnectionControl:
         return [Outcome(condition, cause) for condition in self._course.rebuilding]
 
     def _advance_connecting(self) -> Outcome:
+        # The block called second in the scan that brings it up sees it one scan later (FAQ, figure 6).
         is_second = self._course.second_lags and self._connection.is_up_for(self._claim)
         failed = self._connection.step(self._env.scan, self._env.now)
         lags = is_second and self._connection.since_scan == self._env.scan
-        if self.waits and not lags and self._connection.is_up_for(self._claim):
+        if self.waits and not lags and self._connection.is_up_for(self._claim):  # after one 7002 or more
             return self._become_connected()
         if failed is not None:
             return self._show_set_up_failure(failed)
@@ -329,7 +329,7 @@ class ConnectionControl:
         return Outcome(begins or Condition.CONNECTED, cause)
 
     def first_scan_outcome(self, begun: Outcome, reserved: bool) -> Outcome:
-        """Return the first scan of a connection: that of a job, unless the job will be refused."""
+        """Return what the first scan of a connection shows: its job, unless that would be refused."""
         if reserved:
             return begun
         return replace(begun, condition=self._course.established or Condition.CONNECTED)
@@ -347,7 +347,7 @@ class ConnectionControl:
     def _waiting_outcome(self) -> Outcome:
         set_up = self._connection.set_up
         if not self._connection.config.active:
-            # From the second 7002 on only the poll, or another block, can end this.
+            # From the second 7002 on only the poll, or another block, ends this.
             stable = self.waits > 1 and set_up.listener is not None
             return self._waiting("no partner yet", local=str(set_up.listening_end or ""), stable=stable)
         remote = str(set_up.remote or "")
@@ -365,7 +365,7 @@ class ConnectionControl:
     # -- the connection is gone -----------------------------------------------------------------
 
     def start_reconnecting(self, shown: Iterable[Outcome], reason: str) -> Outcome:
-        """Show these, one a scan, then connecting; nothing to show is connecting at once."""
+        """Show these outcomes, one a scan, then connecting; without any, connecting at once."""
         self._script = deque(shown)
         if not self._script:
             return self.begin_waiting(reason)
@@ -382,19 +382,19 @@ class ConnectionControl:
     def _close(self) -> Outcome:
         self._script.clear()
         self._reset_wanted = False
-        if not self._connection.keeping.holds(self._claim):  # it never came to build it
+        if not self._connection.keeping.holds(self._claim):  # it has not begun to build it
             self.phase = Phase.IDLE
-            return self._level.idle
-        cause = self._level.ends_by
+            return self._demand.idle
+        cause = self._demand.ends_by
         fault = None if self._connection.state is State.CLOSED else self._connection.queue_job()
-        self._close_wanted = fault is not None
+        self._close_wanted = fault is not None  # 80AC: closed in a later scan
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of_fault(fault))
         was_up = self._was_up()
         self.phase = Phase.IDLE
         self._connection.keeping.give_back(self._claim)
         shown, *more = disconnect(self._connection, cause)
-        self._script.extend(more if was_up else ())
+        self._script.extend(more if was_up else ())  # 7007 only where it was up
         return shown
 
     def _was_up(self) -> bool:
@@ -409,7 +409,7 @@ class ConnectionControl:
             return None
         fault = self._connection.queue_job()
         if fault is not None:
-            self._reset_wanted = True
+            self._reset_wanted = True  # 80AC: reset in a later scan
             return Outcome(Condition.QUEUE_FULL, cause_of_fault(fault))
         self.phase, self.waits = Phase.CONNECTING, 0
         cause = Cause(CauseKind.INPUT, "COM_RST rose", pin="COM_RST", value=1)
@@ -421,15 +421,15 @@ class ConnectionControl:
         first = (self._job_error,) if self._job_error else ()
         if not self._course.reset_closes:
             return reset(self._connection, cause, (*first, *self._course.reset))
-        self.phase, self._queued = Phase.STARTING, False
+        self.phase, self._queued = Phase.STARTING, False  # legacy: the listener is made anew too
         closed = disconnect(self._connection, cause)[0]
         return [*(Outcome(condition, cause) for condition in first), closed]
 
 
 def established_cause(connection: Connection) -> Cause:
-    """Return why a connection stands: somebody came, or with datagrams nobody has to."""
+    """Return the cause of a connection: its partner, or for datagrams the open port."""
     if connection.config.is_datagram:
-        return Cause(CauseKind.SEQUENCE, "the UDP port stands", detail=f"at {connection.local}")
+        return Cause(CauseKind.SEQUENCE, "the UDP port is open", detail=f"at {connection.local}")
     return Cause(CauseKind.PARTNER, "the partner is connected", peer=connection.partner)
 
 

@@ -1,4 +1,4 @@
-"""May a job start? The questions to DATA, LEN, ADDR, CONNECT in the manual's order."""
+"""Whether a job may start: DATA, LEN, ADDR and CONNECT, checked in the manual's order."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from trcvtui.net.results import ANY_ADDRESS
 
 
 class JobRequest(NamedTuple):
-    """What a job asks for. `most` bytes fit into one, None: as many as the rules say for a connection.
+    """What a job asks for. `most`: the limit of its bytes, None: the rules' limit for a connection.
 
-    `least` is the smallest LEN but 0 of a text. `rival` keeps every job off this connection.
-    `needs_len`: LEN = 0 does not stand for all of DATA.
+    `least`: the smallest LEN of a text, apart from 0. `rival`: a claim that keeps every job off.
+    `needs_len`: LEN = 0 does not mean all of DATA.
     """
 
     length: int
@@ -44,7 +44,7 @@ def acquire(
     connect: str,
 ) -> Outcome | None:
     """Return why no job can start: DATA, LEN, CONNECT, then a buffer; None: claim and buffer are taken."""
-    unfit = _find_misfit(env, data, request)
+    unfit = _find_misfit(env, data, request)  # 80A4, 80A5 come before 80C3 and 80A7
     if unfit is not None:
         return unfit
     other = request.rival or direction.try_take(claim)
@@ -79,7 +79,7 @@ def _find_misfit(env: Environment, data: DataArea | None, request: JobRequest) -
     if unfit is not None:
         return unfit
     if request.needs_len and not length and not data.symbolic:
-        return _refuse(Condition.LENGTH_WRONG, "LEN is 0: it has to be told", "LEN", 0)
+        return _refuse(Condition.LENGTH_WRONG, "LEN is 0, and this block needs one", "LEN", 0)
     if area.texts_whole and 0 < length < request.least:
         name = f"LEN cuts {data.type_name}: 0, or from {request.least} on"
         return _refuse(Condition.LEN_OF_TEXT, name, "LEN", length)
@@ -89,7 +89,7 @@ def _find_misfit(env: Environment, data: DataArea | None, request: JobRequest) -
 
 
 def find_rival(env: Environment, connection: Connection, claim: Claim) -> Claim | None:
-    """Return who works on this connection with another priority, where a vendor does not take that."""
+    """Return a claim of another priority on this connection, where the vendor allows one priority alone."""
     if not env.rules.one_class:
         return None
     found = (direction.find_other_priority(claim) for direction in connection.directions)
@@ -167,14 +167,14 @@ def check_target(address: RemoteAddress) -> Outcome | None:
     return None
 
 
-def find_structure_error(address: RemoteAddress, taken: tuple[str, ...] = SOURCES) -> Outcome | None:
-    """Return why what stands at ADDR is of no use, whatever it says."""
+def find_structure_error(address: RemoteAddress, accepted: tuple[str, ...] = SOURCES) -> Outcome | None:
+    """Return why ADDR cannot be used: its structure or its size."""
     written = address.description
     if written is None:
         return None
     name, size = written.structure.name, len(written.data)
-    if name not in taken:
-        return _addr_error(Condition.NO_DESCRIPTION, f"ADDR is a {name}, and {taken[0]} is expected")
+    if name not in accepted:
+        return _addr_error(Condition.NO_DESCRIPTION, f"ADDR is a {name}, and {accepted[0]} is expected")
     if size != written.structure.size:
         text = f"ADDR has {size} bytes, and {name} has {written.structure.size}"
         return _addr_error(Condition.PARAMETER_WRONG, text)
@@ -186,28 +186,28 @@ def _addr_error(condition: Condition, name: str, pin: str = "ADDR") -> Outcome:
 
 
 FAULT_SHOWN: Final = Cause(
-    CauseKind.WAITING, "the error has been told; EN_R is 1, and LEN and DATA are as they were"
+    CauseKind.WAITING, "the error has shown; EN_R is 1, and LEN and DATA are unchanged"
 )
 
 
 class RepeatedFaultFilter:
-    """What one instance has told; `quiet` is the condition that it falls back to."""
+    """Shows the same error once (switch receive_faults), then the condition `quiet`."""
 
     def __init__(self, is_once: bool, quiet: Condition) -> None:
         self._is_once = is_once
         self._quiet = Outcome(quiet, FAULT_SHOWN)
-        self._told: tuple[Condition, Inputs] | None = None
+        self._last_fault: tuple[Condition, Inputs] | None = None
 
     def filter_outcome(self, outcome: Outcome, inputs: Inputs) -> Outcome:
-        """Return what shows of an answer to EN_R = 1."""
+        """Return what the answer to EN_R = 1 shows."""
         if not self._is_once:
             return outcome
         now = (outcome.condition, inputs) if outcome.error else None
-        is_old, self._told = now is not None and now == self._told, now
-        if is_old:
+        is_repeated, self._last_fault = now is not None and now == self._last_fault, now
+        if is_repeated:
             return self._quiet
-        return Outcome(outcome.condition, outcome.cause) if outcome.error else outcome
+        return Outcome(outcome.condition, outcome.cause) if outcome.error else outcome  # not stable
 
     def forget(self) -> None:
         """EN_R is 0, or the connection has changed: the next error is a new one."""
-        self._told = None
+        self._last_fault = None

@@ -31,7 +31,7 @@ class TransferJob:
         self.first_offset = 0  # in the stream
 
     def _begin_next(self, need: int, offset: int) -> tuple[str, int, str, int, int]:
-        """Begin the next job; return what an event says of it."""
+        """Begin the next job; return the first fields of its ledger event."""
         self.number += 1
         self.running, self.have, self.need = True, 0, need
         self._incarnation, self.first_offset = self.connection.incarnation, offset
@@ -41,7 +41,7 @@ class TransferJob:
         return self._instance, self.number, self._connect, self._incarnation, self.first_offset
 
     def _end_if_changed(self, length: int | None = None) -> Outcome | None:
-        """End the job where DATA has become another one, or LEN where it is given."""
+        """End the job if DATA has another type or size, or LEN (if given) another value."""
         assert self._asked is not None and self.data is not None
         same_len = length in (None, self._asked[0])
         if same_len and self._asked[1] == self.data.shape:
@@ -51,14 +51,13 @@ class TransferJob:
         return outcome
 
     def release_direction(self) -> None:
-        """Give this direction of the connection back."""
         self._direction.give_back(self.claim)
 
     def abandon(self, reason: str) -> None: ...
 
     def detach(self, reason: str) -> None:
         """Detach the instance; the lock of a job may stay (rules) until disconnect, reset or close."""
-        self.claim.is_orphan = self.running and self._env.rules.lock_outlives
+        self.claim.is_orphan = self.running and self._env.rules.lock_outlives  # 7.15.1, note
         if not self.claim.is_orphan:
             self.release_direction()  # also of a job that was to begin next
         self.abandon(reason)
@@ -68,8 +67,8 @@ class OutgoingJob(TransferJob):
     """A job that sends a copy of DATA."""
 
     def _start(self, payload: bytes) -> None:
-        told = self._begin_next(len(payload), self.connection.bytes_sent)
-        self._env.write(SendStarted(*told, self.need))
+        head = self._begin_next(len(payload), self.connection.bytes_sent)
+        self._env.write(SendStarted(*head, self.need))
 
     def abandon(self, reason: str) -> None:
         """End a running job without DONE; what the stack has not taken is dropped, never sent later."""
@@ -82,7 +81,7 @@ class OutgoingJob(TransferJob):
     def _end(self, done: bool, reason: str) -> None:
         self.running = False
         self._env.resources.buffers.release()
-        if not self.claim.is_orphan:
+        if not self.claim.is_orphan:  # an orphan locks until disconnect or reset
             self.release_direction()
         self._env.write(SendEnded(*self._event_head(), self.have, done, reason))
 
@@ -95,10 +94,10 @@ class IncomingJob(TransferJob):
         self.buffer = bytearray()
 
     def _start(self, need: int, adhoc: bool = False) -> None:
-        told = self._begin_next(need, self.connection.bytes_received)
-        if len(self.buffer) != need:
+        head = self._begin_next(need, self.connection.bytes_received)
+        if len(self.buffer) != need:  # else the buffer of the last job serves again
             self.buffer = bytearray(need)
-        self._env.write(JobStarted(*told, need, adhoc))
+        self._env.write(JobStarted(*head, need, adhoc))
 
     def partial_bytes(self) -> bytes:
         return bytes(self.buffer[: self.have]) if self.running else b""

@@ -29,12 +29,12 @@ def show_loss(
 ) -> list[Outcome]:
     """Return the outcomes of a loss, one a scan.
 
-    `failed` is the condition of a job that the connection's failure ends, None: there is no job.
+    `failed`: the condition of a job that the loss ends; None: no job.
     """
     cause = loss_cause(loss, job)
     conditions = _loss_conditions(loss, rules, failed)
     if short_frame and rules.short_frame_shown and conditions == [Condition.PARTNER_CLOSED]:
-        conditions.insert(0, Condition.SHORT_FRAME)
+        conditions.insert(0, Condition.SHORT_FRAME)  # 7.15.1: 80A6, then 80C5
     outcomes = [Outcome(condition, cause) for condition in conditions]
     if loss.release_fault is not None:
         outcomes[-1:] = [Outcome(Condition.POLL_DEL_FAILED, cause_of_fault(loss.release_fault, loss.peer))]
@@ -44,20 +44,20 @@ def show_loss(
 def _loss_conditions(loss: ConnectionLoss, rules: VendorRules, failed: Condition | None) -> list[Condition]:
     course, kind = rules.course, loss.kind
     if kind is LossKind.REFUSED and loss.fault is not None:
-        return [course.condition(SetUpStage.CONNECT, loss.fault.error)]  # as an attempt that failed
+        return [course.condition(SetUpStage.CONNECT, loss.fault.error)]  # as a failed attempt
     if kind is LossKind.OURS:
         return [] if loss.is_played else list(course.let_go)
-    if failed is None:
+    if failed is None:  # without a job only a dead link is an ERROR (7.15.1, 80AB)
         idle = Condition.LINK_DEAD if kind is LossKind.LINK_DEAD else None
         return [found for found in (course.idle_loss or idle,) if found]
     if kind is LossKind.RESET_BY_PARTNER and rules.reset_counts_as_close:
-        kind = LossKind.CLOSED_BY_PARTNER
+        kind = LossKind.CLOSED_BY_PARTNER  # switch reset_is
     ends = course.job_loss.get(kind, failed)
     return [Condition.CLOSING, ends] if course.teardown else [ends]
 
 
 def loss_cause(loss: ConnectionLoss, job: Job) -> Cause:
-    """Return the evidence of a loss: the call that told of it, and how far the job was."""
+    """Return the evidence of a loss: the call that reported it, and the progress of the job."""
     fault = loss.fault
     return Cause(
         CauseKind.OTHER_BLOCK
@@ -76,7 +76,7 @@ def loss_cause(loss: ConnectionLoss, job: Job) -> Cause:
     )
 
 
-# The request is remembered where another code has to show, and told in the first scan that is free for it.
+# A request keeps its 80A1 while another code has to show, and shows it in the first scan that is free.
 
 
 def not_connected(pin: str, name: str, connection: Connection) -> Outcome:
@@ -86,7 +86,7 @@ def not_connected(pin: str, name: str, connection: Connection) -> Outcome:
 
 
 class StandingRequest:
-    """EN_R of a block that makes its own connection: an edge of EN_R or CONT arms it, one scan tells it."""
+    """EN_R of a block that builds its connection: an edge of EN_R or CONT arms 80A1 for one scan."""
 
     def __init__(self, rule: NotConnectedRule) -> None:
         self._rule = rule
@@ -102,21 +102,21 @@ class StandingRequest:
             self._armed = True
 
     def forget_edge(self) -> None:
-        """Forget the edge: a connection is there, and a loss or reset that comes later is no edge."""
+        """Forget the edge: the connection is up, and a later loss or reset does not arm 80A1 again."""
         self._armed = False
 
     def consume(self) -> bool:
-        """Return whether this scan, which is free for it, tells the request; PULSE tells each edge once."""
-        told = self._en_r and (
+        """Return whether this free scan shows 80A1; PULSE shows it once per edge (7.15.1, 80A1)."""
+        shows = self._en_r and (
             self._rule is NotConnectedRule.HOLD or (self._rule is NotConnectedRule.PULSE and self._armed)
         )
-        if told:
+        if shows:
             self._armed = False
-        return told
+        return shows
 
 
 class KnownIncarnation:
-    """One block's sight of the connection: which incarnation it knows, and what a loss still has to show."""
+    """The incarnation of the connection that one block knows, and what its loss has still to show."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -128,11 +128,11 @@ class KnownIncarnation:
         return self._script.popleft() if self._script else None
 
     def find_loss(self, claim: Claim | None = None) -> ConnectionLoss | None:
-        """Return how the incarnation that this block knows has ended, None while it stands."""
+        """Return how the incarnation that this block knows has ended, None while it is up."""
         return self._connection.find_loss(self._incarnation, claim) if self._incarnation else None
 
     def adopt_new(self, claim: Claim) -> bool:
-        """Return whether a connection stands that this block has not seen before, and know it from now on."""
+        """Adopt a connection that is up and new to this block; return whether there is one."""
         if self._incarnation == self._connection.incarnation or not self._connection.is_up_for(claim):
             return False
         self._incarnation = self._connection.incarnation
@@ -148,6 +148,6 @@ class KnownIncarnation:
         return self._script.popleft() if self._script else _GONE
 
 
-CONNECTED = Outcome(Condition.CONNECTED, Cause(CauseKind.PARTNER, "a connection stands"))
+CONNECTED = Outcome(Condition.CONNECTED, Cause(CauseKind.PARTNER, "a connection is up"))
 _GONE = Outcome(Condition.NO_JOB, Cause(CauseKind.WAITING, "no connection, and this block builds none"))
-NO_LINK = replace(_GONE, stable=True)  # unlike the scan of the loss: with EN_R = 1 that is followed by 80A1
+NO_LINK = replace(_GONE, stable=True)  # the scan of a loss is not: with EN_R = 1 the next one shows 80A1

@@ -3,7 +3,7 @@
 Rule 1: LEN and the size of DATA are latched when a job starts; a job reads at most its own length. ADHOC acts
 on the job that runs (7.15.1, ADHOC mode: "sets the current reception function"), or is latched too (rules).
 Rule 2: DATA changes only at DONE; until then the bytes are the job's.
-Rule 3: at least one scan of "receiving" stands before each DONE.
+Rule 3: at least one scan of "receiving" shows before each DONE.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class ReceiveJob(IncomingJob):
     def __init__(self, bound: ConnectBinding, needs_datagrams: bool = False) -> None:
         super().__init__(bound, bound.connection)
         self.complete = False  # every byte is there (static), any byte is there (ad-hoc)
-        self.whole = 0  # bytes of the message that has come, also of those that DATA has no room for
+        self.whole = 0  # size of the message, with the bytes that DATA has no room for
         self._area = bound.env.rules.area
         self._is_message_oriented = bound.connection.config.is_message_oriented
         self._unfit = find_misfit(bound, needs_datagrams, receives=True)
@@ -43,18 +43,18 @@ class ReceiveJob(IncomingJob):
         self._source: Endpoint | None = None  # of the message that has come
         self.view = memoryview(self.buffer)
         self.span_offset = self.next_offset = 0  # in the received stream
-        self._spans: list[tuple[int, int]] = []  # before the present span: offset and size
+        self._spans: list[tuple[int, int]] = []  # earlier ones of this job: offset and size
 
     # -- one scan with EN_R = 1, connected ----------------------------------------------------------
 
     def call(self, inputs: Inputs) -> Outcome | ConnectionLoss:
-        """Start, go on or end: one frame a scan at most."""
+        """Start, continue or end a job: at most one frame a scan."""
         if not self.running:
             return self._begin(inputs.len, inputs.adhoc)
         if self._area.must_stay and (changed := self._end_if_changed(inputs.len)) is not None:
             return changed
         if inputs.adhoc != self.adhoc and self._env.rules.adhoc_at_once:
-            self._switch_adhoc(inputs.adhoc)
+            self._switch_adhoc(inputs.adhoc)  # rule 1
         if not self.complete:
             loss = self._collect()
             if loss is not None:
@@ -68,13 +68,13 @@ class ReceiveJob(IncomingJob):
         refused = self._unfit or acquire(self._env, self.data, request, receiving, self.claim, self._connect)
         self.claim.is_refused = refused is not None
         if refused is not None:
-            # A whole frame stays until there is a buffer for it, also when the partner has gone.
+            # 80A7: a whole frame waits for its buffer, also when the partner has gone.
             has_to_wait = refused.condition is Condition.NO_BUFFER and self._whole_frame_waits(request)
             return refused if has_to_wait else self.check_loss() or refused
         assert self.data is not None
         self._asked = length, self.data.shape
         self._start(request.length or self.data.size, request.adhoc)
-        return self._collect() or self.receiving_outcome()
+        return self._collect() or self.receiving_outcome()  # rule 3, even if all bytes are here
 
     def _whole_frame_waits(self, request: JobRequest) -> bool:
         size = self.data.size if self.data is not None else 0
@@ -89,9 +89,9 @@ class ReceiveJob(IncomingJob):
         return JobRequest(length, adhoc=adhoc, most=self._limit, least=least, rival=rival)
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
-        """Return whether EN_R asks for a job that can start, now or when another reader lets go.
+        """Return whether EN_R asks for a job that can start, now or once another reader frees its lock.
 
-        `waits` False: who is kept out by a reader that can start none does not wait for that one.
+        `waits` False: a lock whose owner can start no job itself is not waited for.
         """
         if not inputs.en_r or self._unfit is not None:
             return False
@@ -108,7 +108,7 @@ class ReceiveJob(IncomingJob):
         return taken
 
     def outlives_en_r(self, reserved: bool = False) -> bool:
-        """Return whether a job goes on although EN_R is 0; `reserved`: it begins in this call."""
+        """Return whether a job continues while EN_R is 0; `reserved`: it begins in this call."""
         has_data = self.have > 0 or self.complete
         return (self.running or reserved) and self._env.rules.course.outlives_en_r(has_data)
 
@@ -124,19 +124,19 @@ class ReceiveJob(IncomingJob):
         self._env.write(ModeChange(self._instance, self.number, adhoc))
         if self._is_message_oriented:
             return
-        if adhoc and 0 < self.have < self.need and self.connection.unread():  # a loss shows after the frame
+        if adhoc and 0 < self.have < self.need and self.connection.unread():  # the frame before a loss
             self._collect()
         self.complete = self.claim.has_frame = self.have > 0 if adhoc else self.have == self.need
 
     def _collect(self) -> ConnectionLoss | None:
-        """Read what is there into the job's own buffer; return the loss that stands after the last byte."""
+        """Rule 2: read into the job's own buffer; return the loss that follows the last byte."""
         if self._is_message_oriented:
             return self._collect_message()
         have = self.have
         got = self.connection.receive(self.view[have:] if have else self.view, self._instance)
         if isinstance(got, int):
             offset = self.connection.bytes_received - got
-            if offset != self.next_offset:
+            if offset != self.next_offset:  # tasks of different priority take turns on one stream
                 self._begin_span(offset)
             self.next_offset = offset + got
             have = self.have = have + got
@@ -157,7 +157,7 @@ class ReceiveJob(IncomingJob):
         return None
 
     def _begin_span(self, offset: int) -> None:
-        """Go on after bytes that a job of another priority has read in between."""
+        """Continue after bytes that a job of another priority has read in between."""
         if self.have:
             self._spans.append((self.span_offset, self.next_offset - self.span_offset))
         else:
@@ -173,13 +173,14 @@ class ReceiveJob(IncomingJob):
         is_short = bool(self.have and not self.adhoc)
         outcomes = show_loss(loss, self._env.rules, self, failed, short_frame=is_short)
         still_asked = self._env.rules.course.still_asked
+        # 80C4 follows only a job that the loss has ended, not a close by our side.
         if self.running and still_asked and loss.kind not in (LossKind.OURS, LossKind.REFUSED):
             outcomes.append(Outcome(still_asked, outcomes[-1].cause))
         self.abandon(loss.reason)
         return outcomes
 
     def receiving_outcome(self) -> Outcome:
-        """Return the outcome of a job that waits; the same object while nothing changes."""
+        """Return the outcome of a waiting job; the same object while nothing changes."""
         part = self._env.rules.receiving_part if self.have else Condition.RECEIVING
         return _receiving_outcome(self.have, self.need, self.complete, part)
 
@@ -191,7 +192,7 @@ class ReceiveJob(IncomingJob):
             return self._refuse_too_long()
         self.view.release()
         if size == data.size == len(self.buffer):
-            self.buffer = data.swap(self.buffer)
+            self.buffer = data.swap(self.buffer)  # no copy where all of DATA is new
         else:
             data.write(0, memoryview(self.buffer)[:size].toreadonly())
         if self._address is not None and self._source is not None:

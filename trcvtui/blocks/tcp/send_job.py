@@ -25,7 +25,7 @@ from trcvtui.net.connection.connection import ConnectionLoss
 from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Fault, WouldBlock
 
-# What a datagram that no route takes shows; every other call that fails is "send failed".
+# For a datagram without a route; every other failed call is "send failed".
 UNREACHABLE_ERRORS: Final = dict.fromkeys(("ENETUNREACH", "EHOSTUNREACH"), Condition.UNREACHABLE)
 NO_REQ: Final = Outcome(
     Condition.CONNECTED, Cause(CauseKind.WAITING, "REQ has not risen", pin="REQ"), stable=True
@@ -42,13 +42,13 @@ class SendJob(OutgoingJob):
         self._address = bound.address
         self._limit = bound.env.rules.max_datagram if bound.connection.config.is_datagram else None
         self._unsent = memoryview(b"")
-        self._refusal = FULL  # what the stack said when it took nothing
+        self._refusal = FULL  # the answer of the stack that took no byte
 
     # -- one scan, connected ------------------------------------------------------------------------
 
     def call(self, inputs: Inputs, rose: bool) -> Outcome | ConnectionLoss:
-        """Go on, begin at the edge of REQ, or wait for one."""
-        if self.running:
+        """Continue the job, begin one at the edge of REQ, or wait for an edge."""
+        if self.running:  # rule 1: an edge is not seen
             return self.advance()
         if rose:
             return self.begin(inputs)
@@ -56,7 +56,7 @@ class SendJob(OutgoingJob):
 
     def begin(self, inputs: Inputs) -> Outcome | ConnectionLoss:
         """Start a job in the scan of the edge and send at once."""
-        loss = self.connection.check_before_sending()
+        loss = self.connection.check_before_sending()  # rule 2
         if loss is not None:
             return loss
         if (wrong := self._find_target_error()) is not None:
@@ -64,7 +64,7 @@ class SendJob(OutgoingJob):
         request = self._make_request(inputs.len)
         refused = acquire(self._env, self.data, request, self._direction, self.claim, self._connect)
         if refused is not None:
-            self.release_direction()  # the lock lasts from the edge to DONE or ERROR, and this is one
+            self.release_direction()  # the lock lasts from the edge to DONE or ERROR: this is an ERROR
             return refused
         assert self.data is not None
         self._asked = inputs.len, self.data.shape
@@ -73,10 +73,10 @@ class SendJob(OutgoingJob):
         if ended is not None:
             return ended
         if not self.have:
-            # Nothing of this job is on its way, so it can end; later it would cut the stream.
+            # 80A8 only before the first byte (7.15.2): to end the job later would cut the stream.
             self._end(done=False, reason="the send buffer is full")
             return self._send_full_outcome()
-        return _sending_outcome(self.have, self.need)
+        return _sending_outcome(self.have, self.need)  # rule 3
 
     def _make_request(self, length: int) -> JobRequest:
         least = self.data.text_lens.sent if self.data is not None else 0
@@ -91,10 +91,10 @@ class SendJob(OutgoingJob):
         )
 
     def advance(self) -> Outcome | ConnectionLoss:
-        """Send what is left; end the job when the stack has it all."""
-        if self._must_stay and (moved := self._end_if_changed()) is not None:
-            return moved
-        ended: Outcome | ConnectionLoss | None = self.connection.check_before_sending()
+        """Send the rest; end the job once the stack has all of it."""
+        if self._must_stay and (changed := self._end_if_changed()) is not None:
+            return changed
+        ended: Outcome | ConnectionLoss | None = self.connection.check_before_sending()  # rule 2
         if ended is None and self._unsent:
             ended = self._send_rest()
         if ended is not None:

@@ -25,55 +25,55 @@ from trcvtui.net.connection.connection import ConnectionLoss, State
 
 
 class Tcon(ScriptBlock):
-    """One TCON instance. Once triggered it connects again after each loss, until somebody disconnects."""
+    """One TCON instance. Once triggered it reconnects after each loss until a disconnect (7.15.5)."""
 
     def __init__(self, bound: ConnectBinding) -> None:
         super().__init__()
         self._bound = bound
         self._connection = bound.connection
-        self._part = ConnectionControl(bound.env, bound.connection, bound.make_claim())
+        self._control = ConnectionControl(bound.env, bound.connection, bound.make_claim())
         self._triggered = False
-        self._is_told = False  # DONE has told of this trigger
+        self._has_done = False  # DONE has shown for this trigger
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 0001, 7001, 7002, then 7004, with DONE for the first."""
         rose = inputs.req and not self._req
         self._req = inputs.req
         if self._was_disconnected():
-            self._part.detach()
-            self._part = ConnectionControl(self._bound.env, self._connection, self._bound.make_claim())
+            self._control.detach()
+            self._control = ConnectionControl(self._bound.env, self._connection, self._bound.make_claim())
             self._triggered = False
         if rose and not self._triggered:
-            self._triggered, self._is_told = True, False
+            self._triggered, self._has_done = True, False
         if not self._triggered:
             return _REQ_NOT_RISEN
-        outcome = self._part.call(cont=True, com_rst=False)
+        outcome = self._control.call(cont=True, com_rst=False)
         if outcome is None:
             return self._answer_connected()
-        if outcome.condition is Condition.CONNECTED and not self._is_told:
-            self._is_told = True
+        if outcome.condition is Condition.CONNECTED and not self._has_done:
+            self._has_done = True
             return replace(outcome, lamp=Lamp.DONE)
         return outcome
 
     def _was_disconnected(self) -> bool:
-        begun = self._part.phase in (Phase.CONNECTING, Phase.CONNECTED)
+        begun = self._control.phase in (Phase.CONNECTING, Phase.CONNECTED)
         return self._triggered and begun and self._connection.state is State.CLOSED
 
     def _answer_connected(self) -> Outcome:
-        loss = self._connection.find_loss(self._part.incarnation) or self._connection.check_loss()
+        loss = self._connection.find_loss(self._control.incarnation) or self._connection.check_loss()
         if loss is None:
             return _CONNECTION_UP
         outcomes = show_loss(loss, self._bound.env.rules, self.job, failed=None)
-        return self._part.start_reconnecting(outcomes, "the connection is gone")
+        return self._control.start_reconnecting(outcomes, "the connection is gone")
 
     def detach(self, reason: str) -> None:
-        self._part.detach()
+        self._control.detach()
 
 
 _REQ_NOT_RISEN = Outcome(
     Condition.NO_JOB, Cause(CauseKind.WAITING, "REQ has not risen", pin="REQ"), stable=True
 )
-_CONNECTION_UP = Outcome(Condition.CONNECTED, Cause(CauseKind.PARTNER, "the connection stands"), stable=True)
+_CONNECTION_UP = Outcome(Condition.CONNECTED, Cause(CauseKind.PARTNER, "the connection is up"), stable=True)
 
 
 class Tdiscon(ScriptBlock):
@@ -82,7 +82,7 @@ class Tdiscon(ScriptBlock):
         self._connection = bound.connection
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call: 7003, 7007 with DONE. Also what only waits for its partner is freed."""
+        """Answer one call: 7003, 7007 with DONE; one that waits for its partner is closed too."""
         rose = inputs.req and not self._req
         self._req = inputs.req
         if self._script:
@@ -99,7 +99,7 @@ class Tdiscon(ScriptBlock):
 def add_lamps(outcomes: list[Outcome], script: deque[Outcome]) -> Outcome:
     """Return the first outcome and put the others into the script: BUSY with all, DONE with the last."""
     if len(outcomes) == 1:
-        return outcomes[0]  # a failure
+        return outcomes[0]  # a failed call shows nothing else
     lamps = [Lamp.BUSY] * (len(outcomes) - 1) + [Lamp.DONE]
     script.extend(replace(outcome, lamp=lamp) for outcome, lamp in zip(outcomes, lamps, strict=True))
     return script.popleft()
@@ -110,16 +110,16 @@ IDLE = Outcome(Condition.NOT_CALLED, Cause(CauseKind.WAITING, "REQ has not risen
 
 
 class TReset(ScriptBlock):
-    """One T_RESET instance. What it has reset it builds anew, together with other blocks that want it."""
+    """One T_RESET instance. It rebuilds the connection that it has reset (7.15.7), as other blocks may."""
 
     def __init__(self, bound: ConnectBinding) -> None:
         super().__init__()
         self._env = bound.env
         self._connection = bound.connection
-        self._rebuilds = False  # from a reset of its own until a connection stands
+        self._rebuilds = False  # from its own reset until a connection is up
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call: 8000, 7003, 7007 with DONE, 7002, then how the connection stands: 7002, 7004."""
+        """Answer one call: 8000, 7003, 7007 with DONE, 7002, then the connection's state: 7002, 7004."""
         rose = inputs.req and not self._req
         self._req = inputs.req
         if self._script:
@@ -149,7 +149,7 @@ class TReset(ScriptBlock):
 
 
 _REBUILDING = Outcome(Condition.ESTABLISHING, Cause(CauseKind.WAITING, "the connection is being built anew"))
-_NO_LINK = Outcome(Condition.ESTABLISHING, Cause(CauseKind.WAITING, "no connection stands"), stable=True)
+_NO_LINK = Outcome(Condition.ESTABLISHING, Cause(CauseKind.WAITING, "there is no connection"), stable=True)
 
 
 class Tsend(JobBlock):
@@ -167,7 +167,7 @@ class Tsend(JobBlock):
         if loss is not None:
             return self._handle_loss(loss, req_rose)
         shown = self._link.next_outcome()
-        if shown is not None and not req_rose:
+        if shown is not None and not req_rose:  # an edge has to show its own code
             return shown
         self._link.adopt_new(self.job.claim)
         if self._link.has_incarnation():
@@ -199,11 +199,11 @@ class Trcv(JobBlock):
         loss = self._link.find_loss(self.job.claim)
         if loss is not None:
             return self._handle_loss(loss)
-        show_loss = self._link.next_outcome()
-        if show_loss is not None:
-            return show_loss
+        shown = self._link.next_outcome()
+        if shown is not None:
+            return shown
         if self._link.adopt_new(self.job.claim):
-            return CONNECTED
+            return CONNECTED  # one 7004 before the first job
         if self._link.has_incarnation():
             return self._receive(inputs)
         if not inputs.en_r:
@@ -211,11 +211,11 @@ class Trcv(JobBlock):
         return self._not_connected_outcome()
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
-        """Return whether this instance receives on the connection when its turn comes; asked by name."""
+        """Return whether its next call would receive on the connection; found by getattr (plc)."""
         return self.job.would_read(inputs, waits)
 
     def _not_connected_outcome(self) -> Outcome:
-        """Return 80A1: the same object as long as the same partner is missing."""
+        """Return 80A1; the same object while the same partner is missing."""
         now = not_connected("EN_R", "EN_R is 1 without a connection", self._connection)
         if self._complaint is None or self._complaint.cause != now.cause:
             self._complaint = replace(now, stable=True)

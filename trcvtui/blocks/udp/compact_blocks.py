@@ -18,17 +18,17 @@ from trcvtui.net.connection.udp import UdpEndpoint
 
 
 class UdpControl:
-    """Show a socket's life on STATUS; `call` answers None when the job may decide."""
+    """Shows the phases of a socket on STATUS; `call` returns None when the job decides."""
 
     def __init__(self, env: Environment, port: UdpEndpoint) -> None:
         self.cont = False
-        self.waits = 0  # how many scans of "creating" have been shown since creating began
+        self.waits = 0  # scans of "creating" since creating began
         self._env = env
         self._port = port
         self._incarnation = 0  # of the socket that this block works on, 0: of none
         self._held_back: Outcome | None = None
         self._script: deque[Outcome] = deque()
-        self._is_late = False  # CONT rose while a close was still shown
+        self._is_late = False  # CONT rose while a close still showed
 
     def call(self, cont: bool) -> Outcome | None:
         """Answer for this scan, or None while the socket is there."""
@@ -46,7 +46,7 @@ class UdpControl:
 
     def _start(self) -> Outcome:
         self._is_late = False
-        if self._port.is_open:
+        if self._port.is_open:  # joins: 7001 without 0001
             return self._become_ready("another block has created the socket")
         self.waits = 1
         return Outcome(Condition.CREATING, Cause(CauseKind.INPUT, "CONT rose", pin="CONT", value=1))
@@ -56,7 +56,7 @@ class UdpControl:
             held, self._held_back = self._held_back, None
             return held
         if self._incarnation:
-            self._incarnation, self._held_back, self.waits = 0, None, 1
+            self._incarnation, self._held_back, self.waits = 0, None, 1  # no ERROR: it is made anew
             return _CLOSED_BY_ANOTHER
         failed = self._port.step(self._env.scan, self._env.now)
         if failed is not None:
@@ -87,7 +87,7 @@ class UdpControl:
             failed = Condition.POLL_DEL_FAILED if fault.call == "poll_del" else Condition.DISCONNECT_FAILED
             return Outcome(failed, cause_of_fault(fault))
         cause = Cause(CauseKind.INPUT, "CONT fell", pin="CONT", value=0)
-        if was_there:
+        if was_there:  # without a socket 7003 alone
             self._script.append(Outcome(Condition.CLOSED, cause))
         return Outcome(Condition.CLOSING, cause)
 
@@ -102,15 +102,15 @@ _CLOSED_BY_ANOTHER = Outcome(
 class UsendC(JobBlock):
     def __init__(self, bound: UdpBinding) -> None:
         self.job = DatagramSendJob(bound)
-        self._part = UdpControl(bound.env, bound.port)
+        self._control = UdpControl(bound.env, bound.port)
         self._req = False
-        self._asked = False  # an edge that came before the socket, not yet told
+        self._edge = False  # an edge before the socket has not shown 80A1 yet
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 0001, 7001, then 7005 and 7009 for each edge."""
         req_rose = inputs.req and not self._req
         self._req = inputs.req
-        outcome = self._part.call(inputs.cont)
+        outcome = self._control.call(inputs.cont)
         if outcome is not None:
             return self._answer_not_ready(inputs, outcome, req_rose)
         if self.job.running:
@@ -118,14 +118,14 @@ class UsendC(JobBlock):
         return self.job.begin(inputs.len) if req_rose else _NEXT_REQ if self.job.number else NO_REQ
 
     def _answer_not_ready(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
-        """Tell an edge that came too early in the second 0001, or instead of the first 7001."""
+        """Show 80A1 for an edge that came too early: in the second 0001, or instead of the first 7001."""
         self.job.abandon(outcome.cause.name)
-        self._asked = (self._asked or req_rose) and inputs.cont
-        in_time = outcome.condition is Condition.CREATING and self._part.waits > 1
-        if not self._asked or not (in_time or outcome.condition is Condition.CREATED):
+        self._edge = (self._edge or req_rose) and inputs.cont
+        in_time = outcome.condition is Condition.CREATING and self._control.waits > 1
+        if not self._edge or not (in_time or outcome.condition is Condition.CREATED):
             return outcome
-        self._asked = False
-        self._part.hold_back(outcome)
+        self._edge = False
+        self._control.hold_back(outcome)
         return Outcome(
             Condition.NOT_CONNECTED,
             Cause(CauseKind.INPUT, "REQ rose before the socket was there", pin="REQ", value=1),
@@ -139,13 +139,13 @@ _NEXT_REQ = replace(NO_REQ, cause=NEXT_REQ)
 class UrecvC(JobBlock):
     def __init__(self, bound: UdpBinding) -> None:
         self.job = DatagramReceiveJob(bound)
-        self._part = UdpControl(bound.env, bound.port)
+        self._control = UdpControl(bound.env, bound.port)
         self._request = StandingRequest(bound.env.rules.not_connected)
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 0001, 7001, then 7006 and 7008 for each datagram as long as EN_R is 1."""
-        self._request.update(inputs, cont_rose=inputs.cont and not self._part.cont)
-        outcome = self._part.call(inputs.cont)
+        self._request.update(inputs, cont_rose=inputs.cont and not self._control.cont)
+        outcome = self._control.call(inputs.cont)
         if outcome is not None:
             return self._answer_not_ready(outcome)
         self._request.forget_edge()
@@ -161,7 +161,7 @@ class UrecvC(JobBlock):
         self.job.abandon(outcome.cause.name)
         if outcome.condition is Condition.CREATED:
             self._request.forget_edge()
-        elif outcome.condition is Condition.CREATING and self._part.waits > 1 and self._request.consume():
+        elif outcome.condition is Condition.CREATING and self._control.waits > 1 and self._request.consume():
             return _TOO_EARLY
         return outcome
 

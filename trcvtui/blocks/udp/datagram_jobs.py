@@ -32,7 +32,7 @@ class DatagramSendJob(OutgoingJob):
         super().__init__(bound, bound.port, bound.port.sending)
         self._address = bound.address
         self._port = bound.port
-        self._peer = ""  # whom the datagram went to
+        self._peer = ""  # where the datagram went
 
     def begin(self, length: int) -> Outcome:
         """Send in the scan of the edge; the stack takes the datagram whole or not at all."""
@@ -52,14 +52,14 @@ class DatagramSendJob(OutgoingJob):
             return _sending_outcome(got, self._peer)
         self._end(done=False, reason="the datagram was not taken")
         peer = self._port.describe_target(self._address)
-        if isinstance(got, Fault) and got.error != "EAGAIN":
+        if isinstance(got, Fault) and got.error != "EAGAIN":  # a planned EAGAIN means full, too
             return Outcome(Condition.SEND_FAILED, cause_of_fault(got, peer))
         fault = got if isinstance(got, Fault) else FULL
         cause = send_full_cause(fault, "the stack has no room for the datagram", self.need, peer)
         return Outcome(Condition.SEND_BUFFER_FULL, cause)
 
     def advance(self) -> Outcome:
-        """Show in the next scan that the datagram went."""
+        """End the job: DONE shows one scan after the send."""
         if self._env.rules.area.must_stay and (ended := self._end_if_changed()) is not None:
             return ended
         self._end(done=True, reason="complete")
@@ -88,7 +88,7 @@ class DatagramReceiveJob(IncomingJob):
         self._source: Endpoint | None = None  # of the datagram that is here and shows in the next scan
 
     def call(self, length: int) -> Outcome:
-        """Start, go on or end: one datagram a scan at most, and one scan of "receiving" before each DONE."""
+        """Start, continue or end a job: at most one datagram a scan, "receiving" before each DONE."""
         if not self.running:
             return self._begin(length)
         if self._env.rules.area.must_stay and (ended := self._end_if_changed(length)) is not None:
@@ -118,7 +118,7 @@ class DatagramReceiveJob(IncomingJob):
         if not isinstance(got, Datagram):
             return None
         self.last_bytes_at = self._env.now
-        if got.is_cut and not self._env.rules.large_datagram_cut:
+        if got.is_cut and not self._env.rules.large_datagram_cut:  # switch large_datagram
             return self._refuse_too_large(got)
         self.have, self._source = got.size, got.source
         self._drop(got.size, got.whole - got.size, "larger than LEN or DATA")

@@ -1,4 +1,4 @@
-"""Which vendor's rules: STATUS words, switches, limits, layout. Tables, hardly any code.
+"""The rules of each vendor: STATUS words, switches, limits, layout. Tables, hardly any code.
 
 A new vendor is one folder whose `rules.py` fills in a Dialect, and one line in DIALECTS.
 """

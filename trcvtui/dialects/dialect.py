@@ -1,4 +1,4 @@
-"""What a dialect is: a name, an answered questionnaire, a STATUS table, a layout; and its switches read."""
+"""A dialect: its name, answered questionnaire, STATUS table and layout; its switches are read here."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Switch(Struct, frozen=True):
     most: int = 1_000_000
 
 
-# Every vendor's listeners have a queue. Linux cuts one that is longer than net.core.somaxconn without a word.
+# Every vendor's listeners have a queue. Linux silently cuts one that is longer than net.core.somaxconn.
 BACKLOG_SWITCH: Final = Switch(
     "backlog",
     "count",
@@ -65,9 +65,9 @@ class Dialect(Struct, frozen=True):
 
     `describes_connects`: a CONNECT is a connection description (TCON_IP_v4, ...), no TCP_CONNECTCONFIG.
     `structures`: the connection descriptions that it takes, () all of them.
-    `folder`: where its scenarios lie, when that has another name.
-    `follows`: the document that its course stands in, where dialects with one table differ in that.
-    `words`: what it calls a condition whose neutral word is another vendor's.
+    `folder`: of its scenarios, if that has another name.
+    `follows`: the document that describes its sequence, where dialects with one table differ in that.
+    `words`: its own words for conditions whose neutral word is another vendor's.
     """
 
     name: str

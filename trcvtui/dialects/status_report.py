@@ -24,7 +24,7 @@ REACH_TEXT: Final = {
     Reproducibility.NEVER: "by nothing on this bench",
 }
 MOST_SCENARIOS: Final = 3
-NOTE_PREFIX: Final = "note-"  # so begins the name of a scenario for a note of the manual
+NOTE_PREFIX: Final = "note-"  # begins the name of a scenario that plays a note of the manual
 
 ScenariosByCode = Mapping[tuple[int, str], Sequence[str]]  # a code and a block: the files that show it
 NO_SCENARIOS: Final[ScenariosByCode] = {}
@@ -47,7 +47,7 @@ class Explanation(Struct, frozen=True):
         return (*named, *notes[: MOST_SCENARIOS if self.row.error else 0]) or self.scenarios[:MOST_SCENARIOS]
 
     def may_select(self, file: str) -> bool:
-        """Return whether a scenario of this name is told before any other, if it shows this code."""
+        """Return whether a scenario of this name goes before all others, if it shows this code."""
         return self._is_named_in(file) or (self.row.error and _is_note_scenario(file))
 
     def _is_named_in(self, file: str) -> bool:
@@ -88,7 +88,7 @@ def find_explanations(
 ) -> list[Explanation]:
     """Return the rows of a code (None: all) that a block (None: any) lists; at least one, or UserError.
 
-    `number` is the code as a decimal, if it may be one: so the blocks read it whose Error is a UINT.
+    `number`: the code as a decimal, if it may be one, for blocks whose Error is a UINT.
     """
     wanted = None if block is None else _find_block(dialects, block)
     decimal = code if number is None else number
@@ -141,9 +141,9 @@ def add_scenarios(
 def add_card_scenarios(
     found: Iterable[Explanation], scenarios_of: Callable[[str, Callable[[str], bool]], ScenariosByCode]
 ) -> list[Explanation]:
-    """Return the rows with as many scenarios as a card names; `scenarios_of` reads the files that it is told.
+    """Return the rows with as many scenarios as a card names; `scenarios_of` reads the given files.
 
-    Where some of those named for the code show it, no other is read: all of them take 100 ms.
+    If some of those named for the code show it, no other is read: reading all takes 100 ms.
     """
     return [_with_card_scenarios(one, scenarios_of) for one in found]
 

@@ -1,7 +1,7 @@
-"""What the screen may say and see: one line in, one answer out; one request in, one picture out.
+"""The bench as a screen drives it: one line in, one answer out; one request in, one picture out.
 
-Rule: a scenario gets a fresh bench in place of the present one; when it is left, the project that was opened
-gets a fresh one too. There is always exactly one bench.
+Rule: a scenario gets a fresh bench in place of the present one; after it the opened project gets a fresh one
+too. There is always exactly one bench.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ from trcvtui.bench.doctor_requests import BenchDoctor, Judge
 from trcvtui.bench.split_test import ScreenSplitTest
 from trcvtui.blocks.conditions import Condition
 from trcvtui.commands import words
-from trcvtui.commands.edit import describe_edit as told_of
-from trcvtui.commands.edit import free_port, listening_ends, port_text
+from trcvtui.commands.edit import describe_edit, free_port, listening_ends, port_text
 from trcvtui.commands.table import format_command, parse_line
 from trcvtui.commands.words import EditCommand
 from trcvtui.diagnosis.judges import RunJudge
@@ -56,16 +55,16 @@ if TYPE_CHECKING:
     from trcvtui.recording.black_box import BlackBox
     from trcvtui.recording.seam import Seam
 
-# Rule: what runs keeps the types that its DATA has; a changed one comes into DATA by `resize`, as a download.
+# Rule: DATA keeps its types while it runs; `resize` takes a changed type into DATA, as a download does.
 
 RELOAD, CONSTANT, IN_USE = "reload", "constant", "this type, which DATA has"
 UDT_USAGE: Final = "udt reload, or udt constant NAME=VALUE; the rest of `udt` is for the screen's lab (L)"
 
 
 def reload_types(rest: str, project: Project, where: str) -> tuple[Project, dict[str, int], str]:
-    """Return the project with its types as they stand in their files now, the constants, what to tell.
+    """Return the project with its types as its files have them now, the constants, and the message.
 
-    `rest` is what stands after `udt`. A type that somebody uses and that is bad now is refused.
+    `rest`: the words after `udt`. A type that DATA has and that is broken now is refused.
     """
     word, _, pairs = rest.strip().partition(" ")
     if word not in (RELOAD, CONSTANT) or (word == RELOAD) == bool(pairs.strip()):
@@ -82,8 +81,8 @@ def reload_types(rest: str, project: Project, where: str) -> tuple[Project, dict
     if bad:
         raise UserError(types.broken.get(bad[0]) or mistake(where, f"no {names[bad[0]][0]}", IN_USE).problems)
     read = types.types.keys() & types.senders.keys()
-    told = f"{count(len(read), 'type')} read; `resize` takes a changed one into DATA"
-    return replace(fresh, types=types), given, told
+    message = f"{count(len(read), 'type')} read; `resize` takes a changed one into DATA"
+    return replace(fresh, types=types), given, message
 
 
 RESET_PIN: Final = "COM_RST"
@@ -99,28 +98,28 @@ def make_remark(command: words.BenchCommand, runtime: Runtime, adhoc_at_once: bo
         case words.Set(name, pins):
             instance = runtime.instance_snapshot(name)
             latched = LATCHED_PINS[: 1 if adhoc_at_once else None]
-            said = [_latched_remark(instance, *pin) for pin in pins if pin[0] in latched]
+            remarks = [_latched_remark(instance, *pin) for pin in pins if pin[0] in latched]
             if any(pin == RESET_PIN and value for pin, value in pins):
-                said.append(_reset_remark(instance, runtime))
-            return "; ".join(filter(None, said))
+                remarks.append(_reset_remark(instance, runtime))
+            return "; ".join(filter(None, remarks))
     return ""
 
 
 def _reset_remark(instance: InstanceSnapshot | None, runtime: Runtime) -> str:
     if instance is None:
         return ""
-    stands = runtime.link_snapshot(instance.connect).state == CONNECTED
-    if not instance.pin("CONT") and (not stands or instance.condition == Condition.NO_JOB):
+    is_up = runtime.link_snapshot(instance.connect).state == CONNECTED
+    if not instance.pin("CONT") and (not is_up or instance.condition == Condition.NO_JOB):
         return f"{NO_EFFECT}: CONT is 0, and the edge is not remembered"
     return (
-        "" if stands else f"{NO_EFFECT}: {instance.connect} is not connected, and the edge is not remembered"
+        "" if is_up else f"{NO_EFFECT}: {instance.connect} is not connected, and the edge is not remembered"
     )
 
 
 def _latched_remark(instance: InstanceSnapshot | None, pin: str, value: object) -> str:
     if instance is None or not instance.need or instance.pin(pin) == value:
         return ""
-    return f"from the next job: the one that runs goes on with {count(instance.need, 'byte')}"
+    return f"from the next job on: the running job keeps {count(instance.need, 'byte')}"
 
 
 MOST_ANSWERS: Final = 64
@@ -163,14 +162,14 @@ class Controller:
         self.player: Player | None = None
         self.holding = False
         self.wanted = 0
-        self.recorded = self._wrong_recording = ""  # what the screen shall know of a recording
-        self.kernel = ""  # where what is shown comes from, where no kernel of a bench has it
-        self.over = ""  # why nothing more comes
-        self.shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
+        self.recorded = self._wrong_recording = ""  # the state of a recording, and its last error
+        self.kernel = ""  # the source of what is shown, if that is no bench's kernel
+        self.over = ""  # why no more scans come
+        self.shadows: frozenset[str] = frozenset()  # instances that follow conversations of other programs
         self.talks: Callable[[], tuple[ConversationSnapshot, ...]] = tuple  # these conversations
         self.black_box: BlackBox | None = None
-        self.files_judge: Judge | None = None  # of what files, packets, or the black box tell
-        self._asked = 0, ""  # number and text of the line that is carried out
+        self.files_judge: Judge | None = None  # of files, packets or the black box
+        self._line = 0, ""  # number and text of the line that is carried out
         self.watch: Callable[[str], str] | None = None  # gives an unassigned conversation shadows
         self._trials = ScreenSplitTest()
         self._begin_bench(bench)
@@ -178,7 +177,7 @@ class Controller:
         self._told = self._edit = ""
         self._edits = ProjectEdits(bench.project)
         self._home_kernel = bench.kernel_name
-        self._begun_with = 0  # so many additions stood on the bench before its first scan
+        self._begun_with = 0  # the edits that the bench had before its first scan
         self._answers: deque[LineAnswer] = deque(maxlen=MOST_ANSWERS)
         self._bench_number = 0
         self._project = bench.project
@@ -198,8 +197,8 @@ class Controller:
     # -- lines -----------------------------------------------------------------------------------------
 
     def handle_line(self, number: int, line: str) -> None:
-        self._told, self._edit, self._asked = "", "", (number, line)
-        self.catch_up()  # who reads the ledger knows the bench as it was up to here
+        self._told, self._edit, self._line = "", "", (number, line)
+        self.catch_up()  # before the line changes the bench
         wrong = self._carry_out(line.strip())
         self._answers.append(LineAnswer(number, line, wrong, self._told, self._edit))
 
@@ -239,7 +238,7 @@ class Controller:
             line = format_command(command)
         try:
             wrong = self._run_command(command)
-        except UserError as error:  # nobody keeps the run
+        except UserError as error:  # such as: no black box keeps the run
             return error.lines()[0]
         if not wrong and isinstance(command, EDIT_COMMANDS) and self.player is None:
             self._edit = line
@@ -260,10 +259,10 @@ class Controller:
             case words.TryStop():
                 return self._trials.stop()
             case words.Add() | words.AddData() | words.Change() | words.Remove() | words.Undo():
-                return self._mend(command)
+                return self._edit_bench(command)
             case words.Doctor():
                 judge = self.files_judge or RunJudge(self._require_box())
-                self._told = self._doctor.ask(judge, self.bench, *self._asked, command)
+                self._told = self._doctor.ask(judge, self.bench, *self._line, command)
                 return ""
             case words.Wait() | words.Expect() | words.ExpectTrace():
                 return "waits and traces belong into a scenario file"
@@ -286,19 +285,19 @@ class Controller:
         assert isinstance(other, words.Add)
         return other
 
-    def _mend(self, command: EditCommand) -> str:
-        told = told_of(command, self.bench.project)
-        mine = None
+    def _edit_bench(self, command: EditCommand) -> str:
+        message = describe_edit(command, self.bench.project)
+        own_edit = None
         if self.player is None:
             try:
-                mine = self._edits.check(command)
+                own_edit = self._edits.check(command)  # a scenario never edits the opened project
             except UserError as error:
                 return error.lines()[0]
         wrong = self.bench.do(command)
         if not wrong:
-            self._told = told
-            if mine is not None:
-                self._edits.note(mine)
+            self._told = message
+            if own_edit is not None:
+                self._edits.note(own_edit)
         return wrong
 
     def _handle_udt(self, rest: str) -> str:
@@ -311,7 +310,7 @@ class Controller:
         return ""
 
     def _handle_framing(self, rest: str) -> str:
-        from trcvtui.diagnosis.readings import framing_command as framing  # read when first asked for
+        from trcvtui.diagnosis.readings import framing_command as framing  # imported at its first use
 
         name, buffer, number = framing.parse_framing(rest, self.bench.project, "prompt")
         recording = self.bench.runtime.recording(buffer)
@@ -343,7 +342,7 @@ class Controller:
         return ""
 
     def report_recording(self, text: str, wrong: str) -> None:
-        """Let the header say how the recording goes; what is wrong stands whole in the history, once."""
+        """Show the state of the recording in the header; note each error in the history, once."""
         self.recorded = text
         if wrong != self._wrong_recording:
             self._wrong_recording = wrong
@@ -359,7 +358,7 @@ class Controller:
         return self.black_box
 
     def _save(self, rest: str) -> str:
-        """Write the project, or what was done here as a scenario; of others' files none is written over."""
+        """Write the project, the recording so far, or the session as a scenario."""
         what, _, name = rest.partition(" ")
         if what == RECORDING and name.strip():
             self._told = self._require_box().save(_recording_path(name.strip()))
@@ -440,19 +439,19 @@ class Controller:
 
     @property
     def hurries(self) -> bool:
-        """Return whether scans shall pass as fast as they can: a simulated scenario on its way to the end."""
+        """Return whether scans pass as fast as possible: a simulated scenario plays to its end."""
         player = self.player
         simulated = self.bench.kernel_name == "sim"
         return player is not None and simulated and player.is_to_end and player.wants_scan
 
     def scan(self, now: int | None = None) -> bool:
-        """Let the next scan pass, if it may, and let everybody read what it has written."""
+        """Let the next scan pass, if it may; the readers of the ledger then catch up."""
         passed = self.step(now)
         self.catch_up()
         return passed
 
     def step(self, now: int | None = None) -> bool:
-        """Let the next scan pass, if it may; return whether it has. Who reads the ledger does so later."""
+        """Let the next scan pass, if it may; return whether it has. Readers of the ledger catch up later."""
         if not self._may_scan():
             return False
         self.bench.step(now)
@@ -474,20 +473,20 @@ class Controller:
         return True
 
     def step_peers_alone(self) -> None:
-        """Let the peers go on while no scan passes; on the simulated network time stands then."""
+        """Let the peers work while no scan passes; the simulated network has no time then."""
         if self.bench.kernel_name == "live":
             self.bench.step_peers_alone()
 
     # -- pictures --------------------------------------------------------------------------------------
 
     def take_answers(self) -> tuple[LineAnswer, ...]:
-        """Return what was answered since the last time."""
+        """Return the answers since the last call."""
         answers = tuple(self._answers)
         self._answers.clear()
         return answers
 
     def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
-        """Return the bench after its last scan; at most `most_lines` of the ledger's news, the newest."""
+        """Return the bench after its last scan; at most `most_lines` of the new ledger lines, the newest."""
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         known = request.bench == self._bench_number
         since = request.since_seq if known else 0
@@ -502,7 +501,7 @@ class Controller:
         kept = self.trigger_watch.take_frozen() if known else None
         lines, last = ledger.lines_since(since, min(most_lines, request.most_lines)), ledger.last_seq
         wanted = request.history
-        if kept:
+        if kept:  # a trigger has fired: the picture is of its scan
             last = kept.snapshot.ledger_seq
             numbered = enumerate(kept.stamped, last - len(kept.stamped) + 1)
             lines = tuple([Line(seq, *item) for seq, item in numbered if seq > since])
@@ -548,7 +547,7 @@ class Controller:
         return self._messages.make_delta(instance, since, min(until, scan))
 
     def report_problem(self, text: str) -> None:
-        """Say what is wrong, asked by no line."""
+        """Show a problem that no line caused."""
         self._answers.append(LineAnswer(0, "", text))
 
     def _wave_news(self, asked: tuple[tuple[str, int], ...], known: bool) -> tuple[WaveformDelta, ...]:

@@ -1,6 +1,6 @@
 """How a screen drives the bench: lines out, pictures in, the engine in a process of its own.
 
-Rule: importing this costs next to nothing, because nothing else happens before the engine is started.
+Rule: importing this costs next to nothing: the engine starts before anything else is imported.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ HELLO_TIMEOUT_S: Final = 30.0  # for an engine to let a tab in
 
 
 class ProcessDriver:
-    """What is shown, in a process of its own that runs `main`: start it before the screen library comes."""
+    """A process that runs `main` and sends pictures: start it before importing the screen library."""
 
     _record: RecordTarget | None = None
     is_shared = False
@@ -47,7 +47,7 @@ class ProcessDriver:
         self._open_channel(ours)
 
     def _open_channel(self, channel: Channel) -> None:
-        from trcvtui.picture.update_pipe import UpdateReader  # not before the engine is on its way
+        from trcvtui.picture.update_pipe import UpdateReader  # after the engine has started
 
         self._channel = channel
         self._arriving = UpdateReader(self._channel)
@@ -61,8 +61,8 @@ class ProcessDriver:
         return ""
 
     def restart(self) -> None:
-        ProcessDriver.close(self)  # a door stays
-        self._record = None  # the file has the run that has ended
+        ProcessDriver.close(self)  # not our own: a door stays open
+        self._record = None  # the recording is of the run that has ended
         self._start()
 
     @property
@@ -77,7 +77,7 @@ class ProcessDriver:
         return self._project
 
     def has_begun(self) -> bool:
-        """Return whether the engine has told its project; raise UserError for the mistakes in its file."""
+        """Return whether the engine has sent its project; raise UserError for the mistakes in its file."""
         if self._project is None and (message := self._message()) is not None:
             if isinstance(message, UserError):
                 raise message
@@ -133,7 +133,7 @@ class ProcessDriver:
         return stopped
 
     def _check_message(self, message: Any) -> Any:
-        """Return a message; raise EngineStopped for last words."""
+        """Return a message; raise EngineStopped for the last one of an engine."""
         match message:
             case UserError():
                 raise EngineStopped(message.lines()[0])
@@ -147,7 +147,7 @@ class ProcessDriver:
         try:
             self._channel.send_bytes(encode(message))
         except OSError:
-            while not self._channel.closed and self._channel.poll(EXIT_WAIT_S):
+            while not self._channel.closed and self._channel.poll(EXIT_WAIT_S):  # the reason may still come
                 self.poll_picture()
             raise self._make_stopped() from None
 
@@ -155,7 +155,7 @@ class ProcessDriver:
         self._channel.close()
         self._process.join(EXIT_WAIT_S)
         if self._process.is_alive():
-            self._process.kill()  # a stopped one hears of no other signal
+            self._process.kill()  # a stopped process gets no other signal
             self._process.join()
 
 
@@ -163,7 +163,7 @@ class EngineDriver(ProcessDriver):
     """The bench.
 
     With `netns` it runs in a network of its own, which the caller has found to be allowed. With `read_only`
-    it opens no file but those of the project. With `is_shared` tabs come in at `door`.
+    it opens no file but those of the project. With `is_shared` tabs connect at `door`.
     """
 
     def __init__(

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def engine_main(channel: Channel, *asked: Any) -> None:
-    """Run what an EngineDriver asks for until the screen closes the channel; a crash is told before."""
+    """Run what an EngineDriver asks for until the screen closes the channel; a crash is sent first."""
     gc.disable()  # the engine collects at the beginning of each bench only
     ignore_signals(TERMINAL_SIGNALS)  # they belong to the screen
     try:
@@ -63,7 +63,7 @@ def _run(
         from trcvtui.recording.recorder import make_recorder
 
         recorder = make_recorder(record, record.target, waits=False)
-    elif not read_only:  # what it has to tell cannot be changed, so nobody asks what came before
+    elif not read_only:  # no black box: no line of a read-only bench changes it
         from trcvtui.recording.recorder import attach_black_box
 
         recorder, box = attach_black_box(None, FilesRead())
@@ -93,18 +93,18 @@ def _send_last_words(channel: Channel, last_words: str | UserError) -> None:
         return  # the screen is gone, and that was the reason
 
 
-SPARE_NS: Final = 150_000  # the screen is left alone so long before a scan: one piece of work, and the sleep
-GAP_SHARE: Final = 8  # of an interval one part is for pictures: who computes more, waits longer (EEVDF)
-STEP_NS: Final = 4_000_000  # between two looks at the channel where scans are rare; the rest before a scan
-READ_PAUSE_NS: Final = 100_000_000  # nothing is left unread for longer
-PATIENCE_NS: Final = 100_000_000  # a picture waits so long for a gap with enough room
+SPARE_NS: Final = 150_000  # before a scan no screen is served: one piece of work and the sleep take it
+GAP_SHARE: Final = 8  # pictures get 1 / 8 of an interval: a process that computes more waits longer (EEVDF)
+STEP_NS: Final = 4_000_000  # between two checks of the channel in a long gap
+READ_PAUSE_NS: Final = 100_000_000  # the ledger is read at least so often
+PATIENCE_NS: Final = 100_000_000  # so long a picture waits for a gap with enough room
 FAST_INTERVAL_NS: Final = 5_000_000  # with shorter intervals
 PICTURE_PAUSE_NS: Final = 100_000_000  # lies between two pictures
 TIMING_FILE: Final = "TRCVTUI_TIMING_FILE"  # names a file that gets every scan's lateness at the end
 
 
 class Engine:
-    """The console with its bench, and the screens."""
+    """The controller with its bench, and the screens."""
 
     def __init__(self, screens: AttachedScreens, bench: Bench, recorder: RunRecorder | None = None) -> None:
         self._screens = screens
@@ -117,7 +117,7 @@ class Engine:
             judge = FilesJudge(lambda: find_newest_file(recorder.file), looks_again=True)
             self._controller.black_box = box = recorder.box
             self._controller.files_judge = judge if box is None else RunJudge(box)
-        self._made_at = self._worked_at = 0  # when, for pictures
+        self._made_at = self._worked_at = 0  # the last picture, and the last work on one
         self._mode = be_punctual()
         self._timing_file = os.environ.get(TIMING_FILE)
         self._bench = bench
@@ -131,7 +131,7 @@ class Engine:
         self._timing = ScanTiming(self._mode)
         if self._timing_file:
             self._timing.keep_every_scan()
-        self._start = self._due = self._read_at = clock.now_ns()
+        self._start = self._due = self._read_at = clock.now_ns()  # rule 3
 
     def run(self) -> None:
         """Scan at every deadline; serve the screens in between."""
@@ -160,6 +160,7 @@ class Engine:
             ended = clock.now_ns()
         self._due += self._interval
         if ended > self._due:
+            # Rule 1: the deadlines that have passed are skipped.
             self._due += (ended - self._due + self._interval - 1) // self._interval * self._interval
 
     def _scan_fast(self, until: int) -> None:
@@ -202,7 +203,7 @@ class Engine:
         self._screens.hand_out(self._controller.take_answers())
         if self._controller.bench is not self._bench:
             if self._recorder is not None:
-                self._recorder.close()  # the run on record is over
+                self._recorder.close()  # the recorded run is over
                 self._recorder = self._controller.black_box = self._controller.files_judge = None
             self._begin_bench(self._controller.bench)
 
@@ -212,17 +213,17 @@ class Engine:
         if not any(screen.request or screen.pipe.is_busy() for screen in screens):
             self._worked_at = began
             return
-        if began >= until and began < self._worked_at + PATIENCE_NS:
+        if began >= until and began < self._worked_at + PATIENCE_NS:  # rule 2: there is no gap
             return
         part = min(until, began + min(self._interval, STEP_NS) // GAP_SHARE)
         for screen in tuple(screens):
-            screens.rotate(-1)
+            screens.rotate(-1)  # rule 2: in turns
             if screen.request and not screen.pipe.is_busy() and self._may_make(screen, until):
                 self._make_picture(screen, screen.request)
             if self._made_at < began or clock.now_ns() < part:  # else it is pickled in the next gap
                 screen.pipe.advance(part)
             if clock.now_ns() >= part:
-                break  # the next gap begins with the next one
+                break  # the next gap begins with the next screen
         self._worked_at = clock.now_ns()
         if began <= self._due < self._worked_at:
             self._timing.late_by_picture += 1

@@ -1,7 +1,7 @@
-"""A filter of messages: the condition of a trigger, asked of each row.
+"""A filter of messages: the condition of a trigger, checked for each row.
 
 `weight > 3`, `STATUS=80C5`, `RCVD_LEN!=12`: a name without an instance is a member of DATA or a pin of the
-instance. Of the pins a row knows those in `ROW_VALUES`. What a row does not know makes no condition true.
+instance. A row has the pins in `ROW_VALUES` alone. A value that a row lacks makes no condition true.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ Filter = Callable[[MessageRow], bool]
 
 FILTER_FORM: Final = "weight > 3, STATUS=80C5 or RCVD_LEN!=12"
 DATA_PREFIX: Final = "data"  # before a member that is called like a column or a pin
-MOST_NAMES: Final = 1024  # among which the nearest is looked for
-# By what an output shows; -1 is not known.
+MOST_NAMES: Final = 1024  # that are compared with an unknown one
+# By the field of Outcome; -1: the row lacks it.
 ROW_VALUES: Final[Mapping[str, Callable[[MessageRow], int]]] = {
     "status": lambda row: row.status,
     "rcvd_len": lambda row: row.size,
     "done": lambda row: not row.reason,
 }
-# What columns are called is known, too.
+# Names of columns are accepted too.
 _RCVD_LEN: Final = Pin("RCVD_LEN", Direction.OUT, "UDINT", "", shows="rcvd_len")
 _COLUMN_PINS: Final = (
     Pin("length", Direction.OUT, "UDINT", "", shows="rcvd_len"),
@@ -38,7 +38,7 @@ _COLUMN_PINS: Final = (
 
 
 def read_filter(text: str, project: Project, instance: str, where: str = "filter") -> Filter:
-    """Return what tells whether a row of an instance is let through; raise UserError."""
+    """Return the filter of an instance's rows; raise UserError."""
     decl = project.instance(instance)
     assert decl is not None
     comparison = read_comparison(text.strip(), where, FILTER_FORM)
@@ -52,7 +52,7 @@ def read_filter(text: str, project: Project, instance: str, where: str = "filter
 
 
 def read_layout_filter(text: str, layout: Layout | None, where: str = "filter") -> Filter:
-    """Return the same for messages of a type that is known without a project, or of none."""
+    """Return the filter for messages of a type without a project, or of no type."""
     return _filter(read_comparison(text.strip(), where, FILTER_FORM), "", (_RCVD_LEN,), layout)
 
 
@@ -80,14 +80,14 @@ def _filter(
 
 
 def path_prefixes(instance: str, data: DataDecl | Layout | None) -> tuple[str, ...]:
-    """Return what may stand before the path of a member: the instance, the name of its DATA."""
+    """Return what may precede the path of a member: the instance, the name of its DATA."""
     return (instance, data.name) if isinstance(data, DataDecl) else ()
 
 
 def find_member(layout: Layout | None, name: str, *before: str) -> tuple[int, Node] | None:
     """Return the number of the first leaf at a path, and its node; None: there is none.
 
-    Before the path may stand `data`, the type, or one of `before`; so a type that is one value has a name.
+    `data`, the type, or one of `before` may precede the path; so a type that is one value has a name.
     """
     if layout is None or not layout.leaf_count:
         return None

@@ -1,11 +1,11 @@
-"""What was edited in the project that was opened, which of it is in a file, and `save project [FILE] [!]`.
+"""The edits of the opened project, which of them are in a file, and `save project [FILE] [!]`.
 
 Rule: `create`, `delete` and `resize` change the program that runs; `add`, `set` of a part, `remove` and
-`undo` change the project too, and are what `save project` writes. Inputs, DATA and faults of now are the
-session's (`save scenario`).
-Rule of saving 1: what stands in the file now stays, also what was written there since it was opened.
+`undo` change the project too, and are what `save project` writes. Present inputs, DATA and faults belong
+to the session (`save scenario`).
+Rule of saving 1: what the file has now stays, also what was written there since it was opened.
 Rule of saving 2: the new text is loaded before it is written, and takes the place of the old one in one step.
-Rule of saving 3: another file gets what the bench holds, on the text as it was opened or saved; that is kept.
+Rule of saving 3: another file gets the project of the bench, on the text that was opened or saved last.
 """
 
 from __future__ import annotations
@@ -55,10 +55,10 @@ def can_create_project(path: Path) -> bool:
 
 
 def offer_project(path: Path, answers: TextIO, talk: TextIO) -> bool:
-    """Ask for which PLC the project shall be, and write it; return whether there is one now."""
+    """Ask for which PLC the project is, and write it; return whether there is one now."""
     names = [DEFAULT_DIALECT, *(name for name in DIALECTS if name != DEFAULT_DIALECT)]
-    state = "is empty" if path.exists() else "is not there"
-    talk.write(f"{path} {state}. It can be created, for\n")
+    state = "is empty" if path.exists() else "does not exist"
+    talk.write(f"{path} {state}. Create it for which PLC?\n")
     for number, name in enumerate(names, 1):
         talk.write(f"  {number}  {name:<16}{DIALECTS[name].title}\n")
     for _ in range(MOST_QUESTIONS):
@@ -88,7 +88,7 @@ FORCE: Final = "!"
 
 
 def parse_save_target(words: str, own: Path, written: Collection[str], where: str) -> Path:
-    """Return the file that `[FILE] [!]` names; raise UserError where it would write over somebody else's."""
+    """Return the file that `[FILE] [!]` names; raise UserError for one that is not our own."""
     name = words.strip()
     is_forced = name.endswith(FORCE)
     name = name.removesuffix(FORCE).strip()
@@ -152,7 +152,7 @@ def _read_project(text: str, path: Path) -> Project:
 
 
 def _load_edited(text: str, path: Path, edits: Edits) -> Project:
-    """Return the project that the text says, every edit as it was meant; raise UserError."""
+    """Return the project of the text; raise UserError unless it has every edit as meant."""
     loaded = _read_project(text, path)
     check_bench(loaded)
     for edit in edits:
@@ -180,10 +180,10 @@ class ProjectEdits:
     def __init__(self, project: Project) -> None:
         self.project = project
         self.done = self.saved = 0
-        self.before: str | None = None  # what the file said when the bench began, once it has been saved
+        self.before: str | None = None  # the file's text when the bench began; None until a save
         self._begun_from_file = True
         self._in_file = project
-        self._edits: Edits = ()  # what makes the project of the one in the file
+        self._edits: Edits = ()  # from the project in the file to the present one
         self._constants: dict[str, int] = {}  # given since the project was opened, or saved
         self._written: set[str] = set()  # real paths
         self._inode = 0
@@ -191,7 +191,7 @@ class ProjectEdits:
 
     @property
     def unsaved_count(self) -> int:
-        """Return how many entries stand otherwise in the file, or not at all."""
+        """Return how many entries the file has otherwise, or not at all."""
         return len(self._edits) + len(self._constants)
 
     @property
@@ -199,14 +199,14 @@ class ProjectEdits:
         return "addition" if all(edit.before is None for edit in self._edits) else "change"
 
     def text_now(self) -> str:
-        """Return what the file says now, `text` is what it said; "" where it cannot be read."""
+        """Return the text of the file now (`text` is the earlier one), "" where it cannot be read."""
         return _text_of(self.project.path)
 
     def begin_bench(self) -> None:
         self.before, self._begun_from_file = None, self.saved == self.done
 
     def check(self, command: EditCommand) -> EditCommand:
-        """Return the command as this project takes it; raise UserError when it cannot be as the bench can."""
+        """Return the command as read for this project; raise UserError if only the bench can take it."""
         mine = parse_line(format_command(command), self.project, PROMPT)
         assert isinstance(mine, EDIT_COMMANDS)
         check_bench(project_after(mine, self.project))
@@ -219,37 +219,39 @@ class ProjectEdits:
 
     def accept_types(self, fresh: Project, constants: Mapping[str, int]) -> None:
         known = names_of("udt", self.project)
-        by_hand = [each for each in fresh.udts if each.name not in known]  # they stand in the file
+        by_hand = [each for each in fresh.udts if each.name not in known]  # these are in the file
         self._in_file = replace(self._in_file, udts=(*self._in_file.udts, *by_hand))
         self.project = replace(self.project, types=fresh.types, constants=fresh.constants, udts=fresh.udts)
         self._constants |= constants
         self._keep(self.text)
 
     def save(self, words: str) -> str:
-        """Write `[FILE] [!]`, what is after `save project`; return what to tell; raise UserError."""
+        """Write the project to `[FILE] [!]`; return the message; raise UserError."""
         own = self.project.path
         path = parse_save_target(words, own, self._written, PROMPT)
         if not path.parent.is_dir():
             raise mistake(PROMPT, f"{path}: no folder {path.parent}", "a file that can be written")
-        is_own, lost = os.path.realpath(path) == os.path.realpath(own), self._find_obstacle()
-        if is_own and lost and not self.text:
+        is_own, fault = os.path.realpath(path) == os.path.realpath(own), self._find_obstacle()
+        if is_own and fault and not self.text:
             raise mistake(PROMPT, f"{own}, which is no file", "a project that was opened from a file")
-        if is_own and lost and not words.rstrip().endswith(FORCE):
-            raise mistake(lost.where, lost.found, f"{lost.expected}; `save project {FORCE}` writes it anew")
-        if is_own and not lost and not self.unsaved_count:
+        if is_own and fault and not words.rstrip().endswith(FORCE):
+            raise mistake(
+                fault.where, fault.found, f"{fault.expected}; `save project {FORCE}` writes it anew"
+            )
+        if is_own and not fault and not self.unsaved_count:
             return f"nothing was added to {path}" if not self.done else f"nothing is unsaved in {path}"
-        told = f"the project with {count(self.unsaved_count, self.unsaved_word)} in {path.absolute()}"
-        text = self.text if lost or not is_own else read_text(own)
-        if lost or self.text_now() != text:
-            now = f"{lost.where}: found {lost.found}" if lost else f"{own} has changed"
-            told += f", on the text that was read before ({now})"
+        message = f"the project with {count(self.unsaved_count, self.unsaved_word)} in {path.absolute()}"
+        text = self.text if fault or not is_own else read_text(own)
+        if fault or self.text_now() != text:
+            now = f"{fault.where}: found {fault.found}" if fault else f"{own} has changed"
+            message += f", on the text that was read before ({now})"
         before = self.text if self.before is None and self._begun_from_file else self.before
-        old = own.parent if own.parent.is_dir() else path.parent  # what is gone with its folder comes along
+        old = own.parent if own.parent.is_dir() else path.parent  # files of a folder that is gone come along
         self._restore_types(old)
         text = relocate_files(text, old, path.parent, str(own))
         edits = _move_part(self._edits, old, path.parent)
         text, new = apply_edits(text, own, path, edits, self._constants)
-        bom = codecs.BOM_UTF8 if _content(own).startswith(codecs.BOM_UTF8) else b""  # of an editor of Windows
+        bom = codecs.BOM_UTF8 if _content(own).startswith(codecs.BOM_UTF8) else b""  # of a Windows editor
         write_file(path, bom + text.encode(), PROMPT, is_own=True)
         self.before = before and relocate_files(before, old, path.parent, str(own))
         self._written.add(os.path.realpath(path))
@@ -258,16 +260,16 @@ class ProjectEdits:
         self.project = move_project(self.project, new.path)
         self._in_file, self._edits = self.project, ()
         self._keep(text)
-        return told
+        return message
 
     def _keep(self, text: str) -> None:
-        """Keep what the file says: it can be gone when it is needed."""
+        """Keep the text of the file: the file may be gone when it is needed."""
         self.text = text
         with suppress(OSError):
             self._inode = os.stat(self.project.path).st_ino if text else 0
 
     def _restore_types(self, folder: Path) -> None:
-        """Write the type files that are gone, as they were; `folder` takes the place of the project's."""
+        """Write the missing type files as they were, into `folder` in place of the project's."""
         for each in self.project.udts:
             place = folder / each.name
             if each.content and not place.exists():
@@ -275,7 +277,7 @@ class ProjectEdits:
                 write_file(place, each.content, PROMPT, is_new=True)
 
     def _find_obstacle(self) -> Problem | None:
-        """Return why the file cannot take the edits any more, such as that it is gone."""
+        """Return why the file can no longer take the edits, for example because it is gone."""
         own, was = self.project.path, self._in_file
         try:
             text = read_text(own)
@@ -290,15 +292,15 @@ class ProjectEdits:
             first = wrong.problems[0]
         with suppress(OSError):
             for each in [] if os.path.lexists(own) else [*os.scandir(own.parent)]:
-                if each.inode() == self._inode and _text_of(each.path) == self.text:
+                if each.inode() == self._inode and _text_of(each.path) == self.text:  # it was renamed
                     return replace(first, found=f"{each.name}, its new name")
         return first
 
 
 def move_project(project: Project, path: Path) -> Project:
-    """Return the project as it stands in another file; the names of its UDT files begin in that folder."""
+    """Return the project of another file; the names of its UDT files begin in that folder."""
     new = path.parent
-    old = project.base if project.base.is_dir() else new  # what is gone has come along
+    old = project.base if project.base.is_dir() else new  # else its files have come along
     parts = {key: _move_part(getattr(project, key), old, new) for key in ("udts", "undoable")}
     return replace(project, path=path, base=new, **parts)
 

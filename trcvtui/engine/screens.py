@@ -1,8 +1,8 @@
-"""The screens of an engine: what each of them says and asks for, and what it has to be told.
+"""The screens of an engine: their lines and requests, and the answers for them.
 
-Rule 1: none of them stops a scan: nothing here waits, and of many no more is taken at once than of one.
-Rule 2: an answer goes to the screen that gave the line, what is told of itself to all.
-Rule 3: one that ends, or says what no screen says, is closed; with the first one the engine ends.
+Rule 1: no screen stops a scan: nothing here waits, and no more messages are taken of many than of one.
+Rule 2: an answer goes to the screen that sent the line, a message without a line to all.
+Rule 3: a screen that ends, or sends what no screen sends, is closed; with the first one the engine ends.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
     from trcvtui.net.os.tab_door import TabListener
     from trcvtui.project.project import Project
 
-MOST_MESSAGES: Final = 64  # that are taken at once
+MOST_MESSAGES: Final = 64  # that are taken at once, of all screens together
 MOST_MESSAGE_BYTES: Final = 4 << 20  # bytes, of a tab
 MOST_UNREAD_ANSWERS: Final = 1024  # answers
 MOST_ECHO_CHARS: Final = 1 << 18  # characters of the line in one
-FIRST_MAKE_NS: Final = 2_000_000  # for the first picture of a tab: it brings all that is kept
+FIRST_MAKE_NS: Final = 2_000_000  # the first picture of a tab brings all that is kept
 
 
 class AttachedScreen:
-    """One screen; `number` counts them from 0. Its lines have numbers among those of all screens."""
+    """One screen; `number` counts them from 0. The numbers of its lines are unique among all screens."""
 
     def __init__(self, channel: Channel, number: int) -> None:
         self.channel, self.number = channel, number
@@ -44,18 +44,18 @@ class AttachedScreen:
             MessageReader(channel, MOST_MESSAGE_BYTES if number else MOST_PICTURE),
         )
         self.request: UpdateRequest | None = None
-        self.asked_at, self.make_ns = 0, FIRST_MAKE_NS if number else 0  # what it took last to make a picture
-        self.answers: list[LineAnswer] = []  # that are in no picture yet
-        self.kept: FrozenScan | None = None  # the scan of a trigger that it has not been shown
+        self.asked_at, self.make_ns = 0, FIRST_MAKE_NS if number else 0  # make_ns: for its last picture
+        self.answers: list[LineAnswer] = []  # in no picture yet
+        self.kept: FrozenScan | None = None  # a trigger's scan that it has not shown yet
         self.is_gone = False
 
     def read_message(self) -> tuple[int, str] | UpdateRequest | None:
         try:
             content = self._reader.read_message()
-            said = None if content is None else decode_request(content)
+            got = None if content is None else decode_request(content)
         except (EOFError, OSError, ValueError, MsgspecError, RecursionError):
-            said, self.is_gone = None, True
-        return (self.number * MOST_NUMBER + said[0], said[1]) if isinstance(said, tuple) else said
+            got, self.is_gone = None, True  # rule 3
+        return (self.number * MOST_NUMBER + got[0], got[1]) if isinstance(got, tuple) else got
 
 
 class AttachedScreens:
@@ -68,15 +68,15 @@ class AttachedScreens:
         self._hello = pickle.dumps(project, pickle.HIGHEST_PROTOCOL) if door is not None else b""
 
     def read_messages(self, until: int) -> Iterator[tuple[AttachedScreen, tuple[int, str] | UpdateRequest]]:
-        """Yield what has come until then; let tabs in and out; raise EOFError when the first one is gone."""
+        """Yield messages until `until` (ns); let tabs in and out; raise EOFError when the first is gone."""
         if self._door is not None and (descriptor := self._door.accept()) is not None:
             self._came += 1
             self.all.append(tab := AttachedScreen(Channel(descriptor), self._came))
             tab.pipe.post(self._hello)
-            tab.is_gone = len(self.all) - 1 > MOST_TABS
+            tab.is_gone = len(self.all) - 1 > MOST_TABS  # closed below
         self.all.rotate(-1)
         for screen in tuple(self.all):
-            for _ in range(MOST_MESSAGES // len(self.all)):
+            for _ in range(MOST_MESSAGES // len(self.all)):  # rule 1
                 if (message := screen.read_message()) is None:
                     break
                 if self._read_only and not isinstance(message, UpdateRequest) and not reads_only(message[1]):
@@ -97,6 +97,6 @@ class AttachedScreens:
         for answer in answers:
             number, own = divmod(answer.number, MOST_NUMBER)
             for screen in self.all:
-                if number == screen.number or not answer.number:
+                if number == screen.number or not answer.number:  # rule 2; 0: no line
                     screen.answers[:-MOST_UNREAD_ANSWERS] = []
                     screen.answers.append(replace(answer, number=own, line=answer.line[:MOST_ECHO_CHARS]))

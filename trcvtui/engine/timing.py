@@ -1,10 +1,10 @@
-"""Punctual scans: what is asked of the operating system, and how late, how long each scan was.
+"""Punctual scans: requests to the operating system, and how late and how long each scan was.
 
-To ask needs no privileges; failure is normal and is shown. Linux only.
+They need no privileges; failure is normal and is shown. Linux only.
 Measured: timer slack 1 ns and an EEVDF slice of 100 us bring the p99 start
 lateness of a 10 ms scan beside a busy screen from 3.8 ms to 0.1 ms. Where the kernel gives each session a
 share of the processor (autogroup), the slice counts inside the session only: the engine gets one of its own
-and does not pay for what the screen has used.
+and does not pay for the time of the screen.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def freeze_collector() -> None:
     """Move what exists out of the cyclic collector's sight and switch it off.
 
     A full collection took 45 to 138 ms; the engine makes no reference cycles while it scans.
-    What was moved before is looked at again: a bench that nobody uses any more shall go.
+    Earlier objects are checked again, so that a bench that is no longer in use is freed.
     """
     gc.unfreeze()
     gc.collect()
@@ -72,11 +72,11 @@ def _ask_session() -> bool:
     return True
 
 
-BAD_SHOWN_NS: Final = 10_000_000_000  # a bad scan is told for so long
+BAD_SHOWN_NS: Final = 10_000_000_000  # so long a bad scan is shown
 
 
 class ScanTiming:
-    """How many scans overran and how late the latest began, from a bad one on until 10 s were good; ns."""
+    """Overruns and the worst lateness (ns), from a bad scan on until 10 s were good."""
 
     def __init__(self, mode: str) -> None:
         self._mode = mode

@@ -1,8 +1,8 @@
-"""A trigger: what is waited for, looked at after each scan; it fires once, in the scan where it comes true.
+"""A trigger: a condition checked after each scan; it fires once, in the scan where it becomes true.
 
 `trigger TRCV_C_1 STATUS=80C5`, `trigger TRCV_C_1 EN_R rises`, `trigger rx.speed > 100 hold`. RCVD_LEN counts
-with DONE alone: in every other scan it is 0 and says nothing.
-When a trigger fires, what the screen gets next is the bench of that very scan, whatever has happened since.
+only with DONE: in every other scan it is 0 and has no meaning.
+When a trigger fires, the screen next gets the bench of that very scan, whatever has happened since.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _HOLD: Final = re.compile(r"(.*\S)\s+hold", re.DOTALL)
 
 
 class PinCondition(Struct, frozen=True):
-    """A pin of an instance compares so with a value."""
+    """A comparison of a pin with a value."""
 
     instance: str
     pin: str
@@ -59,13 +59,13 @@ class PinCondition(Struct, frozen=True):
         return OPERATORS[self.operator](pin_now(bench, self.instance, self.pin), self.value)
 
     def fires_by(self, event: InputEdge) -> bool:
-        """Return whether an event within a scan is what is waited for: a pin that rises and falls in it."""
+        """Return whether an edge within a scan fires it: a pin may rise and fall in one scan."""
         is_it = (event.instance, event.pin) == (self.instance, self.pin)
         return is_it and OPERATORS[self.operator](event.value, self.value)
 
 
 class MemberCondition(Struct, frozen=True):
-    """A value in DATA compares so with a given one; numbers by size, texts for being equal alone."""
+    """A comparison of a value in DATA with a given one; texts only as equal or not."""
 
     data: str
     offset: int
@@ -78,7 +78,7 @@ class MemberCondition(Struct, frozen=True):
         return self._holds(bench.runtime.data_part(self.data, self.offset, self.offset + self.size))
 
     def holds_in(self, message: bytes) -> bool:
-        """Return whether it is so in a message that goes into DATA; not where its bytes are not there."""
+        """Return whether it holds in a message for DATA; never where the message lacks its bytes."""
         return self._holds(message[self.offset : self.offset + self.size])
 
     def _holds(self, part: bytes) -> bool:
@@ -89,7 +89,7 @@ TriggerCondition = PinCondition | MemberCondition
 
 
 class Trigger(Struct, frozen=True):
-    """What was asked for, as it was written; with `holds` no further scan passes once it has fired."""
+    """A trigger as it was written; with `holds` no further scan passes once it has fired."""
 
     text: str
     condition: TriggerCondition
@@ -124,7 +124,7 @@ def _condition(text: str, project: Project, where: str) -> TriggerCondition:
 
 
 class ConditionText(NamedTuple):
-    """What compares how with what, as it was written; the value is read once it is known of what."""
+    """A comparison as it was written; the value is read once its pin or member is known."""
 
     subject: str
     operator: str
@@ -143,7 +143,7 @@ class ConditionText(NamedTuple):
             code = struct.Struct(BYTE_ORDERS[layout.rules.byte_order] + leaf.coding.code)
             read = lambda part: code.unpack(part)[0]  # noqa: E731
         value = read(leaf_bytes(layout, leaf, self.value, self.where))
-        if value != value and self.operator in ("=", "!="):  # NaN, equal to nothing: is it one?
+        if value != value and self.operator in ("=", "!="):  # NaN is equal to nothing: ask for any NaN
             number, value = read, True
             read = lambda part: (now := number(part)) != now  # noqa: E731
         return MemberCondition(data, leaf.offset, leaf.size, self.operator, value, read)
@@ -184,7 +184,7 @@ def _read_member(words: Words, comparison: ConditionText, project: Project, is_e
     return comparison.make_leaf_condition(target.decl.name, layout, leaf)
 
 
-MOST_LEDGER_LINES: Final = 2000  # lines of the ledger that a picture of a trigger brings at most
+MOST_LEDGER_LINES: Final = 2000  # lines of the ledger in the picture of a trigger
 MOST_DATA_BYTES: Final = 262_144  # of all DATA in it: they cross in one piece
 MOST_INSTANCES: Final = 64
 
@@ -192,7 +192,7 @@ NamedBytes = tuple[tuple[str, bytes], ...]
 
 
 class FrozenScan(Struct, frozen=True):
-    """The bench in the scan of a trigger; `stamped` are the newest of the ledger by then."""
+    """The bench in the scan of a trigger; `stamped`: the newest events of the ledger then."""
 
     fired: TriggerEvent
     snapshot: Snapshot
@@ -204,13 +204,13 @@ class FrozenScan(Struct, frozen=True):
 
 
 class TriggerWatch:
-    """At most one trigger on a bench, and what is known of the bench when it fires."""
+    """At most one trigger on a bench, and the state of the bench when it fires."""
 
     def __init__(self, bench: Bench, reader: LedgerReader) -> None:
         self._trigger: Trigger | None = None
         self._bench = bench
         self._project = bench.project  # for which the trigger was read
-        self._was = False  # its condition, after the scan before
+        self._held = False  # its condition, after the last scan
         self._count = 0
         self._catch_up = reader.catch_up
         self._statistics = LinkStatistics(reader.index)
@@ -219,17 +219,17 @@ class TriggerWatch:
         self.kept: FrozenScan | None = None
 
     def arm(self, text: str, where: str) -> str:
-        """Arm a trigger as it is written, or disarm; return what to tell of it; raise UserError.
+        """Arm a trigger, or disarm with `off`; return the message; raise UserError.
 
-        What is so already has to become so again.
+        A condition that holds already has to become true again.
         """
         trigger = read_trigger(text, self._bench.project, where)
         self._trigger, self._project = trigger, self._bench.project
-        self._was = trigger is not None and trigger.condition.holds_now(self._bench)
+        self._held = trigger is not None and trigger.condition.holds_now(self._bench)
         self._seq = self._bench.runtime.ledger.last_seq
         if trigger is None:
             return "no trigger is armed"
-        return f"armed{'; it is so already and fires when it becomes so again' if self._was else ''}"
+        return f"armed{'; it is true already and fires when it becomes true again' if self._held else ''}"
 
     def check_scan(self) -> TriggerEvent | None:
         """Read what the last scan has written; return the trigger that fired in it."""
@@ -239,11 +239,11 @@ class TriggerWatch:
         trigger = self._reread_trigger()
         if trigger is None:
             return None
-        condition, before = trigger.condition, self._was
-        self._was = condition.holds_now(self._bench)
+        condition, before = trigger.condition, self._held
+        self._held = condition.holds_now(self._bench)
         inputs = (event for _, _, event in written if isinstance(event, InputEdge))
-        fires = self._was and not before
-        if not self._was and isinstance(condition, PinCondition):  # DATA has one value a scan
+        fires = self._held and not before
+        if not self._held and isinstance(condition, PinCondition):  # DATA has one value a scan
             fires = any(map(condition.fires_by, inputs))
         if not fires:
             return None
@@ -260,7 +260,7 @@ class TriggerWatch:
             try:
                 self._trigger = read_trigger(self._trigger.text, self._project, "trigger")
             except UserError:
-                self._trigger = None
+                self._trigger = None  # an edit has removed its name
         return self._trigger
 
     def _freeze_scan(self, fired: TriggerEvent) -> FrozenScan:
@@ -277,12 +277,12 @@ class TriggerWatch:
         )
 
     def _data(self) -> NamedBytes:
-        left, taken = MOST_DATA_BYTES, []
+        room, chosen = MOST_DATA_BYTES, []
         for decl in self._bench.project.data:
-            if decl.size <= left:
-                taken.append((decl.name, self._bench.runtime.data(decl.name)))
-                left -= decl.size
-        return tuple(taken)
+            if decl.size <= room:
+                chosen.append((decl.name, self._bench.runtime.data(decl.name)))
+                room -= decl.size
+        return tuple(chosen)
 
     def facts(self, instances: tuple[str, ...]) -> tuple[tuple[str, ConnectFacts], ...]:
         self._catch_up()
@@ -291,10 +291,10 @@ class TriggerWatch:
 
     @property
     def armed_text(self) -> str:
-        """Return the trigger that is waited for, "" for none."""
+        """Return the text of the armed trigger, "" for none."""
         return self._trigger.text if self._trigger is not None else ""
 
     def take_frozen(self) -> FrozenScan | None:
-        """Return the bench in the scan of a trigger that has fired since the last time."""
+        """Return the bench in the scan of a trigger that has fired since the last call."""
         kept, self.kept = self.kept, None
         return kept

@@ -112,9 +112,7 @@ class Runtime:
         self.calls_all = False  # True: sleeping instances are called too; no output differs
         self.changed: tuple[StatusEdge, ...] = ()
         self._program_ran = False
-        self._ready_handles: Mapping[Handle, str] | None = (
-            None  # what the poll saw; None: everything may be ready
-        )
+        self._ready_handles: Mapping[Handle, str] | None = None  # what the poll saw; None: check all
         self._stopped: list[Instance] = []  # a STOP has changed their outputs, and `changed` lacks them
         self.interval_ns = min(task.interval_ns for task in project.tasks)
         self._project = project
@@ -352,7 +350,7 @@ class Runtime:
 
     def _ready_listeners(self, ready_handles: Mapping[Handle, str]) -> list[str]:
         connections = self._connections
-        return [
+        return [  # without the connection's own handle: its blocks read that in the next scan
             name
             for handle, name in ready_handles.items()
             if name in connections and (connections[name].handle != handle or connections[name].pending_loss)

@@ -256,12 +256,12 @@ _TLS_CONDITIONS: Final = {
     0x80EC: Condition.TLS_SERVER_CHECKS,
     0x80ED: Condition.TLS_REFERENCE,
 }
-# No device of this bench changes a record on its way; 80E9 on are seen in the description.
+# No device of this bench changes a record in transit; 80E9 and up are found in the description.
 _TLS_REACH: Final = {
     0x80E6: Reproducibility.INJECTED,
     **dict.fromkeys(range(0x80E9, 0x80EE), Reproducibility.LOGIC),
 }
-# Code: what it means, two causes, two things to look at. The list of codes is read, what each covers is not.
+# Code: what it means, two causes, two things to look at. The codes are read in the manual, what each covers is not.
 _TLS_TEXTS: Final = {
     0x80E0: (
         "TLS: a message that makes no sense",

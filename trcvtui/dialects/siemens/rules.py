@@ -22,7 +22,7 @@ from trcvtui.net.connection.resources import IdConflict
 from trcvtui.net.connection.set_up import SetUpStage
 from trcvtui.net.layer import TlsError
 
-# One course for all of them; a dialect below it is its limits and its few differences.
+# One sequence for all of them; each dialect below adds its limits and a few differences.
 
 _TLS_CONDITIONS: Final[dict[str, Condition]] = {
     TlsError.PLAIN: Condition.TLS_MESSAGE,
@@ -130,7 +130,7 @@ SWITCHES: Final = (
     Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 lasts for seconds"),
 )
 
-# Refused or closed by the partner is 80C5, no way to it 80C6; a taken port is 80A1.
+# Refused or closed by the partner is 80C5, unreachable is 80C6; a port in use is 80A1.
 SET_UP: Final = {
     (SetUpStage.DESCRIPTION, Flaw.NO_DESCRIPTION): Condition.NO_DESCRIPTION,
     (SetUpStage.DESCRIPTION, Flaw.STRUCTURE): Condition.DESCRIPTION_LENGTH,
@@ -212,7 +212,7 @@ def make_rules(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> VendorRules:
         labels=PIN_LABELS,
         also_busy=BUILDING_CONDITIONS if chosen["busy_while_connecting"] else frozenset(),
         com_rst_autoclear=bool(chosen["com_rst_autoclear"]),
-        lock_outlives=False,  # no list knows of such a lock
+        lock_outlives=False,  # no code table has such a lock
         one_class=True,
         max_len=cpu.max_len,
         max_datagram=cpu.max_datagram,
@@ -263,7 +263,7 @@ def make_sequence(chosen: Mapping[str, SwitchValue]) -> StatusSequence:
     )
 
 
-# There is no word for a socket in this manual: 7001 begins to connect, 7002 goes on.
+# This manual has no code for a socket: 7001 begins to connect, 7002 continues.
 CONDITION_WORDS: Final[Mapping[str, str]] = {
     Condition.CREATING: "connecting begins",
     Condition.CREATED: "connecting",
@@ -319,7 +319,7 @@ LEGACY_BLOCKS: Final = tuple(block for block in S7_1200.blocks if block != "T_DI
 _NEWER_ID_ERROR: Final = 0x80C8  # 80A5 here
 
 
-# cont_mode: the status sequences are of instructions V2.0, so they, and no later manual, tell of these.
+# cont_mode: the status sequences are of instructions V2.0, so they apply here, and no later manual does.
 LEGACY_SWITCHES: Final = (
     *replace_default("silent_connect", True),
     Switch(
@@ -378,7 +378,7 @@ OWN_ROWS: Final = (
         unsure=f"{UNSURE_TEXT}; LEN = 0 is ad hoc there: switch legacy_len0",
     ),
 )  # fmt: skip
-# switch status_sequence = help: what shows another code than in the figures.
+# switch status_sequence = help: conditions with another code than in the figures.
 HELP_CODES: Final[dict[str, dict[Condition, int]]] = {
     block: dict.fromkeys((Condition.CREATED, Condition.ESTABLISHING), 0x7001) | {moves: 0x7002}
     for block, moves in (("TSEND_C", Condition.SENDING), ("TRCV_C", Condition.RECEIVING_PART))
@@ -386,7 +386,7 @@ HELP_CODES: Final[dict[str, dict[Condition, int]]] = {
 _OWN_CODES: Final = {(row.code, block) for row in OWN_ROWS for block in row.blocks}
 
 
-# What newer instructions or structures say of themselves, and what stands for it here.
+# Words about newer instructions or structures, and their replacements here.
 _REWORDINGS: Final = {
     "; 65535 was ad hoc before 3.0": "",
     "; T_DIAG shows State 4 while it stands": "",

@@ -22,7 +22,7 @@ SINGLE_BLOCKS: Final = TCON + CLOSE + ("T_DIAG", "TSEND", "TRCV") + UDP
 ALL_BLOCKS: Final = C_BLOCKS + SINGLE_BLOCKS
 
 
-# Causes and checks speak to the person at the cabinet; `ss`, `nc`, `ip` and `tcpdump` are meant for the
+# Causes and checks are for the reader at the cabinet; `ss`, `nc`, `ip` and `tcpdump` are meant for the
 # machine that runs the bench.
 
 _state_row: Final = partial(StatusRow, error=False)

@@ -189,7 +189,7 @@ COM_ERRORS: Final = (
 )
 
 
-# Beckhoff has no TRCV_C: it stands here for whatever brings a stream, and answers as Baosky's.
+# Beckhoff has no TRCV_C: here it is any source of a stream, and behaves as Baosky's.
 
 STREAM_BLOCKS: Final = ("TRCV_C", "TSEND_C")
 

@@ -29,7 +29,7 @@ class CauseKind(StrEnum):
     INTERNAL = "internal error"
 
 
-# Faults of what is no kernel call, though a plan can name it: the call that took part, "" for none.
+# What fails like a call but is none (a plan can make it fail): the call behind it, "" for none.
 UNDERLYING_CALLS: Final = {
     "budget": "",
     "description": "",
@@ -40,7 +40,7 @@ UNDERLYING_CALLS: Final = {
 }
 _ERRNO: Final = re.compile(r"E[A-Z0-9]+|EAI_[A-Z]+")
 
-# Their causes; every other fault is an answer of the kernel, or a planned one.
+# The cause of what is no kernel call; every other fault is the kernel's, or a planned one.
 PSEUDO_CALL_CAUSES: Final = {
     "queue": (CauseKind.RESOURCE, "the job queue is full"),
     "buffer": (CauseKind.RESOURCE, "no buffer is left"),

@@ -126,27 +126,27 @@ _UDP_CONT: Final = Pin("CONT", Direction.IN, "BOOL", "1 creates and holds the UD
 _UDP_LEN: Final = Pin("LEN", Direction.IN, "UDINT", "longest datagram that is taken; 0 = size of DATA")
 
 
-def _out(name: str, iec_type: str, shows: str, text: str) -> Pin:
+def _output(name: str, iec_type: str, shows: str, text: str) -> Pin:
     return Pin(name, Direction.OUT, iec_type, text, shows=shows)
 
 
-_RCVD_LEN: Final = _out("RCVD_LEN", "UDINT", "rcvd_len", "bytes received; valid in the DONE scan only")
+_RCVD_LEN: Final = _output("RCVD_LEN", "UDINT", "rcvd_len", "bytes received; valid in the DONE scan only")
 _LAMPS: Final = (
-    _out("DONE", "BOOL", "done", "a job ended well; TRUE for one scan"),
-    _out("BUSY", "BOOL", "busy", "a job is running"),
-    _out("ERROR", "BOOL", "error", "something failed; STATUS says what"),
-    _out("STATUS", "WORD", "status", "what the block is doing"),
+    _output("DONE", "BOOL", "done", "a job ended well; TRUE for one scan"),
+    _output("BUSY", "BOOL", "busy", "a job is running"),
+    _output("ERROR", "BOOL", "error", "something failed; STATUS says what"),
+    _output("STATUS", "WORD", "status", "what the block is doing"),
 )
 # ReceiveData and its relatives (TwinCAT TF6340 help). EN is that of the box in FBD and LD: 1 calls the block.
 _EN: Final = Pin("EN", Direction.IN, "BOOL", "the block is called while EN is 1")
 _TIMEOUT: Final = Pin("Timeout", Direction.IN, "TIME", "longest gap between two bytes; 0 = any")
 _RESET: Final = Pin("Reset", Direction.IN, "BOOL", "1 throws the part of a frame away")
-_COM_ERROR: Final = _out("Error", "UINT", "status", "ComError_t; 0 = no error")
-_SEND_LAMPS: Final = (_out("Busy", "BOOL", "busy", "the ComBuffer has not taken all bytes"), _COM_ERROR)
+_COM_ERROR: Final = _output("Error", "UINT", "status", "ComError_t; 0 = no error")
+_SEND_LAMPS: Final = (_output("Busy", "BOOL", "busy", "the ComBuffer has not taken all bytes"), _COM_ERROR)
 _RECEIVE_LAMPS: Final = (
-    _out("busy", "BOOL", "busy", "a frame has begun"),
+    _output("busy", "BOOL", "busy", "a frame has begun"),
     _COM_ERROR,
-    _out("RxTimeout", "BOOL", "rx_timeout", "a gap ended the frame"),
+    _output("RxTimeout", "BOOL", "rx_timeout", "a gap ended the frame"),
 )
 
 
@@ -155,7 +155,7 @@ def _req_and_lamps(text: str) -> tuple[Pin, ...]:
 
 
 def _receive_string_row(name: str, inside: str) -> BlockRow:
-    done = _out("StringReceived", "BOOL", "done", "a text is in the string; TRUE for one scan")
+    done = _output("StringReceived", "BOOL", "done", "a text is in the string; TRUE for one scan")
     return BlockRow(
         name,
         (_TIMEOUT, _RESET, done, *_RECEIVE_LAMPS),
@@ -274,9 +274,11 @@ _ROWS: Final = (
             Pin("SizeReceiveData", Direction.IN, "DINT", "the most bytes of a frame"),
             _TIMEOUT,
             _RESET,
-            _out("DataReceived", "BOOL", "done", "a frame is in the data; TRUE for one scan"),
+            _output("DataReceived", "BOOL", "done", "a frame is in the data; TRUE for one scan"),
             *_RECEIVE_LAMPS,
-            _out("LenReceiveData", "UDINT", "rcvd_len", "bytes of the frame, prefix and suffix among them"),
+            _output(
+                "LenReceiveData", "UDINT", "rcvd_len", "bytes of the frame, prefix and suffix among them"
+            ),
         ),
         serial=f"{_SERIAL}.receiving:ReceiveData",
         data_pin="pReceiveData",
@@ -288,8 +290,8 @@ _ROWS: Final = (
     BlockRow(
         "ReceiveByte",
         (
-            _out("ByteReceived", "BOOL", "done", "a byte has come; TRUE for one scan"),
-            _out("ReceivedByte", "BYTE", "byte", "the byte"),
+            _output("ByteReceived", "BOOL", "done", "a byte has come; TRUE for one scan"),
+            _output("ReceivedByte", "BYTE", "byte", "the byte"),
             _COM_ERROR,
         ),
         serial=f"{_SERIAL}.receiving:ReceiveByte",

@@ -400,7 +400,7 @@ class Controller:
         file, _, kernel = rest.removeprefix("load ").rpartition(" ")
         if not rest.startswith("load ") or not file.strip() or kernel not in KERNEL_NAMES:
             raise mistake("prompt", f"'{SCENARIO} {rest}'", f"{SCENARIO} {SCENARIO_USAGE}")
-        self._load(file.strip(), kernel)
+        self._load_scenario(file.strip(), kernel)
         return ""
 
     def _play(self, how: str) -> str:
@@ -411,7 +411,7 @@ class Controller:
         self.player.run() if how == "run" else self.player.step()
         return ""
 
-    def _load(self, file: str, kernel: str) -> None:
+    def _load_scenario(self, file: str, kernel: str) -> None:
         scenario = load_scenario(Path(file))
         refuse_too_many_steps(file, scenario)
         self.bench.close()  # first: both may want the same port

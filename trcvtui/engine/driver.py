@@ -78,7 +78,7 @@ class ProcessDriver:
 
     def has_begun(self) -> bool:
         """Return whether the engine has sent its project; raise UserError for the mistakes in its file."""
-        if self._project is None and (message := self._message()) is not None:
+        if self._project is None and (message := self._next_message()) is not None:
             if isinstance(message, UserError):
                 raise message
             self._project = self._check_message(message)
@@ -99,7 +99,7 @@ class ProcessDriver:
 
     def poll_picture(self) -> BenchUpdate | None:
         newest = None
-        while (message := self._message()) is not None:
+        while (message := self._next_message()) is not None:
             newest = self._accept_message(self._check_message(message)) or newest
         return newest
 
@@ -112,7 +112,7 @@ class ProcessDriver:
         picture: BenchUpdate = message
         return picture
 
-    def _message(self) -> Any:
+    def _next_message(self) -> Any:
         """Return the next message, None while no whole one has come."""
         try:
             return self._arriving.next()

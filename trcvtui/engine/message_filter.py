@@ -48,15 +48,15 @@ def read_filter(text: str, project: Project, instance: str, where: str = "filter
             raise mistake(where, quote(named), instance)
         comparison = comparison._replace(subject=rest.strip())
     pins = [pin for pin in project.pins(decl.block) if pin.direction is Direction.OUT]
-    return _filter(comparison, instance, pins, project.received_data(instance))
+    return _make_filter(comparison, instance, pins, project.received_data(instance))
 
 
 def read_layout_filter(text: str, layout: Layout | None, where: str = "filter") -> Filter:
     """Return the filter for messages of a type without a project, or of no type."""
-    return _filter(read_comparison(text.strip(), where, FILTER_FORM), "", (_RCVD_LEN,), layout)
+    return _make_filter(read_comparison(text.strip(), where, FILTER_FORM), "", (_RCVD_LEN,), layout)
 
 
-def _filter(
+def _make_filter(
     comparison: ConditionText, instance: str, outputs: Iterable[Pin], data: DataDecl | Layout | None
 ) -> Filter:
     subject, where = comparison.subject, comparison.where

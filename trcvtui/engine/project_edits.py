@@ -88,7 +88,7 @@ FORCE: Final = "!"
 
 
 def parse_save_target(words: str, own: Path, written: Collection[str], where: str) -> Path:
-    """Return the file that `[FILE] [!]` names; raise UserError for one that is not our own."""
+    """Return the file that `[FILE] [!]` names; raise UserError rather than replace a file of others."""
     name = words.strip()
     is_forced = name.endswith(FORCE)
     name = name.removesuffix(FORCE).strip()
@@ -187,7 +187,7 @@ class ProjectEdits:
         self._constants: dict[str, int] = {}  # given since the project was opened, or saved
         self._written: set[str] = set()  # real paths
         self._inode = 0
-        self._keep(self.text_now())
+        self._keep_text(self.text_now())
 
     @property
     def unsaved_count(self) -> int:
@@ -223,7 +223,7 @@ class ProjectEdits:
         self._in_file = replace(self._in_file, udts=(*self._in_file.udts, *by_hand))
         self.project = replace(self.project, types=fresh.types, constants=fresh.constants, udts=fresh.udts)
         self._constants |= constants
-        self._keep(self.text)
+        self._keep_text(self.text)
 
     def save(self, words: str) -> str:
         """Write the project to `[FILE] [!]`; return the message; raise UserError."""
@@ -251,7 +251,9 @@ class ProjectEdits:
         text = relocate_files(text, old, path.parent, str(own))
         edits = _move_part(self._edits, old, path.parent)
         text, new = apply_edits(text, own, path, edits, self._constants)
-        bom = codecs.BOM_UTF8 if _content(own).startswith(codecs.BOM_UTF8) else b""  # of a Windows editor
+        bom = (
+            codecs.BOM_UTF8 if _read_content(own).startswith(codecs.BOM_UTF8) else b""
+        )  # of a Windows editor
         write_file(path, bom + text.encode(), PROMPT, is_own=True)
         self.before = before and relocate_files(before, old, path.parent, str(own))
         self._written.add(os.path.realpath(path))
@@ -259,10 +261,10 @@ class ProjectEdits:
         self.saved = self.done
         self.project = move_project(self.project, new.path)
         self._in_file, self._edits = self.project, ()
-        self._keep(text)
+        self._keep_text(text)
         return message
 
-    def _keep(self, text: str) -> None:
+    def _keep_text(self, text: str) -> None:
         """Keep the text of the file: the file may be gone when it is needed."""
         self.text = text
         with suppress(OSError):
@@ -313,11 +315,11 @@ def _move_part(part: Any, old: Path, new: Path) -> Any:
     return tuple([_move_part(each, old, new) for each in part]) if isinstance(part, tuple) else part
 
 
-def _content(path: FileName) -> bytes:
+def _read_content(path: FileName) -> bytes:
     with suppress(OSError, ValueError):
         return read_bytes(path, LARGEST_FILE)
     return b""
 
 
 def _text_of(path: FileName) -> str:
-    return _content(path).decode("utf-8-sig", "replace")
+    return _read_content(path).decode("utf-8-sig", "replace")

@@ -103,10 +103,10 @@ def read_trigger(text: str, project: Project, where: str) -> Trigger | None:
         return None
     held = _HOLD.fullmatch(text)
     asked = held[1] if held else text
-    return Trigger(text, _condition(asked, project, where), held is not None)
+    return Trigger(text, _parse_condition(asked, project, where), held is not None)
 
 
-def _condition(text: str, project: Project, where: str) -> TriggerCondition:
+def _parse_condition(text: str, project: Project, where: str) -> TriggerCondition:
     edge = _EDGE.fullmatch(text)
     if edge is not None:
         subject, value = " ".join(filter(None, edge.groups()[:2])), "1" if edge[3] == RISES else "0"
@@ -270,13 +270,13 @@ class TriggerWatch:
             fired,
             runtime.snapshot(bench.faults()),
             runtime.ledger.events_since(0, MOST_LEDGER_LINES),
-            self._data(),
+            self._collect_data(),
             tuple((name, runtime.job_bytes(name)) for name in names),
             tuple(peer.snapshot() for peer in bench.peers.values()),
             self.facts(tuple(names)),
         )
 
-    def _data(self) -> NamedBytes:
+    def _collect_data(self) -> NamedBytes:
         room, chosen = MOST_DATA_BYTES, []
         for decl in self._bench.project.data:
             if decl.size <= room:

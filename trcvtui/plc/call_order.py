@@ -43,7 +43,7 @@ class CallOrder:
         self._places: dict[str, list[int]] = {connect: [] for connect in connects}
         for place, (_, _, connect) in enumerate(self._entries):
             self._places[connect].append(place)
-        self._without = {connect for connect, places in self._places.items() if not places}
+        self._empty = {connect for connect, places in self._places.items() if not places}
         self.awake = set(self._places)
         self._order: list[int] = []  # the places of the CONNECTs in `_ordered`
         self._ordered: set[str] = set()
@@ -80,7 +80,7 @@ class CallOrder:
             if has_changed:
                 changed.append(instance.edge)
             (asleep if instance.asleep else awake).add(connect)
-        self.awake = self.awake - (asleep - awake) - self._without
+        self.awake = self.awake - (asleep - awake) - self._empty  # all instances sleep, or none
         return changed
 
     def places(self, connect: str) -> Sequence[int]:

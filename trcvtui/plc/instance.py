@@ -55,7 +55,6 @@ class Instance:
         self.reset()
 
     def set_stream(self, stream: StreamFeed | StreamDrain | None) -> None:
-        """Let it feed or empty a ComBuffer from the next call on."""
         self._stream = stream
 
     def reset(self) -> None:
@@ -86,7 +85,7 @@ class Instance:
         self._write(pin, value)
 
     def pulse(self, pin: str) -> None:
-        if pin in self._fading:
+        if pin in self._fading:  # else it would fall in the call of this pulse
             self._fading.remove(pin)
         if pin not in self._pulsed:
             self._pulsed.append(pin)
@@ -107,7 +106,7 @@ class Instance:
 
     def call_block(self) -> bool:
         """Call the block once; return whether any output differs from the scan before."""
-        if self.has_failed:
+        if self.has_failed:  # stopped by an internal error (16#8FFF)
             return False
         if self._fading or self._blinking:
             self._update_pulses()
@@ -119,8 +118,8 @@ class Instance:
         if self._pulsed:
             self._fading, self._pulsed = self._pulsed, []
         if outcome.clear_com_rst:
-            self._write("COM_RST", False)
-        stays_awake = self._frozen is None or bool(  # type: ignore[comparison-overlap]  # _write may have taken it
+            self._write("COM_RST", False)  # switch com_rst_autoclear
+        stays_awake = self._frozen is None or bool(  # type: ignore[comparison-overlap]  # _write may reset it
             self._blinking or self._fading
         )
         if self._stream is not None:
@@ -128,7 +127,7 @@ class Instance:
             stays_awake = stays_awake or self._stream.keeps_awake
         self.asleep = outcome.stable and not stays_awake
         first, self.called = not self.called, True
-        if outcome is self.outcome and not first:
+        if outcome is self.outcome and not first:  # the usual scan
             return False
         return self.show(outcome) or first
 
@@ -166,7 +165,7 @@ class Instance:
         now = self.outputs
         if now.done:
             self.jobs_done += 1
-            size = outcome.cause.have if now.rcvd_len is None else now.rcvd_len
+            size = outcome.cause.have if now.rcvd_len is None else now.rcvd_len  # have: of a sender
             self.last_done = (self._env.scan, size or 0)
         if now.error and not (before.done and before.error):  # else the DONE scan has counted it
             self.errors += 1

@@ -124,13 +124,13 @@ class Runtime:
         self._commands: deque[Command] = deque()
         self._resolve_peer = resolve_peer
         self._data = {d.name: make_data_area(d) for d in project.data}
-        self._connections = {config.name: self._connection(config) for config in project.connects}
+        self._connections = {config.name: self._make_connection(config) for config in project.connects}
         self._ports = {config.name: self._make_udp_endpoint(config) for config in project.udp_configs}
         self._addrs = {param.name: RemoteAddress(param) for param in project.addrs}
         self._lines = SerialLines(
             project.combuffers, self._env, self.ledger.write, ports, containment, self._stop_all_on
         )
-        self._instances = {decl.name: self._instance(decl) for decl in project.instances}
+        self._instances = {decl.name: self._make_instance(decl) for decl in project.instances}
         self._call_order = self._new_call_order()
         self._written: set[str] = set()  # the variables that a command has written since the last snapshot
         self._pausing: set[str] = set()  # the CONNECTs that wait for their next attempt
@@ -138,7 +138,7 @@ class Runtime:
         self._connection_snapshots = {n: self.link_snapshot(n) for n in (*self._connections, *self._ports)}
         self._data_snapshots = {name: data_snapshot(data) for name, data in self._data.items()}
 
-    def _connection(self, config: ConnectConfig) -> Connection:
+    def _make_connection(self, config: ConnectConfig) -> Connection:
         policy, journal = self._project.rules.policy, self.ledger.write
         kind = UdpEndpoint if config.is_datagram else Connection
         return kind(config, self._kernel, self._resources, policy, self._resolve_port, journal)
@@ -147,12 +147,12 @@ class Runtime:
         policy, journal = self._project.rules.policy, self.ledger.write
         return UdpEndpoint(config, self._kernel, self._resources, policy, self._resolve_port, journal)
 
-    def _instance(self, decl: InstanceDecl) -> Instance:
-        instance = Instance(decl, self._binding(decl), self.ledger.write)
+    def _make_instance(self, decl: InstanceDecl) -> Instance:
+        instance = Instance(decl, self._make_binding(decl), self.ledger.write)
         self._lines.attach(instance, self._connections, self._project.rules)
         return instance
 
-    def _binding(self, decl: InstanceDecl) -> ConnectBinding | UdpBinding | SerialBinding:
+    def _make_binding(self, decl: InstanceDecl) -> ConnectBinding | UdpBinding | SerialBinding:
         task = self._project.task(decl.task)
         data = self._data[decl.data] if decl.data is not None else None
         priority = task.priority if task else 1
@@ -314,12 +314,12 @@ class Runtime:
         if self._commands:
             while self._commands:
                 self._containment.attempt(COMMAND, partial(self._apply, self._commands.popleft()))
-            self._call_order.wake_all()
+            self._call_order.wake_all()  # a command may change any instance
         self._kernel.poll()
         if self.running:
             self._lines.receive(self._env.now)
         self._ready_handles = ready = None if self.calls_all else self._kernel.ready_handles()
-        if ready is None:
+        if ready is None:  # this kernel cannot say
             self._call_order.wake_all()
         elif ready:
             self._call_order.wake(ready.values())
@@ -441,7 +441,7 @@ class Runtime:
                 self.ledger.write(BenchNote(data.name, "resized", f"{data.type_name}, {data.size} bytes"))
 
     def _create(self, decl: InstanceDecl, place: int | None) -> None:
-        instance = self._instance(decl)
+        instance = self._make_instance(decl)
         self._instances = _insert(self._instances, decl.name, instance, place)
         self._instance_snapshots = _insert(self._instance_snapshots, decl.name, instance.snapshot(), place)
         self._call_order = self._new_call_order()
@@ -457,7 +457,7 @@ class Runtime:
                 data = self._data[name] = make_data_area(decl)
                 self._data_snapshots[name] = data_snapshot(data)
             case ConnectConfig(name):
-                self._connections[name] = self._connection(decl)
+                self._connections[name] = self._make_connection(decl)
                 self._connection_snapshots[name] = self.link_snapshot(name)
             case UdpConfig(name):
                 self._ports[name] = self._make_udp_endpoint(decl)
@@ -477,7 +477,7 @@ class Runtime:
                 self._data[name].symbolic = decl.optimized
             case ConnectConfig():
                 self._connections[name].stop()
-                self._connections[name] = self._connection(decl)
+                self._connections[name] = self._make_connection(decl)
             case UdpConfig():
                 self._ports[name].stop()
                 self._ports[name] = self._make_udp_endpoint(decl)
@@ -505,7 +505,7 @@ class Runtime:
             kept |= {pin: value for pin, value in decl.inputs if declared.get(pin) != value}
         self._lines.detach(decl.name)
         instance.detach("declared anew")
-        fresh = self._instances[decl.name] = self._instance(decl)
+        fresh = self._instances[decl.name] = self._make_instance(decl)
         fresh.inputs.update({pin: value for pin, value in kept.items() if pin in fresh.inputs})
         self._instance_snapshots[decl.name] = fresh.snapshot()
 

@@ -54,13 +54,13 @@ class SerialLines:
         for decl in decls:
             self.declare(decl)
 
-    def _time(self) -> int:
+    def _now(self) -> int:
         return self._env.now
 
     def declare(self, decl: ComBufferDecl) -> None:
         size = decl.size or (TCP_QUEUE_BYTES if decl.is_fed else COM_BUFFER_SIZE)
         received = self._env.resources.received.open_ring(decl.name, decl.history)
-        buffer = ComBuffer(decl.name, size, self._write, self._time, received)
+        buffer = ComBuffer(decl.name, size, self._write, self._now, received)
         self._decls[decl.name], self._buffers[decl.name] = decl, buffer
         if decl.serial is not None and self._new_port is not None:
             note = partial(_write_note, self._write, f"{decl.name} {decl.serial.port}")
@@ -108,7 +108,7 @@ class SerialLines:
         for buffer in self._decls.values() if connection is not None else ():
             if instance.name in (buffer.source, buffer.line) and instance.name not in self._decls:
                 assert connection is not None
-                stream = self._stream(buffer, instance, connection, rules)
+                stream = self._make_stream(buffer, instance, connection, rules)
                 self._continue_stream(instance.name, stream)
                 instance.set_stream(stream)
                 return
@@ -130,7 +130,7 @@ class SerialLines:
         self._streams[name] = stream
         self._orphans.discard(name)
 
-    def _stream(
+    def _make_stream(
         self, decl: ComBufferDecl, instance: Instance, connection: Connection, rules: VendorRules
     ) -> StreamEnd:
         buffer = self._buffers[decl.name]

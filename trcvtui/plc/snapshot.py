@@ -106,7 +106,6 @@ class InstanceSnapshot(Struct, frozen=True):
 
     @property
     def sends(self) -> bool:
-        """Return whether this block sends DATA."""
         return block_row(self.block).sends
 
     @property

@@ -15,7 +15,8 @@ from trcvtui.blocks.environment import BytesArrived, BytesLost, Environment, Lin
 from trcvtui.blocks.table import BlockRow
 from trcvtui.net.received_ring import ReceivedRing
 
-# Bounds: MOST_RECORDED_*, the newest; the bytes of one scan are one chunk. A reader gets a frozen copy.
+# Bound: the newest MOST_RECORDED_BYTES, in MOST_RECORDED_CHUNKS chunks; the bytes of one scan are one.
+# A reader gets a frozen copy.
 
 MOST_RECORDED_BYTES: Final = 65_536
 MOST_RECORDED_CHUNKS: Final = 8192

@@ -79,7 +79,7 @@ class SingleTrcv(JobBlock):
         if loss is not None:
             self._link.end_incarnation([])  # no job, no error
         self._link.adopt_new(self.job.claim)
-        if not inputs.en_r and not self.job.outlives_en_r():
+        if not inputs.en_r and not self.job.outlives_en_r():  # switch en_r_falls
             self.job.abandon("EN_R fell")
             self.job.release_direction()
             self._fault_filter.forget()

@@ -117,6 +117,7 @@ def reset(connection: Connection, cause: Cause, shown: Iterable[Condition]) -> l
 
 
 def _failure_condition(fault: Fault, otherwise: Condition) -> Condition:
+    # 8087, whatever was asked: "poll remove failed" has a code of its own.
     return Condition.POLL_DEL_FAILED if fault.call == "poll_del" else otherwise
 
 

@@ -42,7 +42,7 @@ class Tcon(ScriptBlock):
         if self._was_disconnected():
             self._control.detach()
             self._control = ConnectionControl(self._bound.env, self._connection, self._bound.make_claim())
-            self._triggered = False
+            self._triggered = False  # the next edge of REQ connects
         if rose and not self._triggered:
             self._triggered, self._has_done = True, False
         if not self._triggered:
@@ -124,7 +124,7 @@ class TReset(ScriptBlock):
         self._req = inputs.req
         if self._script:
             return self._script.popleft()
-        if not rose or not self._connection.is_up:
+        if not rose or not self._connection.is_up:  # nothing to reset: no effect
             return self._show_connection()
         fault = self._connection.queue_job()
         if fault is not None:

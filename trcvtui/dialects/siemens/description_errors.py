@@ -261,7 +261,7 @@ _TLS_REACH: Final = {
     0x80E6: Reproducibility.INJECTED,
     **dict.fromkeys(range(0x80E9, 0x80EE), Reproducibility.LOGIC),
 }
-# Code: what it means, two causes, two things to look at. The codes are read in the manual, what each covers is not.
+# Code: what it means, two causes, two checks. The list of codes is from the manual, what each covers is not.
 _TLS_TEXTS: Final = {
     0x80E0: (
         "TLS: a message that makes no sense",

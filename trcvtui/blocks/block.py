@@ -49,7 +49,7 @@ class AnyBinding(Protocol):
 
 
 class Job(Protocol):
-    """`have` of `need` bytes are here; `last_bytes_at`: the time (ns) at which bytes last moved."""
+    """`have` of `need` bytes have moved; `last_bytes_at`: when bytes last moved, in ns."""
 
     @property
     def running(self) -> bool: ...
@@ -124,7 +124,7 @@ class ScriptBlock(JoblessBlock):
 
 
 class StoppedBlock(JoblessBlock):
-    """In the place of a block that an internal error has stopped; it is not called."""
+    """The placeholder of a block that an internal error has stopped; it is not called."""
 
     def call(self, inputs: Inputs) -> Outcome:
         raise NotImplementedError

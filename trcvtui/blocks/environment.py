@@ -21,7 +21,7 @@ class BytesArrived(NamedTuple):
 
 
 class BytesLost(NamedTuple):
-    """Bytes did not get into a ComBuffer, or were taken out of it unread. `offset`: before which byte.
+    """Bytes had no room in a ComBuffer, or left it unread. `offset`: before which byte.
 
     `position`: of the first one in its ring; -1: they are the last ones before `offset`.
     """
@@ -50,7 +50,7 @@ class FrameEnded(NamedTuple):
 
 
 class PartialFrameDropped(NamedTuple):
-    """What a block had of a frame was thrown away: `incomplete, 2 bytes, connection closed`."""
+    """The part of a frame was dropped: `incomplete, 2 bytes, connection closed`."""
 
     instance: str
     buffer: str
@@ -60,7 +60,7 @@ class PartialFrameDropped(NamedTuple):
 
 
 class NoiseDropped(NamedTuple):
-    """Bytes in front of a prefix, from `offset` on, were thrown away; `total` of them since the start."""
+    """Bytes in front of a prefix, from `offset` on, were dropped; `total` of them since the start."""
 
     instance: str
     buffer: str

@@ -34,7 +34,7 @@ class Framing(Struct, frozen=True):
         return mine == (other.size, other.prefix, other.suffix, other.text)
 
     def ended_by(self, ending: FrameEnding) -> str:
-        """Return what ended a frame in words; without a suffix they do not blame one."""
+        """Return in words what ended a frame; "without the suffix" only where there is one."""
         is_full = ending is FrameEnding.OVERRUN and not self.suffix
         return "size reached, and there is no suffix" if is_full else str(ending)
 
@@ -175,7 +175,7 @@ class FrameMarks(NamedTuple):
 
 
 class FrameTally(NamedTuple):
-    """How many frames ended well, by a gap, without the suffix; how many parts were thrown away, and why."""
+    """How many frames ended well, by a gap, without the suffix; how many parts were dropped, and why."""
 
     good: int = 0
     gaps: int = 0

@@ -73,7 +73,7 @@ class Cause(Struct, frozen=True):
     detail: str = ""
     holder: str = ""  # the instance that is in the way
     is_orphan: bool = False  # it was deleted or downloaded
-    local: str = ""  # where a partner is waited for
+    local: str = ""  # where the block waits for a partner
     words: str = ""  # the system's text
     is_expected: bool = False  # EN_R before the first connection: it receives once that is up
 

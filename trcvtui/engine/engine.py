@@ -93,13 +93,13 @@ def _send_last_words(channel: Channel, last_words: str | UserError) -> None:
         return  # the screen is gone, and that was the reason
 
 
-SPARE_NS: Final = 150_000  # before a scan no screen is served: one piece of work and the sleep take it
+SPARE_NS: Final = 150_000  # no screen is served in this time before a scan
 GAP_SHARE: Final = 8  # pictures get 1 / 8 of an interval: a process that computes more waits longer (EEVDF)
 STEP_NS: Final = 4_000_000  # between two checks of the channel in a long gap
-READ_PAUSE_NS: Final = 100_000_000  # the ledger is read at least so often
-PATIENCE_NS: Final = 100_000_000  # so long a picture waits for a gap with enough room
-FAST_INTERVAL_NS: Final = 5_000_000  # with shorter intervals
-PICTURE_PAUSE_NS: Final = 100_000_000  # lies between two pictures
+READ_PAUSE_NS: Final = 100_000_000  # longest time between two reads of the ledger
+PATIENCE_NS: Final = 100_000_000  # longest wait of a picture for a gap with enough room
+FAST_INTERVAL_NS: Final = 5_000_000  # below this interval
+PICTURE_PAUSE_NS: Final = 100_000_000  # there is this pause between two pictures
 TIMING_FILE: Final = "TRCVTUI_TIMING_FILE"  # names a file that gets every scan's lateness at the end
 
 

@@ -251,9 +251,7 @@ class ProjectEdits:
         text = relocate_files(text, old, path.parent, str(own))
         edits = _move_part(self._edits, old, path.parent)
         text, new = apply_edits(text, own, path, edits, self._constants)
-        bom = (
-            codecs.BOM_UTF8 if _read_content(own).startswith(codecs.BOM_UTF8) else b""
-        )  # of a Windows editor
+        bom = codecs.BOM_UTF8 if _read_content(own).startswith(codecs.BOM_UTF8) else b""  # of Windows
         write_file(path, bom + text.encode(), PROMPT, is_own=True)
         self.before = before and relocate_files(before, old, path.parent, str(own))
         self._written.add(os.path.realpath(path))

@@ -1,8 +1,8 @@
 """The screens of an engine: their lines and requests, and the answers for them.
 
-Rule 1: no screen stops a scan: nothing here waits, and no more messages are taken of many than of one.
+Rule 1: no screen stops a scan: nothing here waits, and all screens share one limit of messages.
 Rule 2: an answer goes to the screen that sent the line, a message without a line to all.
-Rule 3: a screen that ends, or sends what no screen sends, is closed; with the first one the engine ends.
+Rule 3: a screen that ends, or sends an invalid message, is closed; with the first one the engine ends.
 """
 
 from __future__ import annotations

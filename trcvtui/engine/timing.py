@@ -72,7 +72,7 @@ def _ask_session() -> bool:
     return True
 
 
-BAD_SHOWN_NS: Final = 10_000_000_000  # so long a bad scan is shown
+BAD_SHOWN_NS: Final = 10_000_000_000  # how long a bad scan is shown
 
 
 class ScanTiming:

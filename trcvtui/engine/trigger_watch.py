@@ -143,7 +143,7 @@ class ConditionText(NamedTuple):
             code = struct.Struct(BYTE_ORDERS[layout.rules.byte_order] + leaf.coding.code)
             read = lambda part: code.unpack(part)[0]  # noqa: E731
         value = read(leaf_bytes(layout, leaf, self.value, self.where))
-        if value != value and self.operator in ("=", "!="):  # NaN is equal to nothing: ask for any NaN
+        if value != value and self.operator in ("=", "!="):  # NaN is equal to nothing: test for any NaN
             number, value = read, True
             read = lambda part: (now := number(part)) != now  # noqa: E731
         return MemberCondition(data, leaf.offset, leaf.size, self.operator, value, read)

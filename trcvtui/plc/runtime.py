@@ -166,7 +166,7 @@ class Runtime:
         return ConnectBinding(**common, connection=self._connections[decl.connect], address=addr)
 
     def _new_call_order(self) -> CallOrder:
-        """Return each instance with its task's interval: by priority, 1 before 2, then as in the file."""
+        """Order the instances by the priority of their tasks, 1 before 2, then as in the file."""
         tasks = {task.name: task for task in self._project.tasks}
         order = sorted(self._instances.values(), key=lambda i: tasks[i.decl.task].priority)
         entries = [(i, tasks[i.decl.task].interval_ns) for i in order]

@@ -28,7 +28,7 @@ NO_ANSWER_FAULT: Final = Fault("open", "EINPROGRESS", words="there is no answer 
 
 
 class PortFeed:
-    """One port: what comes goes to `rx`, what is in `tx` goes out. `note` writes to the ledger.
+    """One port: received bytes go to `rx`, bytes in `tx` are sent. `note` writes to the ledger.
 
     `fault`: why it is not there, None while unknown.
     """
@@ -55,7 +55,7 @@ class PortFeed:
             self._port.line_errors()
 
     def receive(self, now: int) -> None:
-        """Take what has come; what the ComBuffer has no room for is lost, as on a real line."""
+        """Take received bytes; those without room in the ComBuffer are lost, as on a real line."""
         if not self._ensure_open(now):
             return
         got = self._port.read(MOST_READ_BYTES)
@@ -171,7 +171,7 @@ class StreamDrain:
             earlier.detach()
 
     def note_deleted(self) -> None:
-        """The TSEND_C is deleted; what waits may still go over its connection."""
+        """The TSEND_C is deleted; waiting bytes may still go over its connection."""
 
     def detach(self) -> None:
         """Rule 3: leave this connection; the bytes that waited for it are dropped."""

@@ -59,7 +59,7 @@ STILL_CLOSING: Final = Cause(CauseKind.OTHER_BLOCK, "TDISCON is still closing th
 
 
 class SingleTcon:
-    """One TCON instance. A connection that it has established it rebuilds after each loss."""
+    """One TCON instance. It rebuilds a connection that it has established after each loss."""
 
     def __init__(self, bound: ConnectBinding) -> None:
         self.job = NoJob()
@@ -183,7 +183,7 @@ class SingleScriptBlock(ScriptBlock):
 
 
 class SingleTdiscon(SingleScriptBlock):
-    """One TDISCON instance; nothing to close is 80A3, not built yet 80C4."""
+    """One TDISCON instance; 80A3 where there is nothing to close, 80C4 while it is being built."""
 
     def _advance(self) -> Outcome:
         shown = super()._advance()
@@ -215,7 +215,7 @@ class SingleTdiscon(SingleScriptBlock):
 
 
 class SingleTReset(SingleScriptBlock):
-    """One T_RESET instance; nothing established is 0001 with DONE.
+    """One T_RESET instance; 0001 with DONE where nothing is established.
 
     The endpoint stays: the block that keeps the connection rebuilds it.
     """

@@ -124,7 +124,7 @@ _EN_R_IS_0: Final = Outcome(
 )
 
 
-# A UDP_CONFIG is here what the CPU has established before: its socket opens with the first call.
+# A UDP_CONFIG is like a connection that the CPU has established: its socket opens with the first call.
 
 
 class Tusend(JobBlock):

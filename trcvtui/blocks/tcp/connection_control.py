@@ -26,7 +26,7 @@ from trcvtui.net.results import Fault
 
 
 class ConnectionReasons(Struct, frozen=True):
-    """The causes of its begin and of its end, and the outcome without a connection."""
+    """The causes of the begin and the end of a connection, and the outcome without one."""
 
     asked: Cause
     ended: Cause

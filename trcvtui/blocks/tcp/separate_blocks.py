@@ -82,7 +82,7 @@ class Tdiscon(ScriptBlock):
         self._connection = bound.connection
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call: 7003, 7007 with DONE; one that waits for its partner is closed too."""
+        """Answer one call: 7003, 7007 with DONE; a connection still waiting for its partner closes too."""
         rose = inputs.req and not self._req
         self._req = inputs.req
         if self._script:

@@ -265,7 +265,7 @@ class Controller:
                 self._told = self._doctor.ask(judge, self.bench, *self._line, command)
                 return ""
             case words.Wait() | words.Expect() | words.ExpectTrace():
-                return "waits and traces belong into a scenario file"
+                return "waits and traces belong in a scenario file"
             case words.Set() | words.Pulse():
                 at_once = self.bench.project.rules.adhoc_at_once
                 remark = make_remark(command, self.bench.runtime, at_once)
@@ -405,7 +405,7 @@ class Controller:
 
     def _play(self, how: str) -> str:
         if self.player is None:
-            return f"no scenario is loaded; `{SCENARIO} load FILE.toml sim` does it"
+            return f"no scenario is loaded; `{SCENARIO} load FILE.toml sim` loads one"
         if self.player.is_finished:
             return "the scenario is over; loading it again begins anew"
         self.player.run() if how == "run" else self.player.step()

@@ -19,7 +19,7 @@ T = TypeVar("T")
 INTERNAL_ERROR: Final = "internal error, please report"
 EXCEPTION: Final = "exception"  # the call of its entry in the journal
 EXCEPTIONS_VARIABLE: Final = "TRCVTUI_EXCEPTIONS"  # of the environment
-MOST_REPORTED: Final = 8
+MOST_REPORTED: Final = 8  # messages until they are taken
 COMMAND: Final = "command", "command"
 RunPart = tuple[str, str]  # its kind and its name: ("instance", "TRCV_C_1")
 

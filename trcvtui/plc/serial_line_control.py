@@ -22,7 +22,7 @@ from trcvtui.net.serial_line import PortOpening, SerialPort
 # A port that is missing or disappears is tried again every RETRY_NS; its incomplete frame ends.
 
 RETRY_NS: Final = 1_000_000_000
-MOST_READ_BYTES: Final = 4096
+MOST_READ_BYTES: Final = 4096  # of one scan; the rest waits in the driver
 SLOW_OPEN_NOTE: Final = "port opens slowly"
 NO_ANSWER_FAULT: Final = Fault("open", "EINPROGRESS", words="there is no answer yet")
 

@@ -106,7 +106,7 @@ class LineRecorder:
 # Bound: never more than `size` bytes; what has no room is dropped and counted.
 
 COM_BUFFER_SIZE: Final = 300  # ARRAY[0..300] OF BYTE: one place of a ring stays free
-MOST_CONNECTION_ENDS: Final = 64
+MOST_CONNECTION_ENDS: Final = 64  # a partner may connect and leave any number of times
 
 
 class ComBuffer:

@@ -233,13 +233,13 @@ class SingleTReset(SingleScriptBlock):
 
 
 # InterfaceId, ID, ConnectionType, ActiveEstablished, State, Kind, SentBytes, ReceivedBytes.
-RESULT_LAYOUT: Final = struct.Struct(">HHBBBBII")
+RESULT_LAYOUT: Final = struct.Struct(">HHBBBBII")  # this order is ours
 DEFAULT_INTERFACE_ID: Final = 64  # the usual hardware identifier of a CPU's port
 DEFAULT_ID: Final = 1
 TCP_TYPE: Final = 11
 KIND_PROGRAMMED: Final = 3
-STATE_DOWN, STATE_TRYING, STATE_WAITING, STATE_ESTABLISHED = 1, 2, 3, 4
-COUNTER_MASK: Final = 0xFFFFFFFF
+STATE_DOWN, STATE_TRYING, STATE_WAITING, STATE_ESTABLISHED = 1, 2, 3, 4  # STEP 7 help, T_DIAG
+COUNTER_MASK: Final = 0xFFFFFFFF  # UDINT: it begins again at 0
 
 
 class TDiag(SingleScriptBlock):

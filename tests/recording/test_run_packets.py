@@ -160,7 +160,7 @@ def test_our_close_with_unread_bytes_is_rst(tmp_path: Path) -> None:
     gone = CallRecord("C1", "discard", (7, 65536), 10)
     assert told(written(tmp_path / "3", CONNECTED, came, gone, close))[-1] == "plc 1 FIN"
     deep = written(tmp_path / "4", CONNECTED, arrives(30, 30, bytes(10)), close)
-    assert told(deep, True)[4] == "plc 1 RST | 20 bytes to the PLC are not here: no one has read them"
+    assert told(deep, True)[4] == "plc 1 RST | 20 bytes to the PLC are missing: they were never read"
 
 
 def test_the_partners_end_stands_behind_its_bytes_also_where_they_are_read_later(tmp_path: Path) -> None:
@@ -307,8 +307,8 @@ def test_a_connection_goes_on_in_the_next_file(tmp_path: Path) -> None:
     assert told(packets(before))[3:] == ["plc 1 3", "partner 1 30"]
     assert told(packets(after), True) == [
         "partner 21 10 | begins in the middle: 20 bytes to the PLC and 0 from it came before; "
-        "repeated: 10 bytes of a job that goes on, 10 of them unread",
-        "plc 1 3 | repeated: 3 bytes of a job that goes on",
+        "repeated: 10 bytes of an unfinished job, 10 of them unread",
+        "plc 1 3 | repeated: 3 bytes of an unfinished job",
         "journal",
         "partner 31 4",
         "plc 4 RST",

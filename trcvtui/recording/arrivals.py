@@ -1,7 +1,7 @@
-"""What has come to a recorded PLC and lies unread, noted after its blocks have read and before a handle goes.
+"""Notes of unread bytes at a recorded PLC: after its blocks have read, and before a handle is closed.
 
-Rule 1: what was read, the read tells; here stands what it leaves.
-Rule 2: what lies there came before this scan's reads, unless one of them found nothing more: then it is late.
+Rule 1: bytes that a block reads are in the entry of that read; the notes have only the unread ones.
+Rule 2: unread bytes came before the reads of this scan; after them (LATE) if a read found the handle empty.
 """
 
 from __future__ import annotations
@@ -13,17 +13,11 @@ from trcvtui.net.kernel import Handle, Kernel
 from trcvtui.net.results import Endpoint, Unread
 
 ARRIVED, MESSAGE, ENDED, WAITING, DROPPED = "arrived", "message", "ended", "waiting", "dropped"
-
-
-LATE, FULL, DISCARD_FLAG = (
-    1,
-    2,
-    4,
-)  # flags: it belongs to the next scan; much is unread; it goes with the close
+LATE, FULL, DISCARD_FLAG = 1, 2, 4  # flags: it came after this scan's reads; much is unread; a close loses it
 
 
 class ArrivalLog(Protocol):
-    """What keeps what is noted: owner, call, arguments, answer."""
+    """Keeps notes, each with an owner, a call, its arguments and its answer."""
 
     def note_arrival(self, owner: str, call: str, args: tuple[object, ...], answer: object) -> None: ...
     def note_wire(
@@ -32,13 +26,13 @@ class ArrivalLog(Protocol):
 
 
 class _ReceiveQueue:
-    """What is known of a handle, counted from its beginning: bytes of a stream, or messages."""
+    """Counts of a handle since its beginning: bytes of a stream, or messages."""
 
-    __slots__ = ("dropped", "has_ended", "is_udp", "read", "told", "whole")
+    __slots__ = ("dropped", "has_ended", "is_udp", "noted", "read", "whole")
 
     def __init__(self, is_udp: bool) -> None:
         self.is_udp = is_udp
-        self.read = self.told = self.whole = self.dropped = 0
+        self.read = self.noted = self.whole = self.dropped = 0  # noted or read; that came; by the stack
         self.has_ended = False
 
 
@@ -48,11 +42,11 @@ class ArrivalRecorder:
     def __init__(self, log: ArrivalLog, kernel: Kernel, owners: dict[Handle, str], label: str) -> None:
         self._log, self._kernel, self._owners, self._label = log, kernel, owners, label
         self._queues: dict[Handle, _ReceiveQueue] = {}
-        self._clients: dict[Handle, int] = {}  # of each listener, those that wait
-        self._seen: Collection[Handle] | None = None  # by the poll; None: everything is looked at
-        self._emptied: set[Handle] = set()  # in this scan a read of it found nothing more
+        self._clients: dict[Handle, int] = {}  # waiting at each listener, as noted
+        self._seen: Collection[Handle] | None = None  # by the poll; None: each handle is checked
+        self._emptied: set[Handle] = set()  # by a read of this scan
 
-    # -- what the calls of a run tell ----------------------------------------------------------------------
+    # -- calls of the run ----------------------------------------------------------------------------------
 
     def add_handle(self, handle: Handle, is_udp: bool = False) -> None:
         self._queues[handle] = _ReceiveQueue(is_udp)
@@ -65,58 +59,58 @@ class ArrivalRecorder:
         self._emptied.clear()
 
     def note_ready(self, handle: Handle) -> None:
-        """Take that one more handle was seen to have something."""
+        """Add a handle that is ready since the poll."""
         if self._seen is not None and handle not in self._seen:
             self._seen = {*self._seen, handle}
 
     def note_read(self, handle: Handle, size: int, room: int) -> None:
-        """Take a read of a stream: `size` bytes into `room`."""
+        """Take a read of a stream: `size` bytes, with room for `room`."""
         queue = self._queues.get(handle)
-        if size < room:
+        if size < room:  # a short read has emptied the handle
             self._emptied.add(handle)
         if queue is not None and size:
             queue.read += size
-            queue.told = max(queue.told, queue.read)
+            queue.noted = max(queue.noted, queue.read)
             queue.whole = max(queue.whole, queue.read)
 
     def note_empty(self, handle: Handle) -> None:
         self._emptied.add(handle)
 
     def note_message_read(self, handle: Handle, source: Endpoint, data: bytes, whole: int) -> None:
-        """Take a message that is read, and note it where that has not been done."""
+        """Count a message that is read; note it if no note has it yet."""
         queue = self._queues.setdefault(handle, _ReceiveQueue(is_udp=False))
         queue.read += 1
-        if queue.read > queue.told:
-            queue.told = queue.read
+        if queue.read > queue.noted:  # it came and was read in one scan
+            queue.noted = queue.read
             self._note_message(handle, source, data, whole, 0)
 
     def forget(self, handle: Handle) -> None:
         for known in (self._queues, self._clients):
             known.pop(handle, None)
 
-    # -- what is noted -------------------------------------------------------------------------------------
+    # -- notes ---------------------------------------------------------------------------------------------
 
     def note_all_unread(self) -> None:
-        """Note what is left after the blocks of a scan have read."""
+        """Note what the blocks of a scan have left unread."""
         seen, queues = self._seen, self._queues
         looked_at = queues if seen is None else seen
         for handle in self._kernel.list_unread(looked_at) if looked_at else ():
             if handle in queues:
                 self.note_unread(handle)
         for handle, known in self._clients.items():
-            if known or seen is None or handle in seen:
+            if known or seen is None or handle in seen:  # else no client can have come or gone
                 self._note_clients(handle, self._kernel.peek(handle, 0).clients)
 
     def note_unread(self, handle: Handle, flags: int = 0) -> None:
         queue = self._queues.get(handle)
         if queue is None:
             return
-        found = self._kernel.peek(handle, queue.told - queue.read)
-        is_late = handle in self._emptied or (self._seen is not None and handle not in self._seen)
+        found = self._kernel.peek(handle, queue.noted - queue.read)
+        is_late = handle in self._emptied or (self._seen is not None and handle not in self._seen)  # Rule 2
         flags |= (LATE if is_late else 0) | (FULL if found.is_full else 0)
         if found.messages is not None:
             for message in found.messages:
-                queue.told += 1
+                queue.noted += 1
                 self._note_message(handle, *message, flags)
             if found.dropped > queue.dropped:
                 self._log_arrival(DROPPED, handle, (handle, flags), found.dropped - queue.dropped)
@@ -131,15 +125,15 @@ class ArrivalRecorder:
     def _note_bytes(self, handle: Handle, queue: _ReceiveQueue, found: Unread, flags: int) -> None:
         whole = queue.read + found.size
         if whole <= queue.whole and not found.data and not (flags & DISCARD_FLAG and found.size):
-            return
+            return  # nothing new; but a close notes again what it loses
         queue.whole = max(queue.whole, whole)
-        queue.told += len(found.data)
-        if not found.has_session:
+        queue.noted += len(found.data)
+        if not found.has_session:  # else the wire has other bytes
             self._log.note_wire(self._owner(handle), ARRIVED, handle, (whole,), None, found.data)
         self._log_arrival(ARRIVED, handle, (handle, whole, found.size, flags), found.data)
 
     def _note_message(self, handle: Handle, source: Endpoint, data: bytes, whole: int, flags: int) -> None:
-        """Note a message; one of a session (its queue began as a stream) has other bytes at the wire."""
+        """Note a message, at the wire only a datagram: a session has other bytes there."""
         if self._queues[handle].is_udp:
             self._log.note_wire(self._owner(handle), MESSAGE, handle, (source, whole), None, data)
         self._log_arrival(MESSAGE, handle, (handle, source, whole, flags), data)

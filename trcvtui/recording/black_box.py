@@ -1,9 +1,9 @@
-"""The newest of a run, always kept in memory: a file gets it, and what follows, when it is asked for.
+"""The newest part of a run, always kept in memory: `record` writes it, and what follows, into a file.
 
-Rule 1: at most MOST_BYTES are kept; what goes is counted. Each time half as much has come, a process runs
-again what is kept and gives the last state: a file that begins in the middle has it as its keyframe.
-Rule 2: a process writes the files; until the run is over nothing waits for it.
-Rule 3: a box that takes too much of the time gives up (recorder.py), unless a file gets what follows.
+Rule 1: at most MOST_KEPT_BYTES are kept; dropped entries are counted. After each half of that, a process
+replays the kept entries and returns the last state: the keyframe of a file that begins in the middle.
+Rule 2: processes write the files; only the end of the run waits for them.
+Rule 3: a box that takes too much time gives up (recorder.py), unless it is recording into a file.
 """
 
 from __future__ import annotations
@@ -42,31 +42,31 @@ TRIMMED_REASON: Final = "the black box keeps the newest 64 MiB"
 class BlackBox:
     """A sink that keeps the newest blocks of a run."""
 
-    trouble = ""  # of a run; a file that cannot be written leaves the run alone
+    trouble = ""  # always: a file that cannot be written does not concern the run
 
     def __init__(self) -> None:
-        import subprocess  # noqa: F401 - here, where no scan waits: 10 ms, which the first process would take
+        import subprocess  # noqa: F401 - here no scan waits for these 10 ms
 
-        self._told, self._told_at = "", 0  # how the last file has ended
-        self.file_trouble = ""  # why the last file that went wrong did
+        self._end_text, self._ended_at = "", 0  # how the last file has ended
+        self.file_trouble = ""  # of the last file that could not be written
         self._most = MOST_KEPT_BYTES
         self._begins: RunBegins | None = None
         self._block = BlockWriter(0)
-        self._entries = self._scans = 0  # of it
+        self._entries = self._scans = 0  # of this block
         self._kept: deque[OldBlock] = deque()
-        self._size = self._passed = self._passed_scans = 0
-        self._since = 0  # bytes that have come since the last state was asked for
+        self._size = self._passed = self._passed_scans = 0  # bytes kept; entries, scans dropped
+        self._since = 0  # bytes since the last state was requested
         self._state: PendingAnswer | None = None
-        self._state_from = 0  # scans before those of which it is
-        self.close_judge: Callable[[], object] = lambda: None
+        self._state_from = 0  # scans that were dropped when it was requested
+        self.close_judge: Callable[[], object] = lambda: None  # of the doctor
         self._frames: list[Keyframe] = []  # `steps` from the beginning of the run
         self._posted_at = 0
         self._why_off = ""
-        self._recording: WriterProcess | None = None  # gets what follows, too
+        self._recording: WriterProcess | None = None  # into a file that gets what follows, too
         self._ending: list[WriterProcess] = []
 
     def give_up(self) -> None:
-        """Keep nothing any more: it would cost the scans too much."""
+        """Keep nothing from now on: it costs the scans too much."""
         self._why_off = GAVE_UP_TEXT
         self._kept.clear()
         self._frames.clear()
@@ -79,7 +79,7 @@ class BlackBox:
 
     def add_entries(self, entries: Iterable[Entry]) -> None:
         for entry in entries:
-            if isinstance(entry, RunBegins):
+            if isinstance(entry, RunBegins):  # each file begins with it
                 self._begins = entry
             else:
                 self._block.add_entry(entry)
@@ -101,7 +101,7 @@ class BlackBox:
         self._size += len(block)
         self._since += len(block)
         self._block, self._entries, self._scans = BlockWriter(0), 0, 0
-        if self._since > self._most // 2 and self._state is None:
+        if self._since > self._most // 2 and self._state is None:  # Rule 1
             self._since = 0
             self._state, self._state_from = PendingAnswer(STATE_MAIN), self._passed_scans
             self._send_blocks(self._state.process)
@@ -113,7 +113,7 @@ class BlackBox:
             self._size -= len(oldest.block)
 
     def advance(self) -> None:
-        """Let the writers take what waits; find out how those have ended that are done."""
+        """Feed the writers; note how those that are done have ended."""
         if self._recording is not None:
             self._recording.advance()
             if self._recording.trouble:
@@ -126,7 +126,7 @@ class BlackBox:
             if content is not None:
                 if trouble := self._state.process.trouble:
                     self.file_trouble = f"no keyframe of the black box: {trouble}"
-                self._frames = [one for one in self._frames if one.scan > self._passed_scans]
+                self._frames = [one for one in self._frames if one.scan > self._passed_scans]  # of kept scans
                 self._frames += self._decode_keyframe(content)
                 self._state = None
         for writer in tuple(self._ending):
@@ -144,10 +144,10 @@ class BlackBox:
         return []
 
     def _set_end_text(self, text: str) -> None:
-        self._told, self._told_at = text, clock.now_ns()
+        self._end_text, self._ended_at = text, clock.now_ns()
 
     def _start_writer(self, path: Path) -> WriterProcess:
-        """Return the writer of a new file, which gets all that is kept; raise UserError."""
+        """Start the writer of a new file and send it all that is kept; raise UserError."""
         if self._why_off:
             raise mistake("prompt", self._why_off, "`trcvtui run FILE --record`, which keeps all")
         if os.path.lexists(path):
@@ -178,7 +178,7 @@ class BlackBox:
         return [(first.encode(), 0), *((old.block, old.entries) for old in self._kept)]
 
     def save(self, path: Path) -> str:
-        """Write what is kept into a new file; return what to tell; raise UserError."""
+        """Write what is kept into a new file; return the answer; raise UserError."""
         self._finish_file(self._start_writer(path))
         return f"the recording, {size_text(self._size)} of the black box, into {path.absolute()}"
 
@@ -190,14 +190,14 @@ class BlackBox:
         self._ending.append(writer)
 
     def start_recording(self, path: Path) -> str:
-        """Write what is kept, and what follows, into a new file; return what to tell; raise UserError."""
+        """Write what is kept, and what follows, into a new file; return the answer; raise UserError."""
         if self._recording is not None:
             raise mistake("prompt", f"{self._recording.path.name}, which is recorded", "`record stop` first")
         self._recording = self._start_writer(path)
         return f"recording into {path.absolute()}, from the beginning of the run as far as it is kept"
 
     def stop_recording(self) -> str:
-        """End the file that gets what follows; return what to tell; raise UserError where there is none."""
+        """End the file that gets what follows; return the answer; raise UserError if there is none."""
         writer = self._recording
         if writer is None:
             raise mistake("prompt", "no recording under way", "`record [FILE]` first")
@@ -211,7 +211,7 @@ class BlackBox:
         """Return the name of the file under way and its size, or how the last one has ended."""
         writer = self._recording
         if writer is None:
-            return self._told if clock.now_ns() < self._told_at + END_SHOWN_NS else ""
+            return self._end_text if clock.now_ns() < self._ended_at + END_SHOWN_NS else ""
         try:
             size = os.stat(writer.path).st_size
         except OSError:
@@ -219,7 +219,7 @@ class BlackBox:
         return f"{writer.path.name} {size_text(size)}"
 
     def close(self) -> None:
-        """End all files, and wait for that: the run is over."""
+        """End all files and wait for their writers: the run is over."""
         self._flush_block()
         if self._recording is not None:
             self._ending.append(self._recording)

@@ -1,13 +1,13 @@
-"""What a recording is written to: one file, or numbered ones: a ring, or one for what surrounds a trigger.
+"""Where a recording is written: one file, or numbered ones: split, in a ring, or one for each trigger.
 
 Rule 1: a name is never used again; only files of this run are removed.
-Rule 2: each file begins with the beginning of the run. Where scans lie between, `EntriesLost` says so: such
-a file runs again from its first keyframe.
-Rule 3: a file that begins in the middle does not end before its first keyframe while a run beside makes some.
-Rule 4: a file of a trigger has the run from its beginning, as far as MOST_OLD_BYTES of its journal go: a
+Rule 2: each file begins with `RunBegins`. If scans are missing after it, `EntriesLost` is next: such a file
+runs again from its first keyframe.
+Rule 3: while a run beside makes keyframes, a file that begins in the middle ends only after its first one.
+Rule 4: a file of a trigger has the journal from the beginning of the run, of at most MOST_OLD_BYTES: a
 what-if begins there; and it has keyframes.
-Rule 5: packets of connections go on from file to file; those of entries that stand in no file are passed by.
-Bound: MOST_KEPT entries wait for a trigger.
+Rule 5: connections keep sequence numbers and ports from file to file, through entries that no file has, too.
+Bound: MOST_WAITING entries wait for a trigger.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ if TYPE_CHECKING:
     from trcvtui.recording.run_packets import RunPackets
 
 FILE_SUFFIX: Final = ".pcapng"
-TRIGGER_WORD: Final = "trigger"  # the first word of the line that tells of one
+TRIGGER_WORD: Final = "trigger"  # the first word of the command that reports one
 IN_MIDDLE_REASON: Final = "this file begins in the middle of its run"
 MOST_WAITING: Final = 500_000
 MOST_SECRETS: Final = 1000
-MOST_OLD_BYTES: Final = 64 << 20  # of a journal: a night of scans in which nothing happens takes half of it
-MOST_KEYFRAMES: Final = 64  # keyframes of these; of more every second one goes
+MOST_OLD_BYTES: Final = 64 << 20  # of a journal: a night of idle scans takes half of it
+MOST_KEYFRAMES: Final = 64  # keyframes of these; beyond them every second one is dropped
 
 
 class EntrySink(Protocol):
@@ -61,31 +61,31 @@ class EntrySink(Protocol):
     def add_entries(self, entries: Iterable[Entry]) -> None: ...
 
     def close(self) -> None:
-        """Write what is left, and end the file."""
+        """Write the rest and end the file."""
 
 
 class FileSink(EntrySink, Protocol):
     """What writes a file, with keyframes."""
 
-    first_scan: int  # scans of the run before the first one of a file that begins in the middle
+    first_scan: int  # scans of the run before a file that begins in the middle
     is_followed: bool  # by a run beside, which makes keyframes
     lack: str  # when it is closed: which files begin in the middle and have no keyframe, "" for none
 
     def add_keyframe(self, frame: Keyframe) -> None:
-        """Take the state after a scan that has been taken; `steps` counts from the beginning of the run."""
+        """Take the state after one of the scans so far; `steps` counts from the beginning of the run."""
 
 
 class NumberedFile(FileSink, Protocol):
-    """What writes one of several files of a run, with so many bytes."""
+    """What writes one of several files of a run; `size` is in bytes."""
 
     size: int
 
     def continue_packets(self, packets: RunPackets, old: Iterable[Entry]) -> None:
-        """Take entries whose packets are no more; then go on with the packets of the files before."""
+        """Take old entries without packets; then continue the connections of the files before."""
 
 
 class OldBlock(NamedTuple):
-    """Entries that stand before those that wait for a trigger."""
+    """An encoded block of older entries, with how many entries and scans it has."""
 
     entries: int
     scans: int
@@ -104,7 +104,7 @@ class FileLimits(NamedTuple):
 class NumberedFiles:
     """A sink that opens and ends files at the beginning of a scan; `new` makes the writer of one."""
 
-    trouble = ""  # what goes wrong is raised
+    trouble = ""  # errors are raised
     is_followed, lack = False, ""
 
     def __init__(
@@ -116,7 +116,7 @@ class NumberedFiles:
         packets: RunPackets,
     ) -> None:
         self._packets = packets
-        self._beside = 0  # bytes of the file that are not of its scans
+        self._beside = 0  # bytes of the file that are not of its own scans
         self._folder, self._stem, self._limits, self._new = folder, stem, limits, new
         self._begins: RunBegins | None = None
         self._file: NumberedFile | None = None
@@ -126,15 +126,15 @@ class NumberedFiles:
         self._least_ring = 0  # bytes that always hold two files
         self._secrets: deque[Secrets] = deque(maxlen=MOST_SECRETS)  # each file repeats them
         self._now = self._until = 0
-        self._passed = self._passed_scans = 0  # entries, scans that stand in no file, or in one before this
+        self._passed = self._passed_scans = 0  # entries, scans that are in no file or an earlier one
         self.first_scan = self._file_from = 0
         self._frames: list[Keyframe] = []  # of the old blocks
-        self._scans: deque[tuple[int, list[Entry]]] = deque([(0, [])])  # that wait, by their time
+        self._scans: deque[tuple[int, list[Entry]]] = deque([(0, [])])  # waiting scans: time, entries
         self._kept = 0
         self._old: deque[OldBlock] = deque()
         self._old_size = self._in_block = self._scans_in_block = self._since_frame = 0
         self._block = BlockWriter(0)
-        self._is_over = self._has_begun = False  # the run; the scan that comes, whose peers have acted
+        self._is_over = self._has_begun = False  # the run is over; peers have acted in the next scan
         self._number = next_number(folder, stem)
 
     def add_entries(self, entries: Iterable[Entry]) -> None:
@@ -151,7 +151,7 @@ class NumberedFiles:
                 call, args = entry.call, entry.args
                 at = entry.answer if call == STEP else args[0] if call == REST and args else None
                 if isinstance(at, int):
-                    if not self._has_begun:
+                    if not self._has_begun:  # its REST has not begun it
                         self._begin_scan(at)
                     self._now, self._has_begun = at, call == REST
                 elif waits and call == DO and str(args[0]).startswith(TRIGGER_WORD):
@@ -167,7 +167,7 @@ class NumberedFiles:
         self._now = now
         if self._file is not None:
             self._write_waiting()
-        if self._file is not None and not (self.is_followed and self._file.lack):
+        if self._file is not None and not (self.is_followed and self._file.lack):  # Rule 3
             if self._limits.before_ns >= 0:
                 if now > self._until:
                     self._end_file()
@@ -179,23 +179,23 @@ class NumberedFiles:
         while len(self._scans) > 1 and (self._kept > MOST_WAITING or self._scans[0][0] < now - before):
             some = self._scans.popleft()[1]
             self._kept -= len(some)
-            if some:  # no file has it
+            if some:  # no file has them: Rule 5
                 self._packets.skip_entries(some)
                 self._keep_old_entries(some)
 
     def _is_large(self, file: NumberedFile) -> bool:
-        """Return whether a file has its size, and not of keyframes and repeated bytes alone."""
+        """Return whether a file is full; keyframes and repeated bytes alone do not fill it."""
         split = self._limits.split
         return file.size >= max(split, self._beside + split // 4)
 
     def _keep_old_entries(self, some: list[Entry]) -> None:
         scans = sum([isinstance(entry, CallRecord) and entry.call == STEP for entry in some])
-        if self._limits.before_ns < 0:
+        if self._limits.before_ns < 0:  # no trigger: a file has them
             self._passed += len(some)
             self._passed_scans += scans
             return
         for entry in some:
-            if not isinstance(entry, WireCall):
+            if not isinstance(entry, WireCall):  # old entries have no packets
                 self._block.add_entry(entry)
                 self._in_block += 1
         self._scans_in_block += scans
@@ -212,7 +212,7 @@ class NumberedFiles:
         self._old.append(made)
         self._old_size += len(made.block)
         self._since_frame += len(made.block)
-        if self._since_frame > MOST_OLD_BYTES // 2:  # the old blocks always have a keyframe
+        if self._since_frame > MOST_OLD_BYTES // 2:  # so that the old blocks always have a keyframe
             self._since_frame = 0
             self.first_scan = self._passed_scans + sum([old.scans for old in self._old])
         self._block, self._in_block, self._scans_in_block = BlockWriter(0), 0, 0
@@ -233,7 +233,7 @@ class NumberedFiles:
         self._number += 1
         self._file = self._new(self._path)
         self._files.append(self._path)
-        lost = [EntriesLost(self._passed, IN_MIDDLE_REASON)] if self._passed else []
+        lost = [EntriesLost(self._passed, IN_MIDDLE_REASON)] if self._passed else []  # Rule 2
         self._file.add_entries([*([self._begins] if self._begins else []), *self._secrets, *lost])
         if self._in_block:
             self._end_block()
@@ -257,7 +257,7 @@ class NumberedFiles:
 
     def _end_file(self) -> None:
         if self._file is not None:
-            if not self._is_over:
+            if not self._is_over:  # else CLOSE is the last entry
                 self._file.add_entries([EntriesLost(0, ENDED_HERE)])
             self._file.close()
             if self._file.lack:
@@ -269,10 +269,10 @@ class NumberedFiles:
         ring = self._limits.ring
         if not ring or len(sizes) < 2:
             return
-        more = max(self._limits.split, sizes[-2] - sizes[-1])  # that the new file will have
+        more = max(self._limits.split, sizes[-2] - sizes[-1])  # bytes that the new file may get
         self._least_ring = max(self._least_ring, sum(sizes[-2:]) + more)
         while len(sizes) > 1 and sum(sizes) + more > ring:
-            gone = self._files.pop(0)
+            gone = self._files.pop(0)  # of this run: Rule 1
             gone.unlink(missing_ok=True)
             self._lacking = [name for name in self._lacking if name != gone.name]
             sizes.pop(0)
@@ -291,7 +291,7 @@ class NumberedFiles:
 
 @dataclass(frozen=True, slots=True)
 class RecordTarget:
-    """What is asked for; of several runs each has a file of its own in the folder `target`."""
+    """What --record asks for; each of several runs has one file in the folder `target`."""
 
     target: Path
     overwrite: bool = False
@@ -300,7 +300,7 @@ class RecordTarget:
     follow: Callable[[FileSink, str], EntrySink] | None = None  # what makes keyframes beside a writer
 
     def make_paths(self, paths: Iterable[Path]) -> tuple[Path, ...]:
-        """Return the file of each run; raise UserError where two would be one."""
+        """Return the file of each run; raise UserError if two runs would share one."""
         given = tuple(paths)
         if len(given) == 1 and not self.target.is_dir():
             return (self.target,)
@@ -314,12 +314,12 @@ class RecordTarget:
         return files
 
     def make_sink(self, file: Path) -> EntrySink:
-        """Return what writes in this process; raise UserError where a file is refused."""
+        """Return what writes in this process; raise UserError if a file is refused."""
         sink = self.make_file_sink(file)
         return sink if self.follow is None else self.follow(sink, str(file))
 
     def make_file_sink(self, file: Path) -> FileSink:
-        """Return what writes, and nothing beside it."""
+        """Return what writes, without a run beside it."""
         from trcvtui.recording.recording import RecordingWriter
         from trcvtui.recording.run_packets import RunPackets
 

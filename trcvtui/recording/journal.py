@@ -1,8 +1,7 @@
-"""The journal of a run: its entries (what was asked at the seam and what it answered), and their bytes.
+"""The journal of a run: its entries (calls at the seam with their answers), and their bytes.
 
 Rule 1: a run asks the same again, in the same order, as long as it gets the same answers (replay.py).
-Rule 2: what is asked in a gap between two scans (a screen wants to know it) has a call that begins with
-GAP. A replay that asks it gets the answer; one that does not goes on.
+Rule 2: a call in a gap between two scans (for a screen) begins with IN_GAP. A replay may ask it or skip it.
 Rule 3: bytes become values by fixed layouts alone (docs/recording-format.md); no length is trusted.
 """
 
@@ -28,23 +27,21 @@ from trcvtui.plc.containment import EXCEPTION
 from trcvtui.plc.ledger import BenchNote, PeerSent
 
 VERSION: Final = 2
-MOST_STATE_BYTES: Final = 64 << 20  # bytes of a state that a reader takes
+MOST_STATE_BYTES: Final = 64 << 20  # bytes of a state; a reader refuses more
 MAGIC: Final = b"trcvtui journal\n"
 _HEAD: Final = struct.Struct("<16sHI")  # magic, version, CRC-32 of the packets before and of what follows
-_COUNTS: Final = struct.Struct("<II")  # number of the block, of entries unlike each other
-MOST_BLOCK_BYTES: Final = 1 << 20  # bytes of entries, from which on a block is full
-MOST_BLOCK_ENTRIES: Final = 1 << 20  # from which on it is full, too
+_COUNTS: Final = struct.Struct("<II")  # number of the block, of different entries
+MOST_BLOCK_BYTES: Final = 1 << 20  # bytes of entries that fill a block
+MOST_BLOCK_ENTRIES: Final = 1 << 20  # as many entries fill it, too
 MOST_NESTING: Final = 8  # values inside values
 STEP: Final = "step"  # the call that begins a scan; its answer is the time in ns
 SHOWS: Final = "shows"  # the outputs of an instance, after a scan that changed one
 MOST_SKIPPED: Final = 1 << 40  # scans in one entry
-SKIP: Final = "skip"  # so many scans, in which nothing happens, are counted and not run
+SKIP: Final = "skip"  # so many idle scans, which are counted and not run
 DO, REST, CLOSE = "do", "rest", "close"  # a command in words; peers act beside a scan; the end of the run
 IN_GAP: Final = "gap "
 RECV: Final = "recv"  # its arguments: a handle, and how many bytes there is room for
-FILE_READ: Final = (
-    IN_GAP + "read"
-)  # a file read while the run went on: its name; its bytes, or their SHA-256 as text
+FILE_READ: Final = IN_GAP + "read"  # a file read during the run; its bytes, or their SHA-256 as text
 SIM_WALL_NS: Final = 946_684_800_000_000_000  # when a simulated run begins: 2000-01-01T00:00:00Z
 
 
@@ -58,7 +55,7 @@ class CallRecord(NamedTuple):
 
 
 class WorkWaits(NamedTuple):
-    """That a partner has asked for more work than one scan does; `what` is a word of `What`."""
+    """A partner asked for more work than one scan does; `what` is an EventKind."""
 
     connect: str
     what: str
@@ -70,8 +67,8 @@ class RunBegins(NamedTuple):
     """The first entry of a journal: what is needed to run again, without a disk.
 
     `path` and `options` (`PATH=VALUE` of `--set`) are those of the command line; `wall_ns` is UTC at time 0
-    of the run, from 1970. `files` are contents by the names that were asked for, with relative names begun in
-    `folder`; of certificates and keys `digests` has the SHA-256.
+    of the run, from 1970. `files` are names and contents; relative names are below `folder`. `digests` has
+    the SHA-256 of certificates and keys.
     """
 
     program: str
@@ -100,7 +97,7 @@ class EntriesLost(NamedTuple):
 
 
 class WireCall(NamedTuple):
-    """What the packets of a recording are made of: a call of the PLC's at the wire; no part of the journal.
+    """A call of the PLC at the wire, of which packets are made; no part of the journal.
 
     `at`: ns of the run; `args`: those after the handle; `data`: the bytes that came, or were taken.
     """
@@ -126,7 +123,7 @@ class Secrets(NamedTuple):
 class Keyframe(NamedTuple):
     """The state of a run after a scan, as the program that made it keeps it (state.py), compressed.
 
-    `steps`: scans that begin in the file before the run goes on; `beyond`: entries since then.
+    `steps`: scans that have begun in the file by then; `beyond`: entries since the newest of these.
     """
 
     program: str
@@ -150,7 +147,7 @@ class Keyframe(NamedTuple):
             state = zlib.decompressobj().decompress(self.content, min(self.size, MOST_STATE_BYTES) + 1)
         except zlib.error as failed:
             raise mistake(where, str(failed), "what was compressed") from None
-        if len(state) != self.size:
+        if len(state) != self.size:  # of a zip bomb just one byte too many is unpacked
             raise mistake(where, f"{len(state)} bytes or more", f"{self.size}, at most {MOST_STATE_BYTES}")
         return state
 
@@ -165,7 +162,7 @@ Entry = CallRecord | LedgerNote | RunBegins | EntriesLost | NonJournalEntry
 # -- what may be answered ----------------------------------------------------------------------------------
 
 NONE_TYPE: Final = type(None)
-# What may answer each call. Pairs (an answer and the bytes that came with it) are told by `tuple`.
+# The types that may answer each call; `tuple` includes pairs of an answer and its bytes.
 ANSWER_TYPES: Final[dict[str, tuple[type, ...]]] = {
     **dict.fromkeys((STEP, "grant", "discard", "unread", "waiting", "dropped"), (int,)),
     **dict.fromkeys((SHOWS, SKIP, DO, REST, CLOSE), (NONE_TYPE,)),
@@ -192,7 +189,7 @@ ANSWER_TYPES: Final[dict[str, tuple[type, ...]]] = {
     "port read": (bytes, Fault),
     "port errors": (NONE_TYPE, tuple),
 }
-# What stands inside the tuples.
+# The types inside these pairs.
 PAIR_TYPES: Final[dict[str, tuple[tuple[type, ...], ...]]] = {
     "recv": ((int, WouldBlock, Fault), (bytes,)),
     "recv_from": ((Datagram, WouldBlock, Fault), (bytes,)),
@@ -258,7 +255,7 @@ def _list_hint_types(hint: Any) -> tuple[type, ...]:
 
 
 def encode_value(value: object) -> bytes:
-    """Return a value as it stands in a journal: a tag of one byte, then what the tag says."""
+    """Return the bytes of a value: a tag of one byte, then what the tag says."""
     match value:
         case None:
             return bytes([_NONE])
@@ -290,14 +287,14 @@ def encode_value(value: object) -> bytes:
 class PacketRuns(NamedTuple):
     """Bytes in packets before their block: of each run the first packet, bytes to skip in it, and its size.
 
-    A run goes on in the packets that follow.
+    A run may continue in the packets that follow.
     """
 
     runs: tuple[tuple[int, int, int], ...]
 
 
 class _BlockReader:
-    """Reads values out of the bytes of one block; raise UserError for what is none.
+    """Reads values out of the bytes of one block; raises UserError for bytes that are none.
 
     `payloads`: what the packets before the block carry.
     """
@@ -309,7 +306,7 @@ class _BlockReader:
         return mistake(f"{self._where}: journal, byte {self.at}", found, expected)
 
     def read_head(self, expected: int) -> tuple[int, int]:
-        """Return the CRC-32 that a block bears, and how many entries unlike each other it has."""
+        """Return the CRC-32 in a block's head and the number of its different entries."""
         where = f"{self._where}: journal"
         magic, version, check = _HEAD.unpack(self.read_bytes(_HEAD.size))
         if magic != MAGIC:
@@ -346,7 +343,7 @@ class _BlockReader:
 
     def read_value(self, depth: int = 0) -> object:
         tag = self._read_number(1)
-        if depth > MOST_NESTING:
+        if depth > MOST_NESTING:  # a file could nest until the stack is full
             raise self.error("values inside values", f"at most {MOST_NESTING} deep")
         match tag:
             case 0:
@@ -436,7 +433,7 @@ class _BlockReader:
 
 
 def decode_value(content: bytes, where: str) -> object:
-    """Return the value of `value_bytes`; raise UserError that begins with `where`."""
+    """Return the value that encode_value wrote; raise UserError that begins with `where`."""
     return _BlockReader(where, content, ()).read_value()
 
 
@@ -447,20 +444,20 @@ def _is_valid_header(begins: RunBegins) -> bool:
     )
 
 
-_NEVER_SHARED: Final = (Fault, KernelLoss, dict)  # faults that compare as equal may have other partners
-_REPEATED_CALL: Final = 10  # in place of a value's tag: the question of an entry before, then another answer
+_NEVER_SHARED: Final = (Fault, KernelLoss, dict)  # equal faults may have different peers
+_REPEATED_CALL: Final = 10  # a tag: the call of an earlier entry with another answer
 _REPEATED_CALL_TAG: Final = bytes([_REPEATED_CALL])
 _REPEATED_HEAD: Final = struct.Struct("<BI")
 
 
 class BlockWriter:
-    """Entries of one block: each that is unlike the others stands once, then which of them came when."""
+    """The entries of one block: each different one once, then the order in which they came."""
 
     def __init__(self, number: int) -> None:
         self.number = number
         self._known: dict[Entry, int] = {}
         self._parts: list[bytes] = []
-        self._asked: dict[tuple[object, ...], int] = {}  # the first entry of each question
+        self._questions: dict[tuple[object, ...], int] = {}  # the first entry of each call
         self._order = array("I")
         self.size = 0
 
@@ -474,7 +471,7 @@ class BlockWriter:
     def add_entry(self, entry: Entry) -> None:
         try:
             at = self._known.get(entry)
-        except TypeError:  # it has a mapping in it
+        except TypeError:  # a mapping in it has no hash
             at = None
         if at is None:
             at = len(self._parts)
@@ -487,13 +484,13 @@ class BlockWriter:
     def _encode_entry(self, entry: Entry, place: int) -> bytes:
         if not isinstance(entry, CallRecord):
             return encode_value(entry)
-        first = self._asked.setdefault(entry[:3], place)
+        first = self._questions.setdefault(entry[:3], place)
         if first == place:
             return encode_value(entry)
         return _REPEATED_HEAD.pack(_REPEATED_CALL, first) + encode_value(entry.answer)
 
     def encode(self, packets: int | None = None) -> bytes:
-        """Return it; `packets`: the CRC-32 of those before it in a file; None: nothing checks it."""
+        """Return its bytes; `packets`: the CRC-32 of its packets in the file; None: without a check."""
         order = self._order[:]
         if sys.byteorder == "big":
             order.byteswap()
@@ -504,10 +501,10 @@ class BlockWriter:
 
 
 def encode_blocks(entries: Iterable[Entry]) -> Iterator[bytes]:
-    """Return the entries as blocks: each stands for itself and bears its number."""
+    """Yield the entries as blocks; each has its number and can be read alone."""
     number, block = 0, BlockWriter(0)
     for entry in entries:
-        if isinstance(entry, NonJournalEntry):
+        if isinstance(entry, NonJournalEntry):  # the file has them beside the journal
             continue
         block.add_entry(entry)
         if block.is_full:
@@ -522,13 +519,13 @@ def decode_entries(
 ) -> Iterator[Entry]:
     """Return the entries of blocks from number `first` on; raise UserError that begins with `where`.
 
-    `found` brings `payloads` up to date before each block.
+    Before each block, `found` puts the payloads of its packets into `payloads`.
     """
     return chain.from_iterable(decode_by_block(found, where, payloads, first))
 
 
 def check_block(block: bytes, number: int, packets: int, where: str) -> None:
-    """Raise UserError for what is no block of this number, or not as written; `packets` as of BlockWriter."""
+    """Raise UserError for another block, or a changed one; `packets` as in BlockWriter.encode."""
     check, _ = _BlockReader(where, block, ()).read_head(number)
     if zlib.crc32(block[_HEAD.size :], packets) != check:
         found, expected = f"block {number} with another checksum", "that of its packets and entries"
@@ -541,7 +538,7 @@ def decode_by_block(
     for expected, block in enumerate(found, first):
         cursor = _BlockReader(where, block, payloads)
         _, unlike = cursor.read_head(expected)
-        if unlike > len(block):
+        if unlike > len(block):  # each takes a byte at least
             raise cursor.error(f"{unlike} entries", f"at most the {len(block)} bytes of a block")
         known: list[Entry] = []
         for _ in range(unlike):

@@ -1,4 +1,4 @@
-"""A run on record while it runs: its seam, its first entry, and what gets the entries.
+"""The recorder of a running bench: its seam, its first entry, and the sinks of its entries.
 
 Rule: a scan only appends to a list; in the gap after it the list is handed over.
 """
@@ -35,15 +35,15 @@ if TYPE_CHECKING:
     from trcvtui.project.project import Project
     from trcvtui.recording.black_box import BlackBox
 
-SAMPLE_INTERVAL_NS: Final = 1_000_000_000  # between two looks at what each connection's stack says
-COST_CHECK_NS: Final = 5_000_000_000  # in so long
-MOST_BOX_PERCENT: Final = 2  # of the time are for the black box; one that costs more gives up
-MOST_WAITING_ENTRIES: Final = 10_000  # entries that wait at most where no time passes
+SAMPLE_INTERVAL_NS: Final = 1_000_000_000  # between two samples of each connection's stack
+COST_CHECK_NS: Final = 5_000_000_000  # between two checks of what the black box costs
+MOST_BOX_PERCENT: Final = 2  # of the time; a black box that takes more gives up
+MOST_WAITING_ENTRIES: Final = 10_000  # entries that are handed over at once, where a run may wait
 TLS_MODULE: Final = "trcvtui.net.layers.tls"
 
 
 class RecordedBench(Protocol):
-    """What is recorded: the bench of `trcvtui.bench`, as far as a recorder asks it."""
+    """What a recorder uses of a bench (trcvtui.bench)."""
 
     kernel_name: str
     reports: Path | None  # where reports of internal errors go
@@ -60,22 +60,22 @@ class RecordedBench(Protocol):
 
 
 class RunRecorder:
-    """What is recorded of one run: note the `reads` of its project, enter it, make the bench on `seam`."""
+    """Records one run: read its project into `reads`, enter the recorder, then make the bench on `seam`."""
 
     def __init__(
         self, sink: Callable[[], EntrySink], file: Path = Path(), waits: bool = True, secrets: bool = True
     ) -> None:
-        self.holds_secrets = False  # of TLS sessions, which `secrets` allows
+        self.holds_secrets = False  # of TLS sessions; only if `secrets` allows it
         self._may_hold = secrets
-        self._key_log = -1  # a file of the process, where there may be sessions
+        self._key_log = -1  # the descriptor of the TLS key log; -1: none
         self._opened = ExitStack()
-        self._hidden: frozenset[str] = frozenset()  # whose bytes are not to be recorded
+        self._hidden: frozenset[str] = frozenset()  # CONNECTs and peers whose bytes are not recorded
         self.trouble = ""  # why nothing more is recorded
-        self.size = 0  # bytes of the file, as known a second ago
+        self.size = 0  # bytes of the file, up to a second old
         self.file = file
-        self.box: BlackBox | None = None  # where that is the sink
-        self._spent = self._looked_at = 0
-        self._time_of = clock.now_ns  # of the gaps
+        self.box: BlackBox | None = None  # if it is the sink
+        self._spent = self._looked_at = 0  # ns of gaps since the last check of the cost; its time
+        self._time_of = clock.now_ns  # the clock that measures gaps
         self.reads = FilesRead()
         self._new_sink = sink
         self._sink: EntrySink | None = None
@@ -86,13 +86,13 @@ class RunRecorder:
         self.seam = SeamRecorder(self._entries.append)
 
     def add_sink(self, other: EntrySink) -> None:
-        """Let another sink, which has no trouble, have all entries, too, scan by scan."""
+        """Give all entries to another sink, too, after each scan; it must have no `trouble`."""
         self._other, self._least = other, 1
 
     def __enter__(self) -> RunRecorder:
-        """Open the file, when the project has been read; raise UserError where it is refused."""
+        """Open the file, after the project was read; raise UserError if the file is refused."""
         self._sink = self._new_sink()
-        if TLS_MODULE in sys.modules and self._may_hold:  # a project without it has not loaded it
+        if TLS_MODULE in sys.modules and self._may_hold:  # a project without TLS has not loaded it
             from trcvtui.net.layers.tls import log_keys
 
             self._key_log, name = self._opened.enter_context(open_private_file())
@@ -101,7 +101,7 @@ class RunRecorder:
         return self
 
     def add_header(self, bench: RecordedBench, path: Path, options: Iterable[str], is_scenario: bool) -> None:
-        """Tell what the run begins with; time 0 of a live run is now."""
+        """Write the first entry, RunBegins; time 0 of a live run is now."""
         read, is_live = self.reads, bench.kernel_name == "live"
         if self.file.name:
             bench.reports = self.file.absolute().parent  # of internal errors: beside the recording
@@ -127,7 +127,7 @@ class RunRecorder:
             self._hidden = frozenset([name for name, one in sessions if isinstance(one, TlsSettings)])
         if self._hidden:
             first.append(EntriesLost(0, "--no-secrets: it can be looked at, not replayed"))
-        self._entries[:0] = first
+        self._entries[:0] = first  # before the calls that made the bench
         if is_live:
             self.seam.clock = clock.now_ns
         read.sink = lambda name, content: self._entries.append(
@@ -135,7 +135,7 @@ class RunRecorder:
         )
 
     def finish_scan(self, bench: RecordedBench) -> None:
-        """Take outputs that the scan has changed, once a second what stacks say; hand all to the sink."""
+        """Record changed outputs and, once a second, samples of the stacks; hand the entries to the sinks."""
         if self.box is None:
             self._collect_entries(bench)
             return
@@ -148,7 +148,7 @@ class RunRecorder:
             if is_costly and self._time_of is clock.thread_cpu_ns and not self.box.is_recording:
                 self.box.give_up()
                 self.seam.stop_recording()
-            # A gap may be long because it waited beside other programs; asking for what it used costs more.
+            # Elapsed time counts other programs, too; CPU time is dearer to ask, and decides.
             self._time_of = clock.thread_cpu_ns if is_costly else clock.now_ns
             self._spent, self._looked_at = 0, now
 
@@ -175,7 +175,7 @@ class RunRecorder:
         if not isinstance(entry, CallRecord) or entry.owner not in self._hidden or entry.call != "recv":
             return entry
         got = entry.answer[0] if isinstance(entry.answer, tuple) else 0
-        return entry._replace(answer=(got, bytes(got) if isinstance(got, int) else b""))
+        return entry._replace(answer=(got, bytes(got) if isinstance(got, int) else b""))  # zeros, as many
 
     def _flush_entries(self) -> None:
         some = self._entries[:]
@@ -196,7 +196,7 @@ class RunRecorder:
             self.trouble = str(wrong)
         except OSError as failed:
             self.trouble = f"{self.file}: {failed.strerror}; nothing more is recorded"
-        if self.trouble:
+        if self.trouble:  # the run continues, unrecorded
             self._sink = None
 
     def close(self) -> None:
@@ -219,7 +219,7 @@ class RunRecorder:
 
     @property
     def last_error(self) -> str:
-        """Return what went wrong last, of the run's own file or of one that was asked for; "" for nothing."""
+        """Return the last error of the run's own file, or of one that `record` asked for; "" for none."""
         return self.trouble or (self.box.file_trouble if self.box is not None else "")
 
     def describe_status(self) -> str:
@@ -231,7 +231,7 @@ class RunRecorder:
 
 
 def attach_black_box(recorder: RunRecorder | None, reads: FilesRead) -> tuple[RunRecorder, BlackBox]:
-    """Return what records a run, else a new recorder with `reads`, and a black box that has the run, too."""
+    """Return the recorder, by default a new one with `reads`, and a black box that gets its entries."""
     from trcvtui.recording.black_box import BlackBox
 
     box = BlackBox()
@@ -244,7 +244,7 @@ def attach_black_box(recorder: RunRecorder | None, reads: FilesRead) -> tuple[Ru
 
 
 def make_recorder(record: RecordTarget, file: Path, waits: bool) -> RunRecorder:
-    """Return what records a run into a file; a run that does not wait has a process that writes."""
+    """Return a recorder into a file; if the run does not wait, a process of its own writes."""
 
     def make_sink() -> EntrySink:
         if waits:

@@ -1,9 +1,9 @@
 """The recording file: the entries of a run as one pcapng that Wireshark opens, and back.
 
-Rule 1: what is written goes to the system in whole blocks, packets first, then the journal that tells of
-them; so a file without an end is good up to its last journal block.
-Rule 2: bytes that a packet carries are not written twice: the journal has a place (docs/recording-format.md).
-Rule 3: a file is data: no length in it is trusted, and a block's packets are all that is kept of it.
+Rule 1: each write is a whole block, first its packets, then its part of the journal. So a file that breaks
+off is good up to its last journal block.
+Rule 2: bytes in a packet are not written twice: the journal points to them (docs/recording-format.md).
+Rule 3: a file is data: no length in it is trusted, and only the packets of one block are in memory.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from trcvtui.recording.run_packets import JOURNAL_PACKET, RunPackets
 WIRE, JOURNAL, FIRST_LINE_ID = range(3)  # interfaces; a serial line each from the third on
 JOURNAL_NAME: Final = "trcvtui journal"
 MOST_PIECE_BYTES: Final = 128 << 10  # bytes of a packet of the journal: Wireshark takes no larger ones
-LAST, MORE = b"\0", b"\1"  # the first byte of such a packet: whether the next one goes on with its block
+LAST, MORE = b"\0", b"\1"  # the first byte of such a packet: does the next one continue its block?
 FLUSH_NS: Final = 500_000_000  # of the run's time, at most, between two blocks of the journal
-MOST_SCAN_BYTES: Final = 8 << 20  # bytes of a block of the journal in the midst of a scan
+MOST_SCAN_BYTES: Final = 8 << 20  # bytes of journal that end a block even within a scan
 MOST_PAYLOAD_BYTES: Final = 4 << 20  # of the packets of one block
-MOST_READ_BYTES: Final = 64 << 20  # that a reader takes for one block
+MOST_READ_BYTES: Final = 64 << 20  # of one block; a reader refuses more
 MOST_UNPACKED_BYTES: Final = 1 << 30  # bytes of a .gz, in memory
 INDEX_MAGIC: Final = b"trcvtui index\n\0\0"
 KEYFRAME_MAGIC: Final = b"trcvtui state\n\0\0"
@@ -60,7 +60,7 @@ AT_DATA: Final = 28  # of a block with a packet
 
 
 class BlockPlace(NamedTuple):
-    """Where a block of the journal stands; `scans`: how many have begun before it; `ns` of the run then."""
+    """Where a block of the journal is; `scans`: how many have begun before it; `ns` of the run then."""
 
     packets_at: int
     journal_at: int
@@ -69,24 +69,24 @@ class BlockPlace(NamedTuple):
 
 
 class RecordingWriter:
-    """Writes one file, 0600; raise UserError where it cannot be made, or written any more.
+    """Writes one file, 0600; raises UserError if it cannot be made or written.
 
-    An existing file is refused; `overwrite` replaces a recording, and no other file. `file`: it is open.
+    An existing file is refused; `overwrite` replaces a recording, and no other file. `file`: already open.
     """
 
-    trouble = ""  # what goes wrong is raised
+    trouble = ""  # errors are raised
     first_scan = 0
     is_followed, lack = False, ""
 
     def __init__(self, path: FileName, overwrite: bool = False, file: IO[bytes] | None = None) -> None:
         self._path = str(path)
-        if overwrite and os.path.lexists(path):
+        if overwrite and os.path.lexists(path):  # raises for another file
             Recording(path)
         self._file: IO[bytes] = create_file(path, "--record", overwrite) if file is None else file
         self.size = 0  # bytes that the file has
         self._lines: dict[str, int] = {}  # interface of each serial line
         self._index: list[BlockPlace] = []
-        self._told = RunPackets()
+        self._packets = RunPackets()
         self._wall_ns = self._now = self._flushed = 0
         self._scans = self._block_scans = self._block_ns = 0
         self._secrets = b""  # of the packets of this block
@@ -101,7 +101,7 @@ class RecordingWriter:
     def continue_packets(self, packets: RunPackets, old: Iterable[Entry]) -> None:
         for entry in old:
             self._add_entry(entry)
-        packets.wire.wall_ns, self._told = self._wall_ns, packets
+        packets.wire.wall_ns, self._packets = self._wall_ns, packets
         for entry in packets.begin_file():
             self._add_entry(entry)
         self.flush()
@@ -109,18 +109,18 @@ class RecordingWriter:
     def add_entries(self, entries: Iterable[Entry]) -> None:
         for entry in entries:
             if type(entry) is CallRecord:
-                self._add_entry(self._told.replace_bytes(entry))
+                self._add_entry(self._packets.replace_bytes(entry))
             elif isinstance(entry, WireCall):
-                self._told.add_wire_call(entry)
+                self._packets.add_wire_call(entry)
             elif isinstance(entry, Secrets):
                 self._secrets += entry.key_log
             elif isinstance(entry, Keyframe):
                 self.add_keyframe(entry)
             else:
                 if isinstance(entry, EntriesLost) and entry.number and self._blocks + len(self._block) < 2:
-                    self.lack = "no keyframe"
+                    self.lack = "no keyframe"  # entries are lost at the beginning: a replay needs one
                 if isinstance(entry, RunBegins):
-                    self._wall_ns = self._told.wire.wall_ns = entry.wall_ns
+                    self._wall_ns = self._packets.wire.wall_ns = entry.wall_ns
                 self._add_entry(entry)
 
     def _add_entry(self, entry: Entry) -> None:
@@ -131,7 +131,7 @@ class RecordingWriter:
             self.flush()
 
     def _begin_scan(self, now: int) -> None:
-        if now - self._flushed >= FLUSH_NS or self._block.is_full or self._told.size >= MOST_PAYLOAD_BYTES:
+        if now - self._flushed >= FLUSH_NS or self._block.is_full or self._packets.size >= MOST_PAYLOAD_BYTES:
             self.flush()
             self._flushed = now
         self._now = now
@@ -143,17 +143,17 @@ class RecordingWriter:
             return
         check, written = 0, [pcap.secrets_block(self._secrets)] if self._secrets else []
         self._secrets = b""
-        for number, packet in enumerate(self._told.packets):
+        for number, packet in enumerate(self._packets.packets):
             if packet.line and packet.line not in self._lines:
                 self._lines[packet.line] = FIRST_LINE_ID + len(self._lines)
                 written.append(pcap.interface_block(pcap.RTAC_SERIAL, packet.line))
             interface = self._lines[packet.line] if packet.line else WIRE
-            comments = tuple(self._told.comments.get(number, ()))
+            comments = tuple(self._packets.comments.get(number, ()))
             block = pcap.packet_block(interface, packet.ns, packet.data, comments, sent=packet.sent)
-            check = zlib.crc32(block[8 : AT_DATA + len(packet.data)], check)
+            check = zlib.crc32(block[8 : AT_DATA + len(packet.data)], check)  # without options
             written.append(block)
         packets = b"".join(written)
-        of_journal = self._told.comments.get(JOURNAL_PACKET, ())
+        of_journal = self._packets.comments.get(JOURNAL_PACKET, ())
         journal = self._encode_journal(self._block.encode(check), of_journal)
         row = BlockPlace(self.size, self.size + len(packets), self._block_scans, self._block_ns)
         self._write(packets + journal)
@@ -161,10 +161,10 @@ class RecordingWriter:
         self._blocks += 1
         self._block_scans, self._block_ns = self._scans, self._now
         self._block = BlockWriter(self._blocks)
-        self._told.begin_block()
+        self._packets.begin_block()
 
     def add_keyframe(self, frame: Keyframe) -> None:
-        """Write a keyframe of the scans that have been taken."""
+        """Write a keyframe of the scans so far."""
         self.lack = ""
         self.flush()
         program = frame.program.encode()
@@ -177,25 +177,25 @@ class RecordingWriter:
         pieces = [block[at : at + MOST_PIECE_BYTES] for at in range(0, len(block), MOST_PIECE_BYTES)]
         marks = [MORE] * (len(pieces) - 1) + [LAST]
         ns = self._wall_ns + self._now
-        said = [tuple(comments), *[()] * (len(pieces) - 1)]
-        parts = zip(marks, pieces, said, strict=True)
+        texts = [tuple(comments), *[()] * (len(pieces) - 1)]
+        parts = zip(marks, pieces, texts, strict=True)
         return b"".join([pcap.packet_block(JOURNAL, ns, mark + piece, text) for mark, piece, text in parts])
 
     def _write(self, data: bytes) -> None:
-        """Append all or nothing; raise UserError where the disk does not take it: the file ends there."""
+        """Append all or nothing; raise UserError if the disk does not take it: the file ends there."""
         try:
-            left = memoryview(data)
-            while left:
-                left = left[self._file.write(left) :]
+            rest = memoryview(data)
+            while rest:
+                rest = rest[self._file.write(rest) :]
         except OSError as failed:
-            self._file.truncate(self.size)
+            self._file.truncate(self.size)  # Rule 1: no half block
             self._file.close()
             expected = f"room for it: the recording ends after {self.size} bytes"
             raise mistake(self._path, reason_of(failed), expected) from None
         self.size += len(data)
 
     def close(self) -> None:
-        """Write what is left, and the index."""
+        """Write the rest and the index."""
         if self._file.closed:
             return
         self.flush()
@@ -206,10 +206,9 @@ class RecordingWriter:
 
 
 class Recording:
-    """A recording to read; raise UserError where the file cannot be opened or is none of ours.
+    """A recording to read; raises UserError if the file cannot be opened or is none of ours.
 
-    `stopped`: why reading ended before the end of the file, "" where it did not. Of a .gz bytes are counted
-    as it is unpacked.
+    `stopped`: why reading ended before the end of the file, or "". Places in a .gz are those when unpacked.
     """
 
     def __init__(self, path: FileName) -> None:
@@ -244,7 +243,7 @@ class Recording:
             self._torn = str(failed)
 
     def _check_head(self, file: IO[bytes]) -> None:
-        """Raise UserError where the interface of our journal is not there."""
+        """Raise UserError if the interface of our journal is missing."""
         found = []
         for kind, body, _ in self._read_blocks(file, 0):
             if kind == pcap.INTERFACE_BLOCK:
@@ -253,7 +252,7 @@ class Recording:
                 break
             if len(found) > JOURNAL:
                 break
-        self.stopped = ""
+        self.stopped = ""  # only the head was read
         is_ours = len(found) > JOURNAL and found[JOURNAL][:2] == struct.pack("<H", pcap.USER0)
         if not is_ours or JOURNAL_NAME.encode() not in found[JOURNAL]:
             what = f"no recording of trcvtui: try trcvtui watch {self.path}"
@@ -266,7 +265,7 @@ class Recording:
             if len(head) < 8:
                 break
             kind, size = _HEAD.unpack(head)
-            if size < 12 or size & 3 or size > pcap.MOST_BLOCK:
+            if size < 12 or size & 3 or size > pcap.MOST_BLOCK:  # Rule 3
                 self._note_stop(at, f"a block of {size} bytes", f"{pcap.MOST_BLOCK} at most")
                 return
             body = file.read(size - 8)
@@ -294,7 +293,7 @@ class Recording:
                 yield kind, body
 
     def find_damage(self) -> str:
-        """Read the whole file; return the first place at which it is not as it was written, "" for none."""
+        """Read the whole file; return the first place where it is not as it was written, "" for none."""
         found: list[int] = []
         try:
             for block, place in self._journal(0, []):
@@ -328,14 +327,14 @@ class Recording:
                 number += 1
                 yield block
         except UserError as wrong:
-            if not number:
+            if not number:  # else the blocks before it are good
                 raise
             self.stopped = str(wrong)
 
     def _journal(self, at: int, payloads: list[bytes], number: int = 0) -> Iterator[tuple[bytes, BlockPlace]]:
         """Yield blocks of the journal from `number` on, keyframes and index, with their places.
 
-        Before each block `payloads` are of its packets. Raise UserError for one that was changed.
+        Before each block, `payloads` gets those of its packets. Raise UserError for a changed block.
         """
         pieces: list[bytes] = []
         begun, journal_at, kept, check, is_over = -1, 0, 0, 0, False
@@ -348,7 +347,7 @@ class Recording:
                 data = body[AT_DATA - 8 : AT_DATA - 8 + size]
                 begun = place if begun < 0 else begun
                 kept += len(data)
-                if kept > MOST_READ_BYTES:
+                if kept > MOST_READ_BYTES:  # Rule 3
                     expected = f"a block of the journal after {MOST_READ_BYTES} bytes at most"
                     raise mistake(f"{self.path}: byte {place}", "packets and no journal", expected)
                 if is_over or (interface == JOURNAL and data[:1] not in (LAST, MORE)):
@@ -371,7 +370,7 @@ class Recording:
                     pieces, begun, kept, check = [], -1, 0, 0
 
     def read_index(self) -> list[BlockPlace]:
-        """Return where the blocks of the journal stand: as the file says, or found by its blocks' heads."""
+        """Return where the blocks of the journal are: from the index, or by reading the whole file."""
         if self._index is None:
             with self._open_file() as file:
                 rows = _read_written_index(file)
@@ -389,7 +388,7 @@ class Recording:
         try:
             for block, row in self._journal(0, payloads):
                 if block.startswith(KEYFRAME_MAGIC):
-                    with suppress(UserError):
+                    with suppress(UserError):  # a broken one is left out: the one before will do
                         frame = _parse_keyframe(block, self.path)
                         self._keyframes.append(BlockPlace(row.packets_at, IS_KEYFRAME, frame.scan, frame.ns))
                 elif not block.startswith(INDEX_MAGIC):
@@ -407,7 +406,7 @@ class Recording:
         return rows
 
     def list_keyframes(self) -> list[BlockPlace]:
-        """Return where the keyframes stand, in their order; `scans` are those of the run."""
+        """Return where the keyframes are, in their order; `scans` counts from the beginning of the run."""
         self.read_index()
         return self._keyframes
 
@@ -421,7 +420,7 @@ class Recording:
 
 
 def read_run_header(path: FileName) -> RunBegins | None:
-    """Return what a recording begins with; None: it is none."""
+    """Return the first entry of a recording; None: the file is none."""
     try:
         first = next(iter(Recording(path).read_entries()), None)
     except UserError:
@@ -459,10 +458,10 @@ def _get_payload(interface: int, data: bytes) -> bytes:
 
 
 def _read_written_index(file: IO[bytes]) -> list[BlockPlace]:
-    """Return the rows of the index at the end of a file; [] where there is none that fits."""
+    """Return the rows of the index at the end of a file; [] if there is none that fits."""
     pieces: list[bytes] = []
     end = file.seek(0, os.SEEK_END)
-    while not (pieces and pieces[0].startswith(INDEX_MAGIC)):
+    while not (pieces and pieces[0].startswith(INDEX_MAGIC)):  # backwards: a block ends with its length
         file.seek(max(0, end - _LENGTH.size))
         (size,) = _LENGTH.unpack(file.read(_LENGTH.size).ljust(_LENGTH.size, b"\0"))
         if not AT_DATA < size <= min(end, 2 * MOST_PIECE_BYTES):
@@ -482,7 +481,7 @@ def _read_written_index(file: IO[bytes]) -> list[BlockPlace]:
 
 
 def _parse_index(block: bytes, at: int, where: str) -> list[BlockPlace]:
-    """Return the rows of an index; [] where it stands elsewhere than it was written. Raise UserError."""
+    """Return the rows of an index; [] if it is not where it was written. Raise UserError."""
     content = _verify_content(INDEX_MAGIC, block, f"{where}: index")
     if len(content) % _ROW.size:
         raise mistake(f"{where}: index", f"{len(content)} bytes", f"rows of {_ROW.size} bytes")

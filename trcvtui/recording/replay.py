@@ -1,6 +1,6 @@
-"""A seam that answers from a journal; what a bench asks is compared with what was asked when it was recorded.
+"""A seam that answers from a journal: it compares each call of a bench with the recorded one.
 
-Rule: a difference is an error of scan, owner and call.
+Rule: a difference raises an error that names scan, owner and call.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from trcvtui.recording.journal import (
 )
 
 T = TypeVar("T")
-ADDED_CALL: Final = "set_broadcast"  # an older version did not ask it: it had no broadcasts
-COMPARED_ARGS: Final = {"set_options": 1, "set_user_timeout": 1}  # what comes after it differs with a default
+ADDED_CALL: Final = "set_broadcast"  # older versions did not make it: they had no broadcasts
+COMPARED_ARGS: Final = {"set_options": 1, "set_user_timeout": 1}  # so many; later ones change with defaults
 
 
 class ReplaySeam:
-    """Answers from entries that `can_answer` let in; `tell` writes what a call had told into the ledger.
+    """Answers from entries that is_valid_answer let in; `write_note` writes recorded notes into the ledger.
 
-    `begins` is the first entry, where it is one of a run; `files` are what was read up to here.
+    `begins`: the RunBegins of the journal, if it has one; `files`: those that were read so far.
     """
 
     has_answers = True
@@ -47,7 +47,7 @@ class ReplaySeam:
         self.where = where
         self.scan = self._now = 0
         self.write_note: Callable[[LedgerNote], None] = _drop_note
-        self._known: dict[tuple[str, str, tuple[object, ...]], object] = {}  # what gaps have told
+        self._known: dict[tuple[str, str, tuple[object, ...]], object] = {}  # answers of gaps
         self.front = next(entries, None)  # None: the journal is at its end
         self.begins: RunBegins | None = None
         self.files = FilesRead()
@@ -57,11 +57,11 @@ class ReplaySeam:
             self.front = next(entries, None)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what a keyframe keeps: where it goes on is told beside it, and which file has it."""
+        """Return what a keyframe keeps: its head has the place in the journal, and any file may have it."""
         return self.__dict__ | {"entries": None, "where": ""}
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
-        """Return what was answered; raise UserError where something else was asked then."""
+        """Return the recorded answer; raise UserError if the record has another call here."""
         if not self.is_busy:
             return cast(T, self._answer_in_gap(owner, call, args))
         if call == STEP:
@@ -83,7 +83,7 @@ class ReplaySeam:
     def bind_call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
     ) -> Callable[..., T]:
-        """Return what asks this call: `ask` in one step, where the journal goes on with it."""
+        """Return a function for this call: it takes one step if the call is the next entry, else `ask`."""
         nothing = cast(Callable[[], T], None)
 
         def answer_call(handle: Handle, *args: object) -> T:
@@ -102,9 +102,9 @@ class ReplaySeam:
         return answer_call
 
     def _find_entry(self, owner: str, call: str, args: tuple[object, ...]) -> CallRecord:
-        """Return the entry of a question, after notes and gaps; raise UserError for another question.
+        """Return the entry of a call, after notes and gaps; raise UserError for another call.
 
-        Where the recorded run has had an exception instead, raise RecordedException.
+        If the recorded run had an exception instead, raise RecordedException.
         """
         entry = self.front
         while not isinstance(entry, CallRecord) or entry.call.startswith(IN_GAP):
@@ -132,11 +132,11 @@ class ReplaySeam:
             self.files.store(cast(str, args[0]), cast(bytes | str, answer))
         elif call == IN_GAP + EXCEPTION:
             self.write_note(BenchNote(owner, INTERNAL_ERROR, cast(tuple[str, bool], answer)[0]))
-        elif call == IN_GAP + "path" and [*map(type, args)] == [int]:
+        elif call == IN_GAP + "path" and [*map(type, args)] == [int]:  # a screen asks it at any time
             self._known[owner, "path", args] = answer
 
     def _answer_in_gap(self, owner: str, call: str, args: tuple[object, ...]) -> object:
-        """Return what was told in this gap or the newest before; None: it was not asked then."""
+        """Return the answer of this gap or the newest before; None: it was not asked then."""
         while isinstance(self.front, CallRecord) and self.front.call.startswith(IN_GAP):
             found = self.front[:3] == (owner, IN_GAP + call, args)
             self._skip_entry(self.front)
@@ -148,15 +148,15 @@ class ReplaySeam:
         return type(self.front) is CallRecord and self.front[:3] == (part[1], EXCEPTION, part[:1])
 
     def handle_ledger_note(self, note: LedgerNote) -> None:
-        """Do nothing: only the PLC and the bench tell anything here, and it is not kept."""
+        """Do nothing: a replay keeps no notes."""
 
     def note_wire(
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
     ) -> None:
-        """Do nothing: no wire is there."""
+        """Do nothing: a replay has no wire."""
 
     def peek_call(self) -> CallRecord | None:
-        """Return what the bench was told next, or asked; None: the journal is at its end."""
+        """Return the next call that is not in a gap; None: the journal ends here, or lacks entries."""
         while (entry := self.front) is not None and not isinstance(entry, RunBegins | EntriesLost):
             if isinstance(entry, CallRecord) and not entry.call.startswith(IN_GAP):
                 return entry
@@ -165,7 +165,7 @@ class ReplaySeam:
 
     @property
     def gap_text(self) -> str:
-        """Return what was not recorded here, "" where the journal goes on or has ended."""
+        """Return which entries are missing here, "" if none are."""
         return str(self.front) if isinstance(self.front, EntriesLost) else ""
 
     @property
@@ -175,11 +175,11 @@ class ReplaySeam:
 
     @property
     def is_ended(self) -> bool:
-        """Return whether the recording was ended here, while the run went on."""
+        """Return whether the recording was ended here while the run continued."""
         return isinstance(self.front, EntriesLost) and self.front.why == ENDED_HERE
 
     def count_scans_left(self) -> int:
-        """Return how many scans come after a gap, to which nothing leads; the entries are gone then."""
+        """Return how many scans come after a gap and cannot run; this reads the entries to their end."""
         return sum([type(entry) is CallRecord and entry.call == STEP for entry in self.entries])
 
     def check_end(self) -> None:
@@ -202,10 +202,8 @@ class ReplaySeam:
 
 
 def make_early_end_error(where: str, lost: str, scan: int, left: int = 0) -> UserError:
-    """Return what is said of a journal that ends before its run, or has a gap after a scan.
-
-    Keyframes are made of the journal: after a gap there are none, and `left` scans cannot run again.
-    """
+    """Return the error of a journal that ends before its run, or has a gap with `left` scans after it."""
+    # Keyframes are made from the journal: after a gap there are none.
     more = f", and {left} more that cannot run again after it" if left else ""
     return mistake(
         where, f"{lost or 'the end of the journal'} after {scan} scans{more}", "the end of the run"
@@ -213,7 +211,7 @@ def make_early_end_error(where: str, lost: str, scan: int, left: int = 0) -> Use
 
 
 def _drop_note(note: LedgerNote) -> None:
-    """Do nothing: there is no ledger yet."""
+    """Do nothing: the bench has no ledger yet."""
 
 
 def _describe_call(owner: str, call: str, args: tuple[object, ...]) -> str:

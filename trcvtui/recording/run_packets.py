@@ -1,9 +1,10 @@
-"""The packets of a run, entry by entry: those of the block under way, what points to them, their comments.
+"""The packets of a run, entry by entry: those of the present block, pointers to them, their comments.
 
-Rule 1: what an entry points to stands in packets of its own block and has the same bytes; else it keeps them.
-Rule 2: a job's end is a comment of the packet with the last byte that the job took. Where that is written
-already, the next best place has it, and says so.
-Rule 3: files of a run share one: what stands goes on in the next file, with numbers, ports, unread bytes.
+Rule 1: an entry points to packets of its own block that have the same bytes; else it keeps its bytes.
+Rule 2: the end of a job is a comment at the packet with the last byte of the job. If that packet is written
+already, the comment is at the newest one of the connection, and says so.
+Rule 3: files of a run share one RunPackets: in the next file open connections keep their sequence numbers,
+ports and unread bytes.
 """
 
 from __future__ import annotations
@@ -17,20 +18,18 @@ from trcvtui.recording.arrivals import ARRIVED, ENDED, MESSAGE
 from trcvtui.recording.journal import IN_GAP, RECV, SHOWS, STEP, CallRecord, Entry, PacketRuns, WireCall
 from trcvtui.recording.wire import NO_FLOWS, RST, Flow, WirePacket, WirePackets
 
-LOSS_SCANS: Final = 2  # after which a block shows the partner's end at the latest
+LOSS_SCANS: Final = 2  # within which a block shows the partner's end
 JOURNAL_PACKET: Final = -1  # in place of a packet's number: the block's own packet
 
 
 class RunPackets:
-    """The packets of a run's entries, one after the other."""
-
     def __init__(self) -> None:
         self.wire = WirePackets()
         self._now = 0
-        self._layered: set[int] = set()  # handles whose bytes are not those of the wire
+        self._layered: set[int] = set()  # handles with a session: the wire has other bytes
         self._jobs: dict[str, int] = {}
         self._readers: dict[str, set[str]] = {}  # of each CONNECT: instances that receive
-        self._coming: WireCall | None = None  # its bytes stand in the next entry
+        self._coming: WireCall | None = None  # a read: the next entry has its bytes
         self._at: dict[str, Callable[[CallRecord], CallRecord | None]] = {
             STEP: self._handle_step,
             SHOWS: self._comment_job_end,
@@ -48,7 +47,7 @@ class RunPackets:
         self.packets: list[WirePacket] = []
         self.comments: dict[int, list[str]] = {}  # by number of the packet
         self.size = 0  # bytes of payload
-        self._numbers: dict[Flow, tuple[list[int], list[int]]] = {}  # places of packets, their numbers
+        self._numbers: dict[Flow, tuple[list[int], list[int]]] = {}  # packets: place, number
         self._scan_from = 0  # number of the first packet of this scan
 
     def add_wire_call(self, call: WireCall) -> None:
@@ -91,7 +90,7 @@ class RunPackets:
         if not isinstance(entry.answer, tuple):
             return entry
         got, data = entry.answer
-        coming, self._coming = self._coming, None
+        coming, self._coming = self._coming, None  # add_wire_call kept it
         if coming is not None and coming.handle == _get_handle(entry):
             self._add_packets(self.wire.make_packets(coming._replace(data=data)))
         flows = self.wire.flows.get(_get_handle(entry))
@@ -99,11 +98,11 @@ class RunPackets:
             return entry
         flow = flows[1]
         at, end = flow.taken - len(data), flow.taken
-        if flow.unread:
+        if flow.unread:  # a datagram: its packet came with its arrival
             flow.read.append(flow.unread.popleft())
             at = flow.read[-1].at
             end = at + max(1, flow.read[-1].payload)
-        elif isinstance(got, Datagram):
+        elif isinstance(got, Datagram):  # a message of ISO-on-TCP
             end = flow.find_tsdu_end()
         flow.ends.append((self.wire.scan, end))
         return CallRecord(entry.owner, entry.call, entry.args, (got, self._find_packets(flow, at, data)))
@@ -112,7 +111,7 @@ class RunPackets:
         flows, data = self.wire.flows.get(_get_handle(entry)), entry.answer
         if flows is None or not isinstance(data, bytes):
             return entry
-        at = flows[1].told - len(data) - (entry.call == IN_GAP + MESSAGE)
+        at = flows[1].told - len(data) - (entry.call == IN_GAP + MESSAGE)  # a datagram has one byte more
         return entry._replace(answer=self._find_packets(flows[1], at, data))
 
     def _handle_send(self, entry: CallRecord) -> None:
@@ -125,7 +124,7 @@ class RunPackets:
             flow.is_part = not is_whole
 
     def _handle_probe(self, entry: CallRecord) -> None:
-        """Take that a probe failed as `shutdown` would: the partner's RST was quicker than ours."""
+        """Treat a failed probe as a failed `shutdown`: the partner's RST was quicker than ours."""
         call = WireCall(self._now, entry.owner, "shutdown", _get_handle(entry), (), entry.answer, b"")
         self._add_packets(self.wire.make_packets(call) if isinstance(entry.answer, Fault) else iter(()))
 
@@ -138,7 +137,7 @@ class RunPackets:
     # -- what points to packets -------------------------------------------------------------------------
 
     def _find_packets(self, flow: Flow, at: int, data: bytes) -> bytes | PacketRuns:
-        """Return where bytes stand in packets of this block; the bytes, where not all of them do."""
+        """Return pointers to bytes in packets of this block; the bytes, if not all of them are there."""
         places, numbers = self._numbers.get(flow, ([], []))
         runs: list[tuple[int, int, int]] = []
         done, before = 0, -2
@@ -148,7 +147,7 @@ class RunPackets:
             size = min(packet.payload - skip, len(data) - done)
             part = packet.data[head + skip : head + skip + size]
             if done == len(data) or skip < 0 or size <= 0 or part != data[done : done + size]:
-                break
+                break  # Rule 1: other bytes, or a hole
             if number == before + 1:
                 runs[-1] = (*runs[-1][:2], runs[-1][2] + size)
             else:
@@ -165,7 +164,7 @@ class RunPackets:
         if length is not None:
             readers.add(shows.owner)
         if not (done or error) or not isinstance(status, int):
-            if not busy and readers == {shows.owner}:  # its job was given up
+            if not busy and readers == {shows.owner}:  # its job was cancelled
                 theirs.find_failed_job_end(self.wire.scan)
             return
         job = self._jobs[shows.owner] = self._jobs.get(shows.owner, 0) + 1
@@ -173,12 +172,12 @@ class RunPackets:
         ends = f"{'ERROR' if error else 'DONE'}{size}, job {job}, scan {self.wire.scan}"
         text = f"{shows.owner}: 16#{status:04X} {ends}"
         flow, scan = ours if length is None else theirs, self.wire.scan
-        if done:
+        if done:  # of several readers, the length says whose end it is
             expected = flow.job + length if isinstance(length, int) and len(readers) > 1 else 0
             place = flow.find_job_end(scan, expected, flow is ours) - 1
         else:
             place = flow.find_failed_job_end(scan) - 1
-            if theirs.ended_in >= scan - LOSS_SCANS:
+            if theirs.ended_in >= scan - LOSS_SCANS:  # the partner's FIN or RST is the reason
                 flow, place = theirs, theirs.told
         if place >= 0:
             self._add_comment(text, flow, place, theirs if flow is ours else ours)
@@ -193,14 +192,14 @@ class RunPackets:
         number = numbers[found] if found >= 0 else JOURNAL_PACKET
         if found < 0 or at >= places[found] + max(1, self.packets[number].payload):
             byte = f", sequence number {at + 1}" if flow.is_stream else ""
-            text += f", in a packet {'before' if at <= flow.told else 'to come'}{byte}"
+            text += f", in a packet {'before' if at <= flow.told else 'to come'}{byte}"  # Rule 2
             number = max([*numbers[-1:], *self._numbers.get(back, ([], []))[1][-1:]], default=JOURNAL_PACKET)
         self.comments.setdefault(number, []).append(text)
 
-    # -- files that go on -------------------------------------------------------------------------------
+    # -- the next file ----------------------------------------------------------------------------------
 
     def skip_entries(self, entries: Iterable[Entry]) -> None:
-        """Pass entries that stand in no file, so that the next one knows what stands."""
+        """Pass entries that are in no file, so that the next file knows the open connections."""
         for entry in entries:
             if isinstance(entry, CallRecord):
                 self.replace_bytes(entry)
@@ -209,19 +208,21 @@ class RunPackets:
         self.begin_block()
 
     def begin_file(self) -> list[CallRecord]:
-        """Begin a file in which goes on what stands; return entries that tell what is unread."""
+        """Begin a file while connections are open; return entries for their unread bytes."""
         self.begin_block()
         self._add_packets(self.wire.begin_file(self._now))
-        told: list[CallRecord] = []
+        notes: list[CallRecord] = []
         for owner, handle, flow, end in self.wire.list_open_streams():
             if handle not in self._layered:
                 unread = bytes(flow.tail[len(flow.tail) - max(0, flow.told - flow.taken) :])
                 place = self._find_packets(flow, flow.told - len(unread), unread)
                 args = handle, flow.whole, flow.whole - flow.taken, 0
-                told.append(CallRecord(owner, IN_GAP + ARRIVED, args, place))
+                notes.append(CallRecord(owner, IN_GAP + ARRIVED, args, place))
                 if end:
-                    told.append(CallRecord(owner, IN_GAP + ENDED, (handle, 0), "rst" if end & RST else "fin"))
-        return told
+                    notes.append(
+                        CallRecord(owner, IN_GAP + ENDED, (handle, 0), "rst" if end & RST else "fin")
+                    )
+        return notes
 
 
 def _get_handle(entry: CallRecord) -> int:

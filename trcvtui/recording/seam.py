@@ -1,8 +1,8 @@
-"""The seam of a bench: what asks there, and a recorder that does it and keeps the answers.
+"""The seam of a bench: the calls that leave it, and a recorder that makes them and keeps their answers.
 
-Rule 1: a bench asks at its seam what is not its own: kernel, serial ports, the bound of work, commands.
-Rule 2: calls inside a call (of a layer to the network) are not kept; what they told the ledger is.
-Rule 3: what crosses the PLC's wire is told beside that, for the packets of a recording (wire.py).
+Rule 1: a bench reaches kernel, serial ports, the bound of work and commands through its seam alone.
+Rule 2: calls inside a call (of a layer to the network) are not kept; their notes for the ledger are.
+Rule 3: calls at the PLC's wire are kept beside that, for the packets of a recording (wire.py).
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ T = TypeVar("T")
 
 
 class Seam(Protocol):
-    """Where a bench asks what is not its own: a recorder does it and keeps the answer, a replay answers."""
+    """Where calls leave a bench: a recorder makes them and keeps the answers, a replay answers itself."""
 
     @property
     def has_answers(self) -> bool:
-        """Return whether the answers come from a record, so that nothing is really asked."""
+        """Return whether the answers come from a recording, so that no call is really made."""
 
     write_note: Callable[[LedgerNote], None]  # writes a note into the ledger
-    is_busy: bool  # False in the gaps between what the bench is told to do
+    is_busy: bool  # False in the gaps between scans and commands
     is_off: bool  # nothing is kept any more
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T: ...
@@ -39,7 +39,7 @@ class Seam(Protocol):
     def bind_call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
     ) -> Callable[..., T]:
-        """Return what asks this call of a kernel; its arguments are a handle and what is kept as it is."""
+        """Return a function for a call of a kernel; its arguments are a handle and values that are kept."""
 
     def handle_ledger_note(self, note: LedgerNote) -> None:
         """Take what has just been written into the ledger."""
@@ -47,14 +47,14 @@ class Seam(Protocol):
     def note_wire(
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
     ) -> None:
-        """Take a call of the PLC's at the wire."""
+        """Take a call of the PLC at the wire."""
 
 
-_NEW_TUPLE: Final = tuple.__new__  # of a NamedTuple, without its own `__new__`
+_NEW_TUPLE: Final = tuple.__new__  # makes a NamedTuple faster than its own `__new__`
 
 
 class SeamRecorder:
-    """Does what is asked and hands each entry to `keep`; a live run has a `clock`, in ns."""
+    """Makes each call and hands its entry to `keep`; a live run has a `clock`, in ns."""
 
     has_answers = False
     is_busy = True
@@ -68,17 +68,17 @@ class SeamRecorder:
         self.is_off = False
 
     def stop_recording(self) -> None:
-        self.is_off = self._is_inside = True
+        self.is_off = self._is_inside = True  # as inside a call: nothing is kept
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
-        if self._is_inside:
+        if self._is_inside:  # Rule 2
             return do()
         self._is_inside = True
         try:
             answer = do()
         finally:
             self._is_inside = False
-        if call == STEP and isinstance(answer, int):
+        if call == STEP and isinstance(answer, int):  # packets of this scan have the time since then
             self._step, self._stepped = answer, self.clock()
         self._keep(_NEW_TUPLE(CallRecord, (owner, call if self.is_busy else IN_GAP + call, args, answer)))
         return answer
@@ -97,14 +97,14 @@ class SeamRecorder:
                 answer = do(handle, *args)
             finally:
                 self._is_inside = False
-            asked = owners.get(handle, label), name if self.is_busy else in_gap, (handle, *args), answer
-            keep(_NEW_TUPLE(CallRecord, asked))
+            entry = owners.get(handle, label), name if self.is_busy else in_gap, (handle, *args), answer
+            keep(_NEW_TUPLE(CallRecord, entry))
             return answer
 
         return record_call
 
     def note_arrival(self, owner: str, call: str, args: tuple[object, ...], answer: object) -> None:
-        """Keep what lies unread: a replay passes over it."""
+        """Keep a note of unread bytes, which a replay skips."""
         if not self.is_off:
             self._keep(_NEW_TUPLE(CallRecord, (owner, IN_GAP + call, args, answer)))
 
@@ -117,16 +117,16 @@ class SeamRecorder:
         self._keep(WireCall(at, owner, call, handle, args, answer, data))
 
     def handle_ledger_note(self, note: LedgerNote) -> None:
-        """Keep what a call told before it answered; what the PLC or the bench tells, a replay tells again."""
+        """Keep notes from inside a call; those of the PLC and the bench, a replay writes again."""
         if self._is_inside and not self.is_off:
             self._keep(note)
 
     def add_outside_note(self, note: LedgerNote) -> None:
-        """Keep what comes from outside the bench, where the next entry stands."""
+        """Keep a note from outside the bench, before the next entry."""
         self._keep(note)
 
 
-# -- what asks ---------------------------------------------------------------------------------------------
+# -- the kernel, ports, the bound of work ------------------------------------------------------------------
 
 
 def _make_unless_replay(make: Callable[[], T], answers: bool) -> T:
@@ -158,7 +158,7 @@ class _SeamKernel:
     def _bind_calls(self) -> None:
         for name in PLAIN_CALLS:
             setattr(self, name, self._bind_plain_call(name))
-        self._buffer = memoryview(b"")  # of the call under way: what is kept has its size alone
+        self._buffer = memoryview(b"")  # of the present call; its entry has the size alone
         self._accept = self._bind_plain_call("accept")
         self._recv = self._seam.bind_call("recv", self._do_recv, self._owners, self._label)
         self._send = self._seam.bind_call("send", self._do_send, self._owners, self._label)
@@ -216,13 +216,13 @@ class _SeamKernel:
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
         self._buffer = into
         got, data = self._recv(handle, len(into))
-        if data and self._seam.has_answers:
+        if data and self._seam.has_answers:  # a kernel has filled it itself
             into[: len(data)] = data
         return got
 
     def _do_recv(self, handle: Handle, size: int) -> tuple[int | WouldBlock | Fault, bytes]:
         got = self._inner.recv(handle, self._buffer)
-        if isinstance(got, int) and not self._seam.is_off:
+        if isinstance(got, int) and not self._seam.is_off:  # no copy when nothing is kept
             return got, bytes(self._buffer[:got])
         return got, b""
 
@@ -239,11 +239,11 @@ class _SeamKernel:
         return self._inner.recv_from(handle, into)
 
     def note_arrivals(self) -> None:
-        """Do nothing: a replay has them in its journal, of a peer they are not noted."""
+        """Do nothing: a replay has the notes in its journal, and of peers there are none."""
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
         self._buffer = data
-        return self._send(handle, len(data), zlib.crc32(data))
+        return self._send(handle, len(data), zlib.crc32(data))  # enough to compare: a replay sends the same
 
     def _do_send(self, handle: Handle, size: int, check: int) -> int | WouldBlock | Fault:
         return self._inner.send(handle, self._buffer)
@@ -272,13 +272,13 @@ _datagram_buffer: Final = memoryview(bytearray(1 << 16))  # no datagram is large
 
 
 class _RecordedKernel(_SeamKernel):
-    """The kernel of a PLC that is recorded: what has arrived and lies unread is noted, too."""
+    """The kernel of a recorded PLC: its unread bytes are noted, too."""
 
     def __init__(self, seam: SeamRecorder, label: str, inner: Kernel) -> None:
         super().__init__(seam, label, inner)
         self._arrivals = ArrivalRecorder(seam, inner, self._owners, label)
         calls = ("listen", "connect_result", "readable", "renew", "discard", "poll_del")
-        self._asked = {name: cast(Callable[..., Any], self.__dict__.pop(name)) for name in calls}
+        self._calls = {name: cast(Callable[..., Any], self.__dict__.pop(name)) for name in calls}
 
     def note_arrivals(self) -> None:
         if not self._seam.is_off:
@@ -290,35 +290,35 @@ class _RecordedKernel(_SeamKernel):
         return seen
 
     def readable(self, handle: Handle) -> bool:
-        if is_readable := bool(self._asked["readable"](handle)):
+        if is_readable := bool(self._calls["readable"](handle)):
             self._arrivals.note_ready(handle)
         return is_readable
 
     def renew(self, handle: Handle) -> bool:
         self._arrivals.note_ready(handle)
-        return bool(self._asked["renew"](handle))
+        return bool(self._calls["renew"](handle))
 
     def listen(self, handle: Handle, backlog: int) -> Fault | None:
-        failed: Fault | None = self._asked["listen"](handle, backlog)
+        failed: Fault | None = self._calls["listen"](handle, backlog)
         if failed is None:
             self._arrivals.add_listener(handle)
         return failed
 
     def poll_del(self, handle: Handle) -> Fault | None:
-        self._arrivals.note_unread(handle)  # afterwards the kernel knows no end
-        failed: Fault | None = self._asked["poll_del"](handle)
+        self._arrivals.note_unread(handle)  # afterwards the kernel does not see an end
+        failed: Fault | None = self._calls["poll_del"](handle)
         return failed
 
     def accept(self, handle: Handle) -> NewClient | WouldBlock | Fault:
         got = super().accept(handle)
         if isinstance(got, NewClient):
             self._arrivals.add_handle(got.handle)
-        elif isinstance(got, WouldBlock):
+        elif isinstance(got, WouldBlock):  # a client that comes now is late
             self._arrivals.note_empty(handle)
         return got
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
-        answer: WouldBlock | Fault | None = self._asked["connect_result"](handle)
+        answer: WouldBlock | Fault | None = self._calls["connect_result"](handle)
         if answer is None:
             self._arrivals.add_handle(handle)
         return answer
@@ -336,7 +336,7 @@ class _RecordedKernel(_SeamKernel):
         return got, data
 
     def _do_recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
-        got = self._inner.recv_from(handle, _datagram_buffer)
+        got = self._inner.recv_from(handle, _datagram_buffer)  # whole, even if `into` takes less
         if not isinstance(got, Datagram):
             if got is WOULD_BLOCK:
                 self._arrivals.note_empty(handle)
@@ -348,7 +348,7 @@ class _RecordedKernel(_SeamKernel):
 
     def discard(self, handle: Handle, most: int) -> int:
         self._arrivals.note_unread(handle, DISCARD_FLAG)
-        gone: int = self._asked["discard"](handle, most)
+        gone: int = self._calls["discard"](handle, most)
         self._arrivals.note_read(handle, gone, gone)
         return gone
 
@@ -366,13 +366,13 @@ class _RecordedKernel(_SeamKernel):
 
 class SeamKernel(ReadyKernel, Protocol):
     def note_arrivals(self) -> None:
-        """Note what lies unread after a scan, where the run is recorded."""
+        """Note what is unread after a scan, if the run is recorded."""
 
 
 def wrap_kernel(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
-    """Return a kernel of the seam; `make` gives the one to be recorded, and is not called by a replay.
+    """Return a kernel at the seam; `make` makes the one to be recorded, and is not called in a replay.
 
-    `is_noted`: of a PLC, whose arrivals stand in the recording.
+    `is_noted`: of a PLC, whose unread bytes are noted in the recording.
     """
     if is_noted and isinstance(seam, SeamRecorder):
         return cast(SeamKernel, _RecordedKernel(seam, label, make()))
@@ -415,7 +415,7 @@ class SeamPort:
 
 
 class SeamBudget(ScanBudget):
-    """The bound of a scan's work, of which handshakes and records below the seam take their part, too."""
+    """The bound of a scan's work; handshakes and records below the seam take their share of it, too."""
 
     def __init__(self, seam: Seam, clock: Callable[[], int]) -> None:
         super().__init__(clock)
@@ -430,20 +430,18 @@ class SeamBudget(ScanBudget):
         )
 
 
-# -- what is told of the wire ------------------------------------------------------------------------------
+# -- the wire ----------------------------------------------------------------------------------------------
 
-
-# Calls that tell of the wire.
-WIRE_CALLS: Final = (
+WIRE_CALLS: Final = (  # calls of which packets are made
     *("bind", "local_end", "connect", "connect_result", "accept", "recv", "recv_from", "send", "send_to"),
     *("shutdown", "close", "abort", "loss"),
 )
 
 
 class _WireKernel:
-    """A kernel around another that tells its seam what crosses the wire; all else it hands on.
+    """A kernel around another: it notes each call at the wire at its seam, and passes all calls on.
 
-    `is_next`: no layer is between the two; bytes that are read stand in the seam's next entry alone.
+    `is_next`: no layer is between it and the seam: the next entry has the bytes of a read, the note has none.
     """
 
     def __init__(self, seam: Seam, inner: Kernel, is_next: bool) -> None:
@@ -469,20 +467,20 @@ class _WireKernel:
     def _wrap_call(self, name: str) -> Callable[..., object]:
         call, wire, owners = getattr(self._inner, name), self._seam.note_wire, self._owners
         has_bytes, is_last = name in BUFFER_CALLS, name in ("close", "abort")
-        is_told = self._is_next and name in ("recv", "recv_from")
+        is_in_entry = self._is_next and name in ("recv", "recv_from")
 
         def call_and_note(handle: Handle, *args: object) -> object:
-            unread = (self._inner.unread(handle),) if name == "close" else ()
+            unread = (self._inner.unread(handle),) if name == "close" else ()  # FIN or RST? (wire.py)
             answer = call(handle, *args)
             if isinstance(answer, WouldBlock) or (name == "loss" and answer is None):
-                return answer
+                return answer  # nothing has crossed the wire
             owner = owners.pop(handle, "") if is_last else owners.get(handle, "")
             data = b""
             if has_bytes:
                 size = answer.size if isinstance(answer, Datagram) else answer
                 view, *args_left = args
                 args = (len(view), *args_left)  # type: ignore[arg-type]
-                if isinstance(size, int) and not is_told:
+                if isinstance(size, int) and not is_in_entry:
                     data = bytes(view[:size])  # type: ignore[index]
             elif isinstance(answer, NewClient):
                 owners[answer.handle] = owner
@@ -493,5 +491,5 @@ class _WireKernel:
 
 
 def make_wire_kernel(seam: Seam, kernel: Kernel, is_next: bool) -> ReadyKernel:
-    """Return a kernel that tells the wire to its seam; `is_next`: the seam asks it, no layer is between."""
+    """Return a kernel that notes calls at the wire; `is_next`: no layer is between it and the seam."""
     return cast(ReadyKernel, _WireKernel(seam, kernel, is_next))

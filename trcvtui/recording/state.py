@@ -1,6 +1,6 @@
-"""The state of a run as plain data, and back: objects, what they hold, which are the same; in fixed layouts.
+"""The state of a run as bytes, and back: objects, what they hold, which of them are the same.
 
-Rule 1: what both sides have (`Shared`: project, beginning; what stands in a module) is named, not told.
+Rule 1: what both sides have (SharedObjects: project, beginning; constants of modules) is named, not written.
 Rule 2: nothing is unpickled. A class, function or constant comes from the modules of MAY_HOLD alone, by name.
 Rule 3: no length and no number of an object is trusted; what does not fit raises UserError.
 """
@@ -32,10 +32,10 @@ MAY_HOLD: Final = tuple(  # modules whose classes and functions a state may name
 )
 STANDARD_TYPES: Final[dict[str, type]] = {one.__qualname__: one for one in (deque, partial)}
 MOST_NESTING: Final = 200  # objects inside objects
-MOST_OBJECTS: Final = 1 << 20  # that are made of a file
+MOST_OBJECTS: Final = 1 << 20  # of one state
 NONE, FALSE, TRUE, INT, FLOAT, TEXT, BYTES, BUFFER, TUPLE, LIST, MAPPING, SET, FROZEN = range(13)
 NAMED, SHARED, OBJECT, METHOD, VIEW = range(13, 18)
-NEWOBJ: Final = object().__reduce_ex__(2)[0]  # what `__reduce_ex__` says where `__new__` makes it
+NEWOBJ: Final = object().__reduce_ex__(2)[0]  # what `__reduce_ex__` returns for what `__new__` makes
 BY_NEW, BY_CALL = range(2)  # how an object is made: by __new__, or called
 StandIns = Mapping[type, Callable[[], object]]
 NO_STAND_INS: Final[StandIns] = MappingProxyType({})
@@ -44,7 +44,7 @@ _COUNT: Final = struct.Struct("<I")
 _FLOAT_VALUE: Final = struct.Struct("<d")
 _OBJECT: Final = struct.Struct("<IBIIII")  # class, how; arguments, fields, items, pairs
 _ATOM_TYPES: Final = (int, str, bytes, float, bool, type(None))
-_SHORT_BYTES: Final = 32  # bytes, below which a text or bytes are told again
+_SHORT_BYTES: Final = 32  # texts and bytes up to this size are written again
 
 
 def is_allowed_module(module: str) -> bool:
@@ -52,7 +52,7 @@ def is_allowed_module(module: str) -> bool:
 
 
 class SharedObjects:
-    """Objects that both sides have, by number: those of `roots`, as they are when this is made."""
+    """Objects that both sides have, by number: all that `roots` hold when this is made."""
 
     def __init__(self, roots: Iterable[object]) -> None:
         self.objects: list[object] = []
@@ -81,7 +81,7 @@ def _list_field_values(record: Any) -> list[object]:
 
 
 def _reduce(one: Any) -> Any:
-    # A frozen dataclass is made with its values, so that it has a hash before something holds it.
+    # A frozen dataclass is made with its values: it needs its hash before a set or mapping holds it.
     kind: Any = type(one)
     if is_dataclass(one) and vars(kind).get("__hash__") and kind.__reduce__ is object.__reduce__:
         return kind, _list_field_values(one)
@@ -97,7 +97,7 @@ def _find_constants() -> dict[int, tuple[str, str]]:
             if attribute.startswith("__") or isinstance(value, (*_ATOM_TYPES, ModuleType, Enum)):
                 continue
             if isinstance(value, (type, FunctionType)):
-                continue  # they have a name of their own
+                continue  # they have their own names
             found.setdefault(id(value), (name, attribute))
     return found
 
@@ -107,13 +107,13 @@ class _StateEncoder:
         self._shared, self._constants = shared.numbers, constants
         self._known: dict[int, int] = {}
         self._atoms: dict[tuple[type, object], int] = {}
-        self._objects: list[Any] = []  # in the order of their numbers; all of them live as long as this
-        self._extra: list[object] = []  # made on the way: they live as long, so that no id comes twice
+        self._objects: list[Any] = []  # by number; held, so that no id comes twice
+        self._extra: list[object] = []  # made on the way; held for the same reason
 
     def get_number(self, one: Any) -> int:
         kind = type(one)
         if kind in _ATOM_TYPES:
-            key = (kind, one if kind is not float else _FLOAT_VALUE.pack(one))
+            key = (kind, one if kind is not float else _FLOAT_VALUE.pack(one))  # 0.0 equals -0.0
             number = self._atoms.get(key)
             if number is None:
                 if id(one) in self._shared:
@@ -163,7 +163,7 @@ class _StateEncoder:
             return self._encode_sequence(MAPPING, [each for pair in one.items() for each in pair])
         if kind is bytearray:
             return struct.pack("<BI", BUFFER, len(one)) + bytes(one)
-        if kind is set or kind is frozenset:
+        if kind is set or kind is frozenset:  # in an order that is the same in each run
             return self._encode_sequence(SET if kind is set else FROZEN, sorted(one, key=repr))
         if isinstance(one, type) or kind is FunctionType:
             return self._encode_sequence(NAMED, _get_qualified_name(one))
@@ -228,7 +228,7 @@ def _get_qualified_name(one: Any) -> tuple[str, str]:
 def _get_viewed_object(view: memoryview) -> object:
     try:
         whole = view.nbytes == memoryview(view.obj).nbytes
-    except ValueError:  # released: it is read no more
+    except ValueError:  # released: nothing reads it
         return b""
     if whole:
         return view.obj
@@ -238,7 +238,7 @@ def _get_viewed_object(view: memoryview) -> object:
 
 
 def encode_state(one: object, shared: SharedObjects) -> bytes:
-    """Return an object and all that it holds; raise TypeError where something cannot be kept."""
+    """Return an object and all that it holds; raise TypeError if something cannot be kept."""
     return _StateEncoder(shared, _find_constants()).encode(one)
 
 
@@ -246,7 +246,7 @@ def encode_state(one: object, shared: SharedObjects) -> bytes:
 
 
 class _StateDecoder:
-    """The objects of one state, made one after the other: first themselves, then what they hold."""
+    """Makes the objects of one state: first each of them, then what they hold, as they may be in circles."""
 
     def __init__(self, content: bytes, shared: SharedObjects, where: str, instead: StandIns) -> None:
         self._content, self._shared, self._where = content, shared.objects, where
@@ -255,7 +255,7 @@ class _StateDecoder:
         self._nodes: list[tuple[int, Any]] = []
         self._made: list[Any] = []
         self._is_made = bytearray()
-        self._last: list[tuple[Any, Any]] = []  # objects that take their state themselves, and it
+        self._last: list[tuple[Any, Any]] = []  # objects with __setstate__, and their states
 
     def error(self, found: object, expected: str) -> UserError:
         return mistake(f"{self._where}: state", found, expected)
@@ -275,7 +275,7 @@ class _StateDecoder:
 
     def decode(self) -> Any:
         count = self._read_number()
-        if not 0 < count <= MOST_OBJECTS:
+        if not 0 < count <= MOST_OBJECTS:  # Rule 3
             raise self.error(f"{count} objects", f"1 to {MOST_OBJECTS}")
         self._nodes = [self._read_node() for _ in range(count)]
         self._made, self._is_made = [None] * count, bytearray(count)
@@ -313,7 +313,7 @@ class _StateDecoder:
             raise self.error(f"object {number}", f"one of {len(self._nodes)}")
         if self._is_made[number]:
             return self._made[number]
-        if depth > MOST_NESTING:
+        if depth > MOST_NESTING:  # a file could nest until the stack is full
             raise self.error("objects inside objects", f"at most {MOST_NESTING} deep")
         kind, held = self._nodes[number]
         made: Any = held
@@ -345,7 +345,7 @@ class _StateDecoder:
     def _make_instance(self, held: Any, depth: int) -> Any:
         make, args = self._make(held[0], depth + 1), [self._make(each, depth + 1) for each in held[2]]
         if not isinstance(make, type) and not (isinstance(make, FunctionType) and held[1] == BY_CALL):
-            raise self.error(f"an object of {make!r:.40}", "a class")
+            raise self.error(f"an object of {make!r:.40}", "a class")  # Rule 2
         if make in self._instead:
             return self._instead[cast(type, make)]()
         made = cast(Callable[..., Any], make.__new__ if held[1] == BY_NEW else make)
@@ -358,7 +358,7 @@ class _StateDecoder:
         if not module and name in STANDARD_TYPES:
             return STANDARD_TYPES[name]
         found: Any = None
-        if is_allowed_module(module) and "__" not in name:
+        if is_allowed_module(module) and "__" not in name:  # Rule 2: no way to __globals__
             try:
                 __import__(module)
                 found = sys.modules[module]
@@ -366,6 +366,7 @@ class _StateDecoder:
                     found = getattr(found, part)
             except (ImportError, AttributeError):
                 found = None
+        # A module of ours also has names that it imported from others.
         is_strange = isinstance(found, (type, FunctionType)) and not is_allowed_module(found.__module__)
         if found is None or isinstance(found, ModuleType) or is_strange:
             raise self.error(f"{module}:{name}"[:80], "a name that this version knows")
@@ -373,7 +374,7 @@ class _StateDecoder:
 
     def _bind_method(self, held: Sequence[Any]) -> Any:
         one, name = (*held, "", "")[:2]
-        if isinstance(name, str) and not name.startswith("__"):
+        if isinstance(name, str) and not name.startswith("__"):  # Rule 2
             found = getattr(type(one), name, None)
             if callable(found) and hasattr(found, "__get__"):
                 return found.__get__(one)
@@ -401,14 +402,14 @@ class _StateDecoder:
 
 
 def decode_state(content: bytes, shared: SharedObjects, where: str, instead: StandIns = NO_STAND_INS) -> Any:
-    """Return the object of a state; raise UserError that begins with `where` for what is none.
+    """Return the object of a state; raise UserError that begins with `where` for bytes that are none.
 
-    Objects of the classes in `instead` are made by what stands there, and get the fields of the state.
+    Objects of the classes in `instead` are made by its functions, and get the fields of the state.
     """
     made = _StateDecoder(content, shared, where, instead)
     try:
         return made.decode()
     except UserError:
         raise
-    except Exception as wrong:  # bytes of a file decide what is made: whatever does not fit ends here
+    except Exception as wrong:  # Rule 3: bytes of a file decide what is made
         raise made.error(f"{type(wrong).__name__} {wrong}"[:120], "a state that fits this version") from None

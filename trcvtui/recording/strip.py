@@ -1,7 +1,7 @@
-"""`trcvtui recording`: a copy to hand on, as a capture without what shall not leave; the Lua for Wireshark.
+"""`trcvtui recording`: a copy to pass on, without payload, secrets or names; the Lua for Wireshark.
 
-Rule: what is left out is gone from everywhere, so the journal is left out with it: it has the project, the
-commands and every byte that blocks and peers got.
+Rule: what is left out is nowhere in the copy. So the journal is left out with it: it has the project, the
+commands and every byte that blocks and peers received.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _CHECKSUM_OFFSETS: Final = {TCP: 16, UDP: 6}  # byte of the checksum in the head
 
 @dataclass(frozen=True, slots=True)
 class StripOptions:
-    """What a copy is to have no more of."""
+    """What to leave out of a copy."""
 
     payload: bool
     secrets: bool
@@ -43,11 +43,11 @@ def read_dissector() -> str:
 
 
 def strip_recording(source: str, target: str, out: StripOptions) -> Iterator[str]:
-    """Write the copy; yield what is said of it. Raise UserError for a file that is no recording."""
+    """Write the copy; yield remarks on it. Raise UserError for a file that is no recording."""
     recording = Recording(source)
     if not (out.payload or out.secrets or out.names):
         raise mistake("recording strip", "nothing to leave out", "--no-payload, --no-secrets or --anonymise")
-    keeps_journal = not (
+    keeps_journal = not (  # Rule; without secrets in the file, --no-secrets leaves nothing out
         out.payload or out.names or any(kind == pcap.SECRETS_BLOCK for kind, _ in recording.read_blocks())
     )
     with replace_file(target, target, is_new=True, mode=0o600) as file:
@@ -92,7 +92,7 @@ class _StrippedCopy:
             len(body) < _PACKET_HEAD_BYTES
             or (size := int.from_bytes(body[12:16], "little")) > len(body) - _PACKET_HEAD_BYTES
         ):
-            return  # unknown what is in it
+            return  # a broken one: its content is unknown
         interface, high, low = struct.unpack_from("<III", body)
         if interface == JOURNAL and not self._keeps_journal:
             return
@@ -107,13 +107,13 @@ class _StrippedCopy:
         options = [*pcap.parse_options(body, _PACKET_HEAD_BYTES + size + (-size & 3), len(body), "<")]
         comments = [value.decode("utf-8", "replace") for code, value in options if code == pcap.COMMENT]
         sent = pcap.parse_sent_flag(dict(options).get(pcap.FLAGS_OPTION), "<")
-        said = tuple(filter(None, map(self._anonymise_comment, comments)) if self._out.names else comments)
-        yield pcap.packet_block(interface, high << 32 | low, bytes(data), said, sent=sent)
+        texts = tuple(filter(None, map(self._anonymise_comment, comments)) if self._out.names else comments)
+        yield pcap.packet_block(interface, high << 32 | low, bytes(data), texts, sent=sent)
 
     def _clear_ip(self, data: bytearray) -> None:
         found = parse_packet(pcap.RAW_IP, bytes(data), len(data))
         if not isinstance(found, IpPayload) or not _has_own_header(found, data):
-            data[:] = bytes(len(data))  # unknown what is in it
+            data[:] = bytes(len(data))  # its content is unknown
             return
         if self._out.payload:
             head = (data[_IP_HEADER_BYTES + 12] >> 4) * 4 if found.protocol == TCP else _HEADER_BYTES[UDP]
@@ -129,20 +129,20 @@ class _StrippedCopy:
         inner = bytes(data[_IP_HEADER_BYTES:])
         pseudo = bytes(data[12:20]) + bytes((0, found.protocol)) + len(inner).to_bytes(2, "big")
         total = checksum(pseudo + inner)
-        data[at : at + 2] = (total or (0xFFFF if found.protocol == UDP else 0)).to_bytes(2, "big")
+        data[at : at + 2] = (total or (0xFFFF if found.protocol == UDP else 0)).to_bytes(2, "big")  # RFC 768
 
     def _anonymise_address(self, address: bytes) -> bytes:
-        if is_loopback(".".join(map(str, address))):
+        if is_loopback(".".join(map(str, address))):  # it is the same everywhere
             return address
         number = len(self._addresses) + 1
         return self._addresses.setdefault(address, bytes((10, 0, number >> 8 & 255, number & 255)))
 
     def _anonymise_comment(self, comment: str) -> str:
         name, colon, rest = comment.partition(": 16#")
-        if not colon:  # one of a file that begins in the middle; else it is unknown what is in it
+        if not colon:  # one without names, of a file that begins in the middle; else its names are unknown
             return comment if comment.startswith(NAMELESS_COMMENTS) else ""
         return self._names.setdefault(name, f"instance {len(self._names) + 1}") + colon + rest
 
 
 def _has_own_header(found: IpPayload, data: bytearray) -> bool:
-    return data[0] == 0x45 and len(data) >= _IP_HEADER_BYTES + _HEADER_BYTES[found.protocol]
+    return data[0] == 0x45 and len(data) >= _IP_HEADER_BYTES + _HEADER_BYTES[found.protocol]  # no options

@@ -1,8 +1,8 @@
-"""What crosses the wire at the PLC's kernel, as valid packets: IPv4, serial lines.
+"""Calls of the PLC's kernel at the wire as valid packets: IPv4, serial lines.
 
-The calls of the kernel tell more than a wire does: a packet's other half (who sent ACK, and when) is made up.
+Calls do not show acknowledgements: what a packet acknowledges, and when, is made up.
 Segments have at most 1460 bytes; sequence numbers begin at 0 in each direction.
-Rule: the partner's end comes after all that came before it, also where the blocks read that later.
+Rule: the partner's FIN or RST follows all bytes that came before it, even if blocks read them later.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from trcvtui.recording.journal import WireCall
 
 MOST_PAYLOAD: Final = 1460
 MOST_DATAGRAM_BYTES: Final = 65_507
-FIRST_MADE_UP_PORT: Final = 49_152  # of a call whose own port nobody asked for
+FIRST_MADE_UP_PORT: Final = 49_152  # of a connection whose local port was never asked of the stack
 FIN, SYN, RST, PSH, ACK = 1, 2, 4, 8, 16
 FULL_WINDOW: Final = 65_535
 SERIAL_SENT, SERIAL_RECEIVED = 1, 2  # events of RTAC serial: DATA_TX_START, DATA_RX_START
 SERIAL_ERRORS: Final = 7, 8, 9, 10  # FRAMING_ERROR, PARITY_ERROR, SERIAL_BREAK, SERIAL_OVERFLOW
 MOST_ERRORS: Final = 16  # events of a kind and a second
-MOST_TAIL_BYTES: Final = 320 << 10  # bytes of a direction that the next file may need again
-MOST_MESSAGES: Final = 1024  # unread datagrams of a socket, and ends of reads, that are remembered
+MOST_TAIL_BYTES: Final = 320 << 10  # bytes of a direction that the next file may repeat
+MOST_MESSAGES: Final = 1024  # unread datagrams of a socket, and ends of jobs, that are kept
 DATA_TPDU: Final = 0xF0
-GONE: Final = frozenset({"ETIMEDOUT", "EHOSTUNREACH", "ENETUNREACH"})  # a stream without an end at the wire
+GONE: Final = frozenset({"ETIMEDOUT", "EHOSTUNREACH", "ENETUNREACH"})  # the stream ends without FIN or RST
 RESET_ERRORS: Final = frozenset({"ECONNRESET", "ECONNREFUSED", "EPIPE", "ECONNABORTED", "ENOTCONN"})
 _PACK_IP: Final = struct.Struct(">BBHHHBBH4s4s").pack
 _PACK_TCP: Final = struct.Struct(">HHIIBBHHH").pack
@@ -40,7 +40,7 @@ _PACK_SERIAL: Final = struct.Struct(">IIBBH").pack
 class WirePacket(NamedTuple):
     """One packet; `line` is the ComBuffer of a serial one, "" for IP. `payload`: bytes at its end.
 
-    `owners`: the CONNECT or ComBuffer that it is of; two, where CONNECTs talk with each other: then the PLC
+    `owners`: its CONNECT or ComBuffer; two, if CONNECTs of the PLC talk with each other: then the PLC
     has both sent and received it. `sent`: by the PLC, or to it; None: both, or a serial line.
     """
 
@@ -58,15 +58,15 @@ class WirePacket(NamedTuple):
 class Flow:
     """One direction of a connection, a UDP socket or a serial line; places are bytes from its beginning.
 
-    A datagram has one byte more, so that an empty one has a place, too.
+    A datagram counts one byte more, so that an empty one has a place, too.
     """
 
     def __init__(self, is_stream: bool = False) -> None:
         self.is_stream = is_stream
-        self.told = self.whole = self.taken = 0  # what has a packet, what has come, what of it was read
-        self.tail = bytearray()  # of a stream: what was told since `job`, the newest MOST_TAIL_BYTES bytes
+        self.told = self.whole = self.taken = 0  # bytes in packets, bytes that came, bytes that were read
+        self.tail = bytearray()  # of a stream: bytes in packets since `job`, the newest MOST_TAIL_BYTES
         self.job = 0  # where the last job has ended
-        self.ends: deque[tuple[int, int]] = deque(maxlen=MOST_MESSAGES)  # of jobs: since scan, place
+        self.ends: deque[tuple[int, int]] = deque(maxlen=MOST_MESSAGES)  # of jobs: from which scan on, place
         self.unread: deque[WirePacket] = deque(maxlen=MOST_MESSAGES)  # datagrams
         self.read: list[WirePacket] = []  # datagrams, since `job`
         self.is_part = False  # the newest call has sent a part of a job
@@ -79,9 +79,9 @@ class Flow:
         del self.tail[: max(0, len(self.tail) - MOST_TAIL_BYTES)]
 
     def find_job_end(self, scan: int, expected: int, is_sent: bool) -> int:
-        """Return where the job has ended that shows DONE in a scan, 0 where that is not known.
+        """Return where the job has ended that shows DONE in a scan, 0 if that is not known.
 
-        That is the first end of what was sent, of what was read the last one, or the one that is expected.
+        Of a send job that is the first end so far, of a receive job the last one, or the expected one.
         """
         places = [place for since, place in self.ends if since <= scan]
         if not places:
@@ -108,8 +108,8 @@ class Flow:
         first = self.told - len(self.tail)
         at, is_last = begin - first, False
         while at >= 0 and not is_last and len(self.tail) >= at + 7:
-            is_last = self.tail[at + 5] == DATA_TPDU and self.tail[at + 6] > 127
-            at += max(7, int.from_bytes(self.tail[at + 2 : at + 4], "big"))
+            is_last = self.tail[at + 5] == DATA_TPDU and self.tail[at + 6] > 127  # EOT (RFC 905, 13.7)
+            at += max(7, int.from_bytes(self.tail[at + 2 : at + 4], "big"))  # TPKT (RFC 1006); 0 would stay
         return min(first + at, self.taken) if is_last else self.taken
 
 
@@ -123,15 +123,15 @@ class _TcpStream:
         self.flows = Flow(True), Flow(True)  # from the PLC, to it
         self.controls = [0, 0]  # SYN and FIN take a sequence number each
         self.has_ended = [False, False]  # FIN or RST
-        self.coming_end = 0  # the partner's FIN or RST, which comes after bytes that are not told yet
-        self.stands = False
+        self.coming_end = 0  # the partner's FIN or RST, which waits for bytes without a packet
+        self.is_open = False
         self.is_own = False  # both ends are the PLC's
         self.is_tls = False
-        self.begun_before = ""  # what to say with its first packet in this file
+        self.first_remark = ""  # the remark of its first packet in this file
 
 
 class WirePackets:
-    """The packets of a run's calls, one call after the other; `wall_ns` is UTC at time 0 of the run."""
+    """Makes packets of the calls of a run, one after the other; `wall_ns` is UTC at time 0 of the run."""
 
     def __init__(self) -> None:
         self.wall_ns = 0
@@ -140,7 +140,7 @@ class WirePackets:
         self.newest: dict[str, tuple[Flow, Flow]] = {}  # of each CONNECT or ComBuffer
         self._bound: dict[int, Endpoint] = {}
         self._streams: dict[int, _TcpStream] = {}
-        self._address = "127.0.0.1"  # where only 0.0.0.0 was told
+        self._address = "127.0.0.1"  # of a socket that is bound to 0.0.0.0
         self._port = FIRST_MADE_UP_PORT
         self._number = 0  # of IP packets
         self._counted: dict[str, tuple[int, ...]] = {}  # errors of each serial line
@@ -170,7 +170,7 @@ class WirePackets:
         made = self._at.get(call.call)
         return (made(call) if made else None) or iter(())
 
-    # -- who is where -----------------------------------------------------------------------------------
+    # -- addresses --------------------------------------------------------------------------------------
 
     def _note_addresses(self, call: WireCall) -> None:
         found = call.answer if isinstance(call.answer, tuple) else ()
@@ -193,7 +193,7 @@ class WirePackets:
     def _own_end(self, handle: int, other: Endpoint) -> Endpoint:
         end = self._bound.get(handle, Endpoint(ANY_ADDRESS, 0))
         port = end.port
-        if not port:
+        if not port:  # unknown: make one up
             port, self._port = self._port, FIRST_MADE_UP_PORT + (self._port - FIRST_MADE_UP_PORT + 1) % 16_384
         usual = "127.0.0.1" if is_loopback(other.address) else self._address
         return Endpoint(usual if end.address == ANY_ADDRESS else end.address, port)
@@ -205,7 +205,7 @@ class WirePackets:
             peer = call.answer.peer
             stream = _TcpStream(call.owner, self._own_end(call.handle, peer), peer)
             caller = next((each for each in self._streams.values() if each.ends == stream.ends[::-1]), None)
-            if caller is not None:  # a CONNECT of this PLC, whose calls tell the same packets
+            if caller is not None:  # a CONNECT of this PLC, whose calls make these packets
                 caller.owners += stream.owners
                 self._add_flows(call.owner, call.answer.handle, caller.flows[::-1])
                 return
@@ -233,25 +233,25 @@ class WirePackets:
         stream, answer = self._streams.get(call.handle), call.answer
         if stream is None:
             return
-        # The stack calls an RST in place of the partner's SYN ECONNREFUSED: it stood before this one.
+        # An RST that answers our SYN is ECONNREFUSED; before ECONNRESET the connection was open.
         is_reset = isinstance(answer, Fault) and answer.error == "ECONNRESET" and not answer.injected
-        if not stream.stands and (answer is None or is_reset):
+        if not stream.is_open and (answer is None or is_reset):
             yield from self._establish(call, stream, 1)
         yield from self._handle_fault(call, stream, answer)
 
-    def _establish(self, call: WireCall, stream: _TcpStream, who: int) -> Iterator[WirePacket]:
-        stream.stands = True
-        yield self._make_segment(call, stream, who, SYN | ACK)
-        yield self._make_segment(call, stream, 1 - who, ACK)
+    def _establish(self, call: WireCall, stream: _TcpStream, side: int) -> Iterator[WirePacket]:
+        stream.is_open = True
+        yield self._make_segment(call, stream, side, SYN | ACK)
+        yield self._make_segment(call, stream, 1 - side, ACK)
 
     def _handle_fault(self, call: WireCall, stream: _TcpStream, answer: object) -> Iterator[WirePacket]:
         if isinstance(answer, Fault) and not answer.injected:
-            stream.stands &= answer.error not in GONE
+            stream.is_open &= answer.error not in GONE
         if _is_reset(answer):
             yield from self._note_partner_end(call, stream, RST | ACK)
 
     def _note_partner_end(self, call: WireCall, stream: _TcpStream, flags: int) -> Iterator[WirePacket]:
-        stream.coming_end = max(stream.coming_end, flags)
+        stream.coming_end = max(stream.coming_end, flags)  # RST outweighs FIN
         yield from self._add_partner_bytes(call, stream, stream.flows[1].told)
 
     def _handle_recv(self, call: WireCall) -> Iterator[WirePacket]:
@@ -266,7 +266,7 @@ class WirePackets:
             yield from self._handle_fault(call, stream, count)
         elif isinstance(count, int) and count:
             yield from self._add_partner_bytes(call, stream, stream.flows[1].taken - count)
-        elif isinstance(count, int) and call.args != (0,):
+        elif isinstance(count, int) and call.args != (0,):  # 0 bytes although there was room: FIN
             yield from self._note_partner_end(call, stream, FIN | ACK)
 
     def _handle_arrival(self, call: WireCall) -> Iterator[WirePacket]:
@@ -282,13 +282,13 @@ class WirePackets:
             yield from self._note_partner_end(call, stream, ACK | (RST if call.args[0] == "rst" else FIN))
 
     def _add_partner_bytes(self, call: WireCall, stream: _TcpStream, at: int) -> Iterator[WirePacket]:
-        """Yield what is new of the partner's bytes, which begin at a place; and its end, if it is due."""
+        """Yield the new ones of the partner's bytes, which begin at `at`, and its end, if it is due."""
         flow = stream.flows[1]
         new = call.data[max(0, flow.told - at) :] if call.data else b""
         if new:
-            flow.told = max(flow.told, at)  # what was read away unseen is missing
+            flow.told = max(flow.told, at)  # discarded bytes are missing
             yield from self._add_data(call, stream, 1, new)
-        if stream.coming_end and flow.told >= flow.whole:
+        if stream.coming_end and flow.told >= flow.whole:  # Rule
             yield from self._make_end(call, stream, 1, stream.coming_end)
 
     def _handle_send(self, call: WireCall) -> Iterator[WirePacket]:
@@ -301,20 +301,20 @@ class WirePackets:
         elif not stream.has_ended[0]:
             yield from self._handle_fault(call, stream, call.answer)
 
-    def _add_data(self, call: WireCall, stream: _TcpStream, who: int, data: bytes) -> Iterator[WirePacket]:
-        flow, at = stream.flows[who], stream.flows[who].told
-        if not at and data[:2] == b"\x16\3" and data[5:6] == b"\1":  # ClientHello
+    def _add_data(self, call: WireCall, stream: _TcpStream, side: int, data: bytes) -> Iterator[WirePacket]:
+        flow, at = stream.flows[side], stream.flows[side].told
+        if not at and data[:2] == b"\x16\3" and data[5:6] == b"\1":  # ClientHello (RFC 8446, 4.1.2)
             stream.is_tls = True
         flow.add_bytes(data)
-        return self._split_data(call, stream, who, at, data)
+        return self._split_data(call, stream, side, at, data)
 
     def _split_data(
-        self, call: WireCall, stream: _TcpStream, who: int, at: int, data: bytes, remark: str = ""
+        self, call: WireCall, stream: _TcpStream, side: int, at: int, data: bytes, remark: str = ""
     ) -> Iterator[WirePacket]:
         for skip in range(0, len(data), MOST_PAYLOAD):
             part = data[skip : skip + MOST_PAYLOAD]
             last = PSH if skip + MOST_PAYLOAD >= len(data) else 0
-            yield self._make_segment(call, stream, who, ACK | last, part, at + skip, remark)
+            yield self._make_segment(call, stream, side, ACK | last, part, at + skip, remark)
             remark = ""
 
     def _handle_shutdown(self, call: WireCall) -> Iterator[WirePacket]:
@@ -325,7 +325,7 @@ class WirePackets:
             yield from self._handle_fault(call, stream, call.answer)
 
     def _handle_close(self, call: WireCall) -> Iterator[WirePacket]:
-        """Yield our end: a stack that still has bytes for us, as it says or as is known here, sends RST."""
+        """Yield our end: RST if bytes are unread (RFC 1122, 4.2.2.13), by the count of the stack or ours."""
         flow = self.flows.get(call.handle, NO_FLOWS)[1]
         unread = call.args[0] if call.args else flow.whole - flow.taken
         yield from self._end_stream(call, (RST if unread else FIN) | ACK)
@@ -337,10 +337,10 @@ class WirePackets:
         self._bound.pop(call.handle, None)
         self.flows.pop(call.handle, None)
         stream = self._streams.pop(call.handle, None)
-        if stream is None or not stream.stands:
+        if stream is None or not stream.is_open:
             return
         flow = stream.flows[1]
-        remark = f"{flow.whole - flow.told} bytes to the PLC are not here: no one has read them"
+        remark = f"{flow.whole - flow.told} bytes to the PLC are missing: they were never read"
         if flow.told == flow.whole:
             remark = ""
         if stream.coming_end:
@@ -359,79 +359,79 @@ class WirePackets:
             yield from self._handle_fault(call, stream, loss.fault)
 
     def _make_end(
-        self, call: WireCall, stream: _TcpStream, who: int, flags: int, remark: str = ""
+        self, call: WireCall, stream: _TcpStream, side: int, flags: int, remark: str = ""
     ) -> Iterator[WirePacket]:
-        if all(stream.has_ended) or (stream.has_ended[who] and not flags & RST):
-            return
-        yield self._make_segment(call, stream, who, flags, remark=remark)
-        stream.flows[who].ended_in = self.scan
+        if all(stream.has_ended) or (stream.has_ended[side] and not flags & RST):
+            return  # after FIN only RST is new
+        yield self._make_segment(call, stream, side, flags, remark=remark)
+        stream.flows[side].ended_in = self.scan
         stream.has_ended = (
             [True, True]
             if flags & RST
-            else [stream.has_ended[0] or who == 0, stream.has_ended[1] or who == 1]
+            else [stream.has_ended[0] or side == 0, stream.has_ended[1] or side == 1]
         )
 
     def _make_segment(
         self,
         call: WireCall,
         stream: _TcpStream,
-        who: int,
+        side: int,
         flags: int,
         payload: bytes = b"",
         at: int = -1,
         remark: str = "",
     ) -> WirePacket:
-        """Return one segment of the end number `who`, 0 is the PLC's; its payload begins at a place."""
-        source, target = stream.ends[who], stream.ends[1 - who]
-        flow, other = stream.flows[who], stream.flows[1 - who]
+        """Return one segment of a side, 0 is the PLC; its payload begins at `at`."""
+        source, target = stream.ends[side], stream.ends[1 - side]
+        flow, other = stream.flows[side], stream.flows[1 - side]
         at = flow.told if at < 0 else at
-        sequence = at + (1 if payload else stream.controls[who]) & 0xFFFFFFFF
-        seen = other.told + stream.controls[1 - who] & 0xFFFFFFFF
-        stream.controls[who] += 1 if flags & (SYN | FIN) else 0
-        window = FULL_WINDOW if who else max(0, FULL_WINDOW - (other.whole - other.taken))
+        sequence = at + (1 if payload else stream.controls[side]) & 0xFFFFFFFF
+        seen = other.told + stream.controls[1 - side] & 0xFFFFFFFF
+        stream.controls[side] += 1 if flags & (SYN | FIN) else 0
+        window = FULL_WINDOW if side else max(0, FULL_WINDOW - (other.whole - other.taken))
         head = _PACK_TCP(
             source.port, target.port, sequence, seen if flags & ACK else 0, 5 << 4, flags, window, 0, 0
         )
-        sent = None if stream.is_own else who == 0
-        if stream.begun_before:
-            remark = "; ".join(filter(None, (stream.begun_before, remark)))
-            stream.begun_before = ""
+        sent = None if stream.is_own else side == 0
+        if stream.first_remark:
+            remark = "; ".join(filter(None, (stream.first_remark, remark)))
+            stream.first_remark = ""
         data = self._make_ip_packet(TCP, source, target, head, 16, payload)
         ns = self.wall_ns + call.at
         return WirePacket(stream.owners, "", ns, data, len(payload), sent, flow, at, remark)
 
-    # -- files that go on -------------------------------------------------------------------------------
+    # -- the next file ----------------------------------------------------------------------------------
 
     def list_open_streams(self) -> Iterator[tuple[str, int, Flow, int]]:
-        """Yield owner, handle, bytes to the PLC and the partner's end, if any, of each stream that stands."""
+        """Yield owner, handle, flow to the PLC and the partner's end, if any, of each open stream."""
         for handle, stream in self._streams.items():
-            if stream.stands:
+            if stream.is_open:
                 yield stream.owners[0], handle, stream.flows[1], stream.coming_end & (FIN | RST)
 
     def begin_file(self, now: int) -> Iterator[WirePacket]:
-        """Yield again what a new file needs of streams that go on: the bytes of jobs that are under way."""
+        """Yield what a new file repeats of open streams: the bytes of unfinished jobs."""
         for stream in self._streams.values():
-            if not stream.stands:
+            if not stream.is_open:
                 continue
             ours, theirs = stream.flows
             again = [bytes(ours.tail) if ours.is_part or ours.ends else b"", bytes(theirs.tail)]
-            again = [b"", b""] if stream.is_tls else again
+            again = [b"", b""] if stream.is_tls else again  # without the handshake it cannot be decrypted
             out, come = (flow.told - len(tail) for flow, tail in zip(stream.flows, again, strict=True))
-            stream.begun_before = (
+            stream.first_remark = (
                 f"begins in the middle: {come} bytes to the PLC and {out} from it came before"
             )
             if stream.is_tls:
-                stream.begun_before += "; TLS, ciphertext that cannot be opened here"
+                stream.first_remark += "; TLS, ciphertext that cannot be opened here"
             call = WireCall(now, stream.owners[0], "", 0, (), None, b"")
-            for who, at in ((1, come), (0, out)):
-                flow = stream.flows[who]
-                missing, unread = at - flow.job, flow.whole - flow.taken if who else 0
-                remark = f"repeated: {len(again[who])} bytes of a job that goes on"
+            for side, at in ((1, come), (0, out)):
+                flow = stream.flows[side]
+                missing, unread = at - flow.job, flow.whole - flow.taken if side else 0
+                remark = f"repeated: {len(again[side])} bytes of an unfinished job"
                 remark += f", {unread} of them unread" if unread else ""
                 remark += f", {missing} before them are missing" if missing else ""
                 flow.told = at
-                yield from self._split_data(call, stream, who, at, again[who], remark)
-                flow.told += len(again[who])
+                yield from self._split_data(call, stream, side, at, again[side], remark)
+                flow.told += len(again[side])
         for _, flow in self.flows.values():
             for packet in (*flow.read, *flow.unread):
                 yield packet._replace(ns=self.wall_ns + now, remark="repeated: it came before")
@@ -466,11 +466,11 @@ class WirePackets:
     def _make_ip_packet(
         self, protocol: int, source: Endpoint, target: Endpoint, head: bytes, sum_at: int, payload: bytes
     ) -> bytes:
-        """Return an IP packet; the checksum of what it carries stands at `sum_at` of `head`."""
+        """Return an IP packet; `sum_at`: where `head` gets its checksum."""
         ends = _pack_address(source.address) + _pack_address(target.address)
         size = len(head) + len(payload)
         inner = checksum(ends + bytes((0, protocol)) + size.to_bytes(2, "big") + head + payload)
-        if protocol == UDP and not inner:
+        if protocol == UDP and not inner:  # 0 would mean: no checksum (RFC 768)
             inner = 0xFFFF
         head = head[:sum_at] + inner.to_bytes(2, "big") + head[sum_at + 2 :]
         self._number = self._number + 1 & 0xFFFF
@@ -490,7 +490,7 @@ class WirePackets:
         self._counted[call.owner] = counted
         for event, had, has in zip(SERIAL_ERRORS, before, counted, strict=True):
             head = _make_serial_head(ns, event)
-            for _ in range(min(has - had, MOST_ERRORS)):
+            for _ in range(min(has - had, MOST_ERRORS)):  # a broken line may count thousands
                 yield WirePacket((call.owner,), call.owner, ns, head, 0)
 
     def _handle_serial_bytes(self, call: WireCall) -> Iterator[WirePacket]:
@@ -513,12 +513,12 @@ def _pack_address(address: str) -> bytes:
     return bytes(parse_octets(address) or (0, 0, 0, 0))
 
 
-def _is_reset(answer: object) -> bool:
+def _is_reset(answer: object) -> bool:  # an injected fault has nothing at the wire
     return isinstance(answer, Fault) and not answer.injected and answer.error in RESET_ERRORS
 
 
 def checksum(data: bytes) -> int:
-    """Return the Internet checksum: the sum of 16-bit words modulo 65535 is that of one large number."""
+    """Return the checksum of RFC 1071: a sum of 16-bit words modulo 65535 is that of one large number."""
     number = int.from_bytes(data + b"\0" if len(data) & 1 else data, "big")
     rest = number % 0xFFFF
     return 0xFFFF - (rest or (0xFFFF if number else 0))

@@ -1,4 +1,4 @@
-"""A process that is asked once; its answer is there when it is over, before a line tells how far it is."""
+"""A process with one answer, in a file when it is over; until then a line of the file has its progress."""
 
 from __future__ import annotations
 
@@ -12,21 +12,19 @@ from trcvtui.recording.writer import WriterProcess
 
 
 class PendingAnswer:
-    """A process that makes something of what is put into it: an answer, when it is over."""
-
     def __init__(self, main: tuple[str, str]) -> None:
         self.progress = ""
         self._opened = ExitStack()
         self._file, name = self._opened.enter_context(open_private_file())
-        path = Path(name.replace("self", str(os.getpid()), 1) if name.startswith("/proc") else name)
+        path = Path(name.replace("self", str(os.getpid()), 1) if name.startswith("/proc") else name)  # of us
         self.process = WriterProcess(path, RecordTarget(path), waits=False, main=main)
 
     def advance(self) -> bytes | None:
-        """Let what waits cross; return the answer when the process is over, None before."""
+        """Send what waits; return the answer when the process is over, None before."""
         self.process.advance()
         if not (self.process.is_over or self.process.trouble):
-            told, line_end, _ = os.pread(self._file, 1024, 0).partition(b"\n")
-            self.progress = told.decode(errors="replace") if line_end else self.progress
+            line, line_end, _ = os.pread(self._file, 1024, 0).partition(b"\n")
+            self.progress = line.decode(errors="replace") if line_end else self.progress
             return None
         content = os.pread(self._file, os.fstat(self._file).st_size, 0)
         self.close()

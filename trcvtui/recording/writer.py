@@ -1,9 +1,9 @@
-"""The writer of a recording, a process of its own: fed by a pipe in the gaps, it never makes a scan wait.
+"""The writer of a recording is another process: fed through a pipe in the gaps, so that no scan waits for it.
 
-Rule 1: what the pipe does not take now waits, at most MOST_WAITING bytes of it, of whole blocks twice as
-many; what comes then is left out, and the journal says how much (`EntriesLost`).
-Rule 2: without the writer the bench goes on; `trouble` says in one line why nothing is recorded any more.
-Rule 3: the end of the pipe ends the writer, whatever was killed: what it has is written, the file is whole.
+Rule 1: what the pipe does not take waits, at most MOST_WAITING_BYTES, of whole blocks twice as many; entries
+beyond that are left out, and the journal counts them (`EntriesLost`).
+Rule 2: without the writer the bench continues; `trouble` says in one line why nothing is recorded any more.
+Rule 3: the writer ends with its pipe, even if the run was killed: it writes what it has and ends the file.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ if TYPE_CHECKING:
     from subprocess import Popen
 
 LENGTH_PREFIX: Final = struct.Struct("<I")  # before each message; its bytes
-MOST_WAITING_BYTES: Final = 64 << 20  # bytes
-PIPE_BYTES: Final = 1 << 20  # asked for, where a pipe can be made larger
+MOST_WAITING_BYTES: Final = 64 << 20
+PIPE_BYTES: Final = 1 << 20  # asked of a system that can enlarge a pipe
 READ_BYTES: Final = 1 << 20
 WRITER_NICENESS: Final = 5  # the scans come first; 10 would starve it beside other programs
-WORK_SLICE_NS: Final = 10_000_000  # of other work, between two looks at the pipe
+WORK_SLICE_NS: Final = 10_000_000  # of other work, between two reads of the pipe
 POST_INTERVAL_NS: Final = 200_000_000  # between two blocks that cross
 START_CODE: Final = "import sys; from trcvtui.replay.{} import {} as main; main(*sys.argv[1:])"
-# What such a process does.
+# Module and function of such a process.
 WRITER_MAIN, STATE_MAIN = ("follower", "writer_main"), ("follower", "state_main")
 
 
 class WriterProcess:
-    """The sink of a run that must not wait; with `waits` raise UserError where the file is refused."""
+    """The sink of a run that must not wait; with `waits` raises UserError if the file is refused."""
 
     def __init__(
         self, path: Path, record: RecordTarget, waits: bool = True, main: tuple[str, str] = WRITER_MAIN
@@ -56,12 +56,12 @@ class WriterProcess:
         self._process = _start_process(path, record, main)
         assert self._process.stdin is not None and self._process.stdout is not None
         self._stdin, self._answers = self._process.stdin, self._process.stdout
-        self._is_told = True  # the process has said whether it can write
+        self._has_reported = True  # the process has said whether it can write
         refused = self._answers.readline() if waits else b"\n"
         if refused != b"\n":
             self._end_process()
             raise _parse_refusal(refused, path)
-        self._is_told = waits
+        self._has_reported = waits
         self._pipe = self._stdin.fileno()
         _enlarge_pipe(self._pipe)
         if sys.platform != "win32":
@@ -79,7 +79,7 @@ class WriterProcess:
         """Take entries in their order; write as much as the pipe takes at once."""
         if self.trouble:
             return
-        if self._waiting_bytes > MOST_WAITING_BYTES:
+        if self._waiting_bytes > MOST_WAITING_BYTES:  # Rule 1
             self._lost += len(list(entries))
         else:
             self._note_lost()
@@ -88,7 +88,7 @@ class WriterProcess:
         self.advance()
 
     def add_block(self, block: bytes, entries: int = 0) -> None:
-        """Take a block that is made already, of so many entries; leave it out where too much waits."""
+        """Take an encoded block of so many entries; leave it out if too much waits."""
         if self.trouble:
             return
         if self._waiting_bytes > 2 * MOST_WAITING_BYTES:
@@ -102,7 +102,7 @@ class WriterProcess:
         lost, self._lost = self._lost, 0
         self._left_out += lost
         if lost:
-            self._block.add_entry(EntriesLost(lost, "the writer could not follow"))
+            self._block.add_entry(EntriesLost(lost, "the writer could not follow"))  # Rule 1
         return lost > 0
 
     def _queue_block(self, block: bytes) -> None:
@@ -110,7 +110,7 @@ class WriterProcess:
         self._waiting_bytes += LENGTH_PREFIX.size + len(block)
 
     def finish(self) -> None:
-        """Let the file end as soon as all has crossed; `go_on` finds out when it has."""
+        """Let the file end as soon as all is sent; `advance` finds out when it has."""
         self._is_finishing = True
 
     def advance(self) -> None:
@@ -125,8 +125,8 @@ class WriterProcess:
                 self._stdin.close()
             if self._process.poll() is not None:
                 self.is_over = True
-                said = self._end_process()
-                self.trouble = self.trouble or ("" if said == b"\n" else str(_parse_refusal(said, self.path)))
+                line = self._end_process()
+                self.trouble = self.trouble or ("" if line == b"\n" else str(_parse_refusal(line, self.path)))
 
     def _write_pipe(self) -> None:
         try:
@@ -150,8 +150,8 @@ class WriterProcess:
     def _handle_writer_end(self) -> None:
         self._waiting.clear()
         self._waiting_bytes = 0
-        said = self._read_answer()  # the process has closed both pipes
-        why = str(_parse_refusal(said, self.path)) if said.strip() else f"{self.path}: the writer has ended"
+        line = self._read_answer()  # the process has closed both pipes: this does not wait
+        why = str(_parse_refusal(line, self.path)) if line.strip() else f"{self.path}: the writer has ended"
         self.trouble = f"{why}; nothing more is recorded"
 
     def close(self) -> None:
@@ -161,9 +161,9 @@ class WriterProcess:
             os.set_blocking(self._pipe, True)
             self._posted_at = 0
             self.advance()
-        said = self._end_process()
-        if not self.trouble and said != b"\n":
-            self.trouble = str(_parse_refusal(said, self.path))
+        line = self._end_process()
+        if not self.trouble and line != b"\n":
+            self.trouble = str(_parse_refusal(line, self.path))
         if not self.trouble and (lost := self._left_out + self._lost):
             self.trouble = f"{self.path}: {lost} entries are not recorded: the writer could not follow"
 
@@ -176,22 +176,22 @@ class WriterProcess:
         with suppress(OSError):
             self._stdin.close()
         with self._answers:
-            said = self._read_answer()
+            line = self._read_answer()
         self._process.wait()
-        return said
+        return line
 
     def _read_answer(self) -> bytes:
-        said = self._answers.readline()
-        if not self._is_told and said == b"\n":
-            said = self._answers.readline()
-        return said
+        line = self._answers.readline()
+        if not self._has_reported and line == b"\n":
+            line = self._answers.readline()
+        return line
 
 
 def _start_process(path: Path, record: RecordTarget, main: tuple[str, str]) -> Popen[bytes]:
-    import subprocess  # a run without a recording waits for none of it
+    import subprocess  # here: a run without a recording does not wait for it
 
-    asked = str(record.target), record.overwrite, record.has_secrets, record.limits
-    words = [sys.executable, "-P", "-c", START_CODE.format(*main), str(path), json.dumps(asked)]
+    settings = str(record.target), record.overwrite, record.has_secrets, record.limits
+    words = [sys.executable, "-P", "-c", START_CODE.format(*main), str(path), json.dumps(settings)]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     pipe, null = subprocess.PIPE, subprocess.DEVNULL
     return subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=null, env=environment)
@@ -203,7 +203,7 @@ def _enlarge_pipe(pipe: int) -> None:
 
         fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
     except (ImportError, AttributeError, OSError):
-        return  # not every system has it; a user may have only so much
+        return  # only Linux has it, and limits it for each user
 
 
 def _parse_refusal(line: bytes, path: Path) -> UserError:
@@ -227,10 +227,10 @@ class BlockSink(Protocol):
     def close(self) -> None: ...
 
 
-def run_writer(asked: str, sink: Callable[[RecordTarget], BlockSink], path: str) -> None:
-    """Write what comes over stdin until its end; say on stdout what is wrong, an empty line for nothing."""
-    ignore_signals(GROUP_SIGNALS)  # they end the run, and its pipe ends us
-    target, overwrite, has_secrets, limits = json.loads(asked)
+def run_writer(settings: str, sink: Callable[[RecordTarget], BlockSink], path: str) -> None:
+    """Write what stdin brings until its end; answer on stdout what is wrong, or an empty line."""
+    ignore_signals(GROUP_SIGNALS)  # Rule 3: they end the run, and its pipe ends us
+    target, overwrite, has_secrets, limits = json.loads(settings)
     with suppress(AttributeError, OSError):
         os.nice(WRITER_NICENESS)
     try:
@@ -257,7 +257,7 @@ def describe_program_error(wrong: Exception) -> str:
 
 
 def _read_input(idle: Callable[[int], bool]) -> bytes:
-    if sys.platform == "win32":  # a pipe of it always makes us wait
+    if sys.platform == "win32":  # its pipes always block
         idle(clock.now_ns() + WORK_SLICE_NS)
         return os.read(0, READ_BYTES)
     os.set_blocking(0, False)
@@ -280,7 +280,7 @@ def _write_answer(line: str) -> None:
 
 
 def _read_messages(idle: Callable[[int], bool]) -> Iterator[bytes]:
-    """Yield what comes; while nothing does, `idle` works until a moment of the clock, if it has work."""
+    """Yield messages; while none comes, `idle` works until a moment of the clock, if it has work."""
     waiting = bytearray()
     while read := _read_input(idle):
         waiting += read

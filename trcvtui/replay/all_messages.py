@@ -1,6 +1,6 @@
 """The messages of a whole recording: it runs once more, in slices, from its first scan to its last.
 
-Rule: what has been read stays: wherever the replay goes, the rows and their numbers are the same.
+Rule: wherever the replay goes, rows that were read keep their values and numbers.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from trcvtui.replay.survey import Survey
 
 
 class AllMessages:
-    """Reads up to the last scan that the survey knows; on its way it keeps keyframes for the replay.
+    """Runs up to the last scan that the survey knows; on its way it keeps keyframes for the replay.
 
     `path`: a file whose packets have the times of the messages.
     """
@@ -42,23 +42,23 @@ class AllMessages:
         return self._survey.is_over and self._current_scan >= self._survey.last_scan
 
     def advance(self, until: int) -> None:
-        """Read until this moment of the clock; where the run cannot go on, the replay ends there, too."""
+        """Read until this moment of the clock; if the run cannot continue, the replay ends there, too."""
         run, survey = self._run, self._survey
         run.limit = survey.last_scan
         while not self.is_over and clock.now_ns() < until:
-            stood = self._current_scan
+            before = self._current_scan
             try:
                 run.scan()
-                if self._current_scan == stood:
+                if self._current_scan == before:  # the survey counts scans that the run does not reach
                     raise run.make_end_error()
             except UserError as wrong:
-                survey.end_after(stood, str(wrong))
+                survey.end_after(before, str(wrong))
                 return
             self._reader.catch_up()
             self._keyframes.keep_if_due(run)
 
     def make_delta(self, instance: str, since: int) -> MessagesDelta:
-        """Return the next rows of an instance, of all that are in the recording."""
+        """Return the next rows of an instance, out of the whole recording."""
         first, last = self._survey.first, self._survey.last_scan
         share = 1.0 if self.is_over else min(0.99, (self._current_scan - first) / max(1, last - first))
         return replace(self._rows.make_delta(instance, since), share=share)
@@ -72,7 +72,7 @@ class TimedRows:
 
     def make_delta(self, instance: str, since: int) -> MessagesDelta:
         survey = self._survey
-        if not survey.is_over:
+        if not survey.is_over:  # the scans of rows are not known yet
             return MessagesDelta(instance, 0, 0, (), share=0.0)
         news = self._rows.make_delta(instance, since)
         rows = [row._replace(scan=min(survey.last_scan, survey.scan_at(row.t_ns))) for row in news.rows]

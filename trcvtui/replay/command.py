@@ -19,22 +19,22 @@ EXIT_DIFFERS: Final = 1
 
 
 def check_replay(run: ReplayRun) -> str:
-    """Run to the end; return what is different, "" where nothing is."""
+    """Run to the end; return what is different, or ""."""
     try:
         while run.scan():
             pass
         if not run.is_whole:
             raise run.make_end_error()
-    except UserError as told:
-        return str(told)
+    except UserError as wrong:
+        return str(wrong)
     return ""
 
 
 def print_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
-    """Write what the run has printed, or would have; return whether all expectations held."""
+    """Write what the run printed, or would have; return whether all expectations held."""
     bench, scenario = run.bench, run.scenario
     report = JsonLines(write, bench.runtime.interval_ns, bench)
-    if scenario is None or bench.runtime.scans:  # of one that begins in the middle the steps are gone
+    if scenario is None or bench.runtime.scans:  # in the middle of a run, nothing says which step is next
         while run.scan():
             if bench.runtime.changed:
                 changed = bench.runtime.changed
@@ -54,10 +54,7 @@ def print_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
 def run_what_if(
     path: Path, is_check: bool, form: str | None, sets: Sequence[str], dialect: str | None
 ) -> int:
-    """Run a recording again beside itself with other parameters; return 0 whether they part or not.
-
-    1: the file is not as it was written.
-    """
+    """Run a recording beside itself with other parameters; return 0, or 1 if the file is damaged."""
     from trcvtui.recording.recording import Recording
     from trcvtui.replay.what_if import WhatIf, print_both_runs
 
@@ -79,7 +76,7 @@ def run_what_if(
 
 
 def replay_file(path: Path, is_check: bool, form: str | None) -> int:
-    """Run a recording again; return 0 the same, 1 it differs, or an expectation of it failed."""
+    """Run a recording again; return 0: it is the same; 1: it differs, or an expectation of it failed."""
     from trcvtui.recording.recording import Recording
 
     if not is_check and form is None:
@@ -88,10 +85,10 @@ def replay_file(path: Path, is_check: bool, form: str | None) -> int:
     keyframes = Keyframes(recording, str(path))
     try:
         run = keyframes.start_run()
-    except UserError as told:
+    except UserError as failed:
         if not is_check or keyframes.first:
             raise
-        sys.stdout.write(f"{told}\n")
+        sys.stdout.write(f"{failed}\n")
         return EXIT_DIFFERS
     if is_check:
         wrong = recording.find_damage() or check_replay(run)
@@ -105,8 +102,8 @@ def replay_file(path: Path, is_check: bool, form: str | None) -> int:
     try:
         with guard_state(run.is_restored, str(path)):
             result, wrong = EXIT_SAME if print_jsonl(run, sys.stdout.write) else EXIT_DIFFERS, ""
-    except UserError as told:
-        result, wrong = EXIT_DIFFERS, str(told)
+    except UserError as failed:
+        result, wrong = EXIT_DIFFERS, str(failed)
     if wrong := recording.find_damage() or wrong:
         sys.stderr.write(f"{wrong}\n")
     return EXIT_DIFFERS if wrong else result

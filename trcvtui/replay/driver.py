@@ -22,14 +22,14 @@ from trcvtui.udt.literals import format_time
 if TYPE_CHECKING:
     from trcvtui.replay.time_line import TimeLine
 
-WORK_SLICE_NS: Final = 10_000_000  # of work between two looks at the channel
-PLAY_POLL_S: Final = 0.02  # between two looks at the clock while it plays
+WORK_SLICE_NS: Final = 10_000_000  # of work between two reads of the channel
+PLAY_POLL_S: Final = 0.02  # between two frames while it plays
 
 
 def make_replay_driver(path: Path, at: str | None) -> ProcessDriver:
-    """Return the replay of a recording; `at` says where it opens, None: the first to see."""
+    """Return the replay of a recording; it opens at `at`, None: at the first event."""
     if at is not None:
-        parse_place(at, "--at")  # found out here, where there is no screen yet
+        parse_place(at, "--at")  # refused here, before there is a screen
     return ProcessDriver(replay_main, path, at)
 
 
@@ -38,7 +38,7 @@ def replay_main(channel: Channel, path: Path, at: str | None) -> None:
 
 
 def open_time_line(path: Path, at: str | None) -> TimeLine:
-    """Return the replay at `at`; raise UserError where the recording has no such scan."""
+    """Return the replay at `at`; raise UserError if the recording has no such scan."""
     from trcvtui.recording.journal import STEP, CallRecord
     from trcvtui.recording.recording import Recording
     from trcvtui.replay.time_line import TimeLine  # the screen's side needs none of it
@@ -47,6 +47,7 @@ def open_time_line(path: Path, at: str | None) -> TimeLine:
     line = TimeLine(recording, str(path), to)
     if at is None or to == END or (isinstance(to, tuple) and to[0] != "time") or not recording.read_index():
         return line
+    # The index has the scans before the last block; that block has the others.
     last, ns = line.survey.passed + recording.read_index()[-1].scans, recording.read_index()[-1].ns
     for entry in recording.read_entries(len(recording.read_index()) - 1):
         if isinstance(entry, CallRecord) and entry.call == STEP and isinstance(entry.answer, int):
@@ -59,7 +60,7 @@ def open_time_line(path: Path, at: str | None) -> TimeLine:
 
 
 def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:
-    """Serve the screen until it closes the channel; what is wrong is told before the process ends."""
+    """Serve the screen until it closes the channel; send it an error before the process ends."""
 
     def run() -> None:
         with closing(begin()) as time_line:
@@ -70,8 +71,8 @@ def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:
 
 
 def serve_until_gone(channel: Channel, run: Callable[[], None]) -> None:
-    """Run until the screen is gone; tell it what is wrong."""
-    gc.freeze()
+    """Run until the screen is gone; send it an error."""
+    gc.freeze()  # what was imported stays: no collection has to look at it
     ignore_signals(TERMINAL_SIGNALS)  # they belong to the screen
     try:
         try:
@@ -89,14 +90,14 @@ def serve_until_gone(channel: Channel, run: Callable[[], None]) -> None:
 
 
 class ScreenChannel:
-    """The other end of a screen: takes its lines, and shows it the pictures that it asks for."""
+    """The channel to a screen: its lines come in, the pictures that it requests go out."""
 
     def __init__(self, channel: Channel) -> None:
         self._channel, self.pipe = channel, UpdatePipe(channel)
         self._request: UpdateRequest | None = None
 
     def handle_messages(self, take: Callable[[int, str], object], waits: float | None = 0.0) -> None:
-        """Take what comes, wait so many seconds for it, None: for ever."""
+        """Take what comes; wait for it so many seconds, None: without end."""
         while self._channel.poll(waits):
             message, waits = decode_request(self._channel.recv_bytes()), 0.0
             if isinstance(message, UpdateRequest):
@@ -105,7 +106,7 @@ class ScreenChannel:
                 take(*message)
 
     def send(self, picture: Callable[[UpdateRequest], BenchUpdate]) -> None:
-        """Begin the picture that was asked for, where the one before is through."""
+        """Begin the requested picture, if the one before has been sent."""
         if self._request is not None and not self.pipe.is_busy():
             self.pipe.begin(picture(self._request))
             self._request = None

@@ -1,9 +1,8 @@
-"""A run beside its writer: it runs again on the entries as they come, and its state becomes keyframes.
+"""A run beside a writer: it replays the entries as they come, and its states are the keyframes.
 
-Rule 1: the entries are written first; a run that cannot follow is given up, and only keyframes are missing.
-Rule 2: a keyframe is due each SPACING_NS of the run, and at the beginning of a file that begins in
-the middle.
-Bound: MOST_WAITING bytes of blocks wait for it.
+Rule 1: the entries are written first; a run that cannot follow is ended, and only keyframes are missing.
+Rule 2: a keyframe is due each SPACING_NS of the run, and at the start of a file that begins in the middle.
+Bound: MOST_WAITING_BYTES of blocks wait for it.
 """
 
 from __future__ import annotations
@@ -33,8 +32,8 @@ from trcvtui.replay.keyframes import JournalPosition, restore_run
 from trcvtui.replay.run_again import ReplayRun
 
 SPACING_NS: Final = 30_000_000_000
-MOST_WAITING_BYTES: Final = 64 << 20  # bytes
-MOST_LAZY: Final = 100_000  # entries
+MOST_WAITING_BYTES: Final = 64 << 20
+MOST_LAZY: Final = 100_000  # entries that wait before a short run is followed
 NO_DEADLINE: Final = 1 << 62
 PATIENCE_NS: Final = 10_000_000_000  # for the first keyframe of a file that is to be closed
 
@@ -46,7 +45,7 @@ class _IncomingEntries(JournalPosition):
         self.steps_ahead = self.now = 0
         self.begins: RunBegins | None = None
         self._has_begun = False
-        self.frame: Keyframe | None = None  # where the run begins, of a journal that begins in the middle
+        self.frame: Keyframe | None = None  # the start of a journal that begins in the middle
 
     def add_entries(self, entries: Iterable[Entry]) -> None:
         for entry in entries:
@@ -65,7 +64,7 @@ class _IncomingEntries(JournalPosition):
                     self.now = entry.answer
 
     def _is_before_frame(self, entry: Entry) -> bool:
-        if self.frame is None or self._has_begun:
+        if self.frame is None or self._has_begun:  # the run needs all entries
             return False
         if (self.steps, self.beyond) == (self.frame.steps, self.frame.beyond):
             self._has_begun = True
@@ -88,18 +87,18 @@ class _IncomingEntries(JournalPosition):
 
 
 class RecordedRunWriter:
-    """A sink and the run beside it; `go_on` lets that run as far as it may."""
+    """A sink and the run beside it; `advance` lets that run as far as it may."""
 
     def __init__(self, sink: FileSink, where: str) -> None:
         self._sink, self._where = sink, where
         sink.is_followed = True
-        self._why_off = self._fault = ""  # of these two the second is an error of the program
+        self._why_off = self._fault = ""  # the second: an error of the program
         self._coming = _IncomingEntries()
-        self._blocks: deque[bytes] = deque()  # that are not taken apart yet
+        self._blocks: deque[bytes] = deque()  # not decoded yet
         self._waiting = 0
         self._run: ReplayRun | None = None
         self._shared: SharedObjects | None = None
-        self._is_off = self._has_all = self._no_secrets = False  # the last: as was asked
+        self._is_off = self._has_all = self._no_secrets = False  # the last: nor should it have
         self._kept_at = self._file = 0  # time of the newest keyframe; the first scan of its file
 
     @property
@@ -108,8 +107,8 @@ class RecordedRunWriter:
         return self._sink.trouble
 
     def add_block(self, block: bytes) -> None:
-        """Write the entries of a block; the run takes them when it comes to them."""
-        self._sink.add_entries(decode_entries([block], self._where))
+        """Write the entries of a block; the run takes them when it gets there."""
+        self._sink.add_entries(decode_entries([block], self._where))  # Rule 1
         if not self._is_off:
             self._blocks.append(block)
             self._waiting += len(block)
@@ -117,7 +116,7 @@ class RecordedRunWriter:
                 self._give_up("the run beside was more than 64 MiB late")
 
     def add_entries(self, entries: Iterable[Entry]) -> None:
-        """Write entries; let the run follow at once where a keyframe may be due: a short run needs none."""
+        """Write entries; let the run follow only when a keyframe may be due: a short run needs none."""
         some = [*entries]
         steps = [at for at, one in enumerate(some) if type(one) is CallRecord and one.call == STEP]
         for begin, end in pairwise([0, *steps, len(some)]):  # a file that ends among them has its keyframe
@@ -128,7 +127,7 @@ class RecordedRunWriter:
                     self.advance(NO_DEADLINE)
 
     def close(self) -> None:
-        """End the file, later where a keyframe is due; raise UserError where a file lacks its first."""
+        """End the file, after a keyframe that is due; raise UserError if a file lacks its first."""
         self._has_all, until = True, clock.now_ns() + PATIENCE_NS
         while self._sink.first_scan != self._file and clock.now_ns() < until and self.advance(0):
             pass
@@ -147,7 +146,7 @@ class RecordedRunWriter:
     def advance(self, until: int) -> bool:
         """Let the run follow until this moment of the clock; return whether there is more to do."""
         while not self._is_off:
-            if self._coming.steps_ahead < 2 and (self._blocks or not self._has_all):  # it asks up to a step
+            if self._coming.steps_ahead < 2 and (self._blocks or not self._has_all):  # a scan needs the next
                 if not self._blocks:
                     return False
                 block = self._blocks.popleft()
@@ -167,7 +166,7 @@ class RecordedRunWriter:
                 self._give_up(run.replay.gap_text or "the run beside has ended")
                 return
             self._write_due_keyframe(run)
-        except UserError as wrong:  # a replay of the file says what it is
+        except UserError as wrong:  # a replay of the file will show it
             self._give_up(str(wrong))
         except Exception as wrong:
             self._fault = describe_program_error(wrong)
@@ -189,7 +188,7 @@ class RecordedRunWriter:
         if scan < first or not (is_new or ns >= self._kept_at + SPACING_NS):
             return
         run.replay.peek_call()
-        if scan == first and self._coming.beyond:  # what comes next stands in the file before
+        if scan == first and self._coming.beyond:  # the next entry is in the file before
             return
         self._kept_at, self._file = ns, first
         self._write_keyframe(run)
@@ -202,7 +201,7 @@ class RecordedRunWriter:
 
 
 class LastKeyframeSink:
-    """A file with the last state of what it is given, and nothing else."""
+    """A file with the last keyframe that it gets, and nothing else."""
 
     trouble = lack = ""
     first_scan, is_followed = 0, False
@@ -224,7 +223,7 @@ class LastKeyframeSink:
 
 
 class _CompleteRunWriter(RecordedRunWriter):
-    """A run that has the time to come to the end of its entries."""
+    """A run that follows to the end of its entries, and writes its last state."""
 
     def close(self) -> None:
         self.advance(NO_DEADLINE)

@@ -1,4 +1,4 @@
-"""What a recording knows beside its packets: what the instances expect, and what its program did wrong."""
+"""What a recording shows beside its packets: what the instances expect, and what its program did wrong."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ MOST_SCANS: Final = 1_000_000
 NOT_CALLED_REMEDY: Final = Remedy("EN_R is 1: call the block in each scan, and look at its STATUS")
 
 
-# What a program did wrong: how sure it is as a cause, what is said of it, the remedy; (): that of the cause.
+# What a program did wrong: how sure it is as a cause, its text, the remedies; (): that of the cause.
 # `{instance}` in a remedy is the one that it is for.
 # fmt: off
 TROUBLE_ROWS: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
@@ -58,7 +58,7 @@ TROUBLE_ROWS: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
     "plc-not-reading": (0.85, "in a second bytes waited at the PLC, and no job read:",
                         (Remedy("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),),
                         ),
-    "partner-not-reading": (0.85, "in a second bytes waited to leave, and the partner had told no room:", ()),
+    "partner-not-reading": (0.85, "in a second bytes waited to leave; the partner announced no room:", ()),
     "dead-link": (0.85, "in a second nothing was acknowledged of what had left, or the stack gave up:", ()),
     "datagram-size": (0.95, "a datagram was larger than LEN or DATA:", ()),
     "request-too-fast": (0.93, "REQ rose while the job before was sending:", ()),
@@ -68,14 +68,14 @@ TROUBLE_ROWS: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
 
 
 class _StackWaits:
-    """What waits in the stack of each CONNECT, as the gaps of a run ask: the least of each second."""
+    """What waits in the stack of each CONNECT, from the entries in gaps: the least of each second."""
 
     def __init__(self, run: ReplayRun) -> None:
         self._run = run
         self._least: dict[str, dict[int, int]] = {}
         self._read: dict[str, set[int]] = {}
-        self._unread: dict[int, tuple[str, int]] = {}  # of each handle: owner, bytes
-        self._paths: dict[str, list[tuple[int, PathInfo]]] = {}  # of each second
+        self._unread: dict[int, tuple[str, int]] = {}  # by handle: owner, bytes
+        self._paths: dict[str, list[tuple[int, PathInfo]]] = {}  # by CONNECT: second, path
         run.replay.entries = self._watch_entries(run.replay.entries)
 
     def _watch_entries(self, entries: Iterator[Entry]) -> Iterator[Entry]:
@@ -130,7 +130,7 @@ class _StackWaits:
             yield from ((connect, *run) for run in _find_long_run(waiting))
 
     def find_partner_not_reading(self) -> Iterator[tuple[str, int, int]]:
-        """Yield each CONNECT on which bytes wait to leave, and what has left is acknowledged."""
+        """Yield each CONNECT on which bytes wait to leave although all that left is acknowledged."""
         for connect, paths in self._paths.items():
             waiting = [second for second, path in paths if path.unsent and not path.unacked]
             yield from ((connect, *run) for run in _find_long_run(waiting))
@@ -154,11 +154,11 @@ def _find_long_run(seconds: Sequence[int]) -> Iterator[tuple[int, int]]:
 def collect_recorded_facts(
     path: str, sets: Sequence[str] = (), is_running: bool = False, tell: ReportScan | None = None
 ) -> RecordedFacts | None:
-    """Return what a recording of ours knows; None: it is none, or it cannot run.
+    """Return the facts of a recording of ours; None: it is none, or it cannot run.
 
-    `sets`: with these parameters, `instance.TRCV_C_1.LEN=20`; raise UserError for one that is wrong. Of a run
-    that goes on the pins of now count: a remedy that was applied is no fault any more. `tell`
-    is told each scan that passes.
+    `sets`: with these parameters, `instance.TRCV_C_1.LEN=20`; raise UserError for a wrong one. While the run
+    continues, the present pins count: a remedy that was applied is no fault any more. `tell` is called for
+    each scan.
     """
     try:
         recording = Recording(Path(path))
@@ -217,10 +217,10 @@ def _collect(
 
 
 class _RunFacts:
-    """What a run tells beside its packets, while it runs again.
+    """What a run shows beside its packets, while it runs again.
 
-    `by_ends`: its CONNECTs by the ends that their sockets had, as KnownEnds has them. `harms`: when (UTC) a
-    block of each CONNECT showed an ERROR, or lost a job.
+    `by_ends`: its CONNECTs by the ends of their sockets, as in KnownEnds. `harms`: when (UTC) a block of each
+    CONNECT showed an ERROR, or lost a job.
     """
 
     def __init__(self, run: ReplayRun, bench: Bench, project: Project) -> None:
@@ -235,7 +235,7 @@ class _RunFacts:
         self._until: dict[str, int] = {}  # when its LEN or ADHOC changed first (UTC)
         self._changed: dict[str, int] = {}  # and last
         self._done = Counter[str]()  # jobs of each CONNECT
-        self._done_then: dict[tuple[str, str], int] = {}  # when a trouble was told last
+        self._done_then: dict[tuple[str, str], int] = {}  # jobs at the last sight of a trouble
         self._rose: dict[str, int] = {}  # in which scan REQ or EN_R of an instance rose last
         self._sends, self._stopped = set[str](), set[str]()
         self._dropped: dict[tuple[str, int], tuple[int, int]] = {}
@@ -257,7 +257,7 @@ class _RunFacts:
                     for scan, t_ns, event in news:
                         self._add_event(scan, t_ns, event)
         except UserError:
-            pass  # the recording ends here
+            pass  # the recording ends here, or differs from here on: what was seen counts
 
     def _add_event(self, scan: int, t_ns: int, event: object) -> None:
         self.symptoms.add_event(scan, t_ns, event)
@@ -271,7 +271,7 @@ class _RunFacts:
                 self._until.setdefault(instance, self.wall_ns + t_ns)
             case ConnectionChanged():
                 self._add_ends(event.connection, event.local, event.peer)
-                if event.what is EventKind.CONNECTED:
+                if event.what is EventKind.CONNECTED:  # its stream begins anew: the trouble is over
                     self._done_then["shifted", event.connection] = -LEAST_GOOD_JOBS
             case BytesReceived():
                 self._stack.note_read(event.connection, t_ns)
@@ -302,13 +302,13 @@ class _RunFacts:
     def _add_error(self, instance: str, condition: Condition, scan: int, t_ns: int) -> None:
         self.harms.setdefault(self._connects.get(instance, ""), []).append(self.wall_ns + t_ns)
         if condition is Condition.INTERNAL_FAULT:
-            self._stopped.add(instance)  # what it leaves undone is no fault of the line
+            self._stopped.add(instance)  # what it does not do is no fault of the line
         elif condition is Condition.LINK_DEAD:
             self._add_trouble("dead-link", instance, scan, t_ns)
         elif condition is Condition.MESSAGE_TOO_LONG and self._connects.get(instance) in self._datagrams:
             self._add_trouble("datagram-size", instance, scan, t_ns)
         elif condition is Condition.NOT_CONNECTED:
-            # EN_R that is 1 from the beginning costs nothing: the job begins when the connection stands.
+            # EN_R = 1 from the beginning costs nothing: the job begins when the connection is there.
             is_asked = (
                 instance not in self._takers.values() or scan - self._rose.get(instance, -2) <= 1 < scan
             )
@@ -325,7 +325,7 @@ class _RunFacts:
         connect = self._connects.get(instance, instance)
         self._found.setdefault((cause, connect), self._make_finding(cause, instance, connect, scan, t_ns))
         self._times[cause, connect] += 1
-        # Jobs that begin inside messages end well, too: a new connection alone lets them begin anew.
+        # Jobs that begin inside messages end with DONE, too: only a new connection ends this trouble.
         self._done_then[cause, connect] = NEVER_NS if cause == "shifted" else self._done[connect]
 
     def _make_finding(self, cause: str, instance: str, connect: str, scan: int, t_ns: int) -> Finding:
@@ -339,7 +339,7 @@ class _RunFacts:
 
     def adapt_receiver(self, receiver: Receiver, is_running: bool) -> Receiver:
         job = self._jobs.get(receiver.instance)
-        if is_running:  # the pieces that static jobs took are none of an ad-hoc one
+        if is_running:  # pieces that jobs took without ADHOC are none of a job with ADHOC
             return receiver._replace(
                 since_ns=self._changed.get(receiver.instance, 0) if receiver.adhoc else 0
             )
@@ -349,13 +349,13 @@ class _RunFacts:
         return receiver._replace(need=job.length, adhoc=job.adhoc, until_ns=until_ns)
 
     def _is_refused(self, cause: str, instance: str) -> bool:
-        """Return whether bytes wait because the instance refuses its jobs, which is a symptom by itself."""
+        """Return whether bytes wait because the instance refuses its jobs, which is another finding."""
         return cause in ("flood", "plc-not-reading") and self.symptoms.refuses_jobs(instance)
 
     def find_troubles(self, is_running: bool) -> tuple[Finding, ...]:
         """Return what the program did wrong, and what the stack of a CONNECT shows for long.
 
-        In a run that goes on, a trouble is over after two good jobs, and the stack counts of late alone.
+        While the run continues, a trouble is over after two good jobs, and only the last RECENT_S count.
         """
         if is_running:
             then = self._done_then

@@ -1,6 +1,6 @@
 """Keyframes of a run: its whole state at some scans, and the run from there.
 
-Rule: what belongs to the program or to the project stays one object, before and after.
+Rule: an object of the program or the project is the same object in a restored run (SharedObjects).
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from trcvtui.replay.run_again import ReplayRun, roots_of
 
 OtherRun = TypeVar("OtherRun", bound=ReplayRun)
 KEYFRAME_SPACING: Final = 2_000  # scans from one to the next, at first
-MOST_KEYFRAME_BYTES: Final = 96 << 20  # of all keyframes; beyond them every second one is forgotten
+MOST_KEYFRAME_BYTES: Final = 96 << 20  # of all keyframes; beyond that every second one is dropped
 
 
 class Journal(Protocol):
-    """What a run is made of: its entries from a block on, and where its blocks stand."""
+    """What a run is made of: its entries from a block on, and where its blocks are."""
 
     def read_entries(self, first: int = 0) -> Iterator[Entry]: ...
 
@@ -37,13 +37,13 @@ class Journal(Protocol):
 
 
 class JournalPosition:
-    """How many scans have begun, and how many entries came since: a keyframe says where the run goes on."""
+    """How many scans have begun, and how many entries came since: from there a keyframe continues."""
 
     def __init__(self) -> None:
         self.steps = self.beyond = 0
 
     def pass_entry(self, entry: Entry) -> bool:
-        """Go past an entry; return whether it begins a scan."""
+        """Pass an entry; return whether it begins a scan."""
         if type(entry) is CallRecord and entry.call == STEP:
             self.steps, self.beyond = self.steps + 1, 0
             return True
@@ -52,7 +52,7 @@ class JournalPosition:
 
 
 class PositionedEntries(JournalPosition):
-    """The entries of a journal from a place on; it knows where it is. No such place: raise StopIteration."""
+    """The entries of a journal from a position on; it raises StopIteration if there is no such position."""
 
     def __init__(self, journal: Journal, steps: int = 0, beyond: int = 0) -> None:
         super().__init__()
@@ -75,7 +75,7 @@ class PositionedEntries(JournalPosition):
 
 
 class Keyframes:
-    """Where a run can go on: the keyframes of its journal, and those that were kept here."""
+    """Where a run can continue: the keyframes of its journal, and those that were kept here."""
 
     def __init__(self, journal: Journal, where: str, project: Project | None = None) -> None:
         self._journal, self._where = journal, where
@@ -97,11 +97,11 @@ class Keyframes:
             self.offset = frame.scan - (frame.steps if frame.beyond else frame.steps - 1)
 
     def start_run(self) -> ReplayRun:
-        """Return the run before its first scan, or at the first keyframe of a file without that."""
+        """Return the run before its first scan, or at the first keyframe if the file begins in the middle."""
         return self.run_at(self.first)
 
     def start_other_run(self, kind: type[OtherRun], seam: ReplaySeam) -> OtherRun:
-        """Return the run at the first keyframe as one of this kind that asks this seam; raise UserError."""
+        """Return the run at the first keyframe as one of this class, at this seam; raise UserError."""
         frame = self._journal.read_keyframe(self._places[0])
         instead: StandIns = {ReplayRun: lambda: kind.__new__(kind), ReplaySeam: lambda: seam}
         return cast(OtherRun, _decode(frame, self._shared, self._where, instead))
@@ -113,7 +113,7 @@ class Keyframes:
         return chain(() if replay.front is None else (replay.front,), replay.entries)
 
     def keep_if_due(self, run: ReplayRun) -> None:
-        """Keep the state of a run after a scan, where one is due."""
+        """Keep the state of a run after a scan, if one is due."""
         scan = run.bench.runtime.scans
         if scan % self._spacing == 0 and self.find_keyframe_scan(scan) + self._spacing <= scan:
             self._add_keyframe(scan, run)
@@ -133,16 +133,16 @@ class Keyframes:
             self._size = sum([len(frame.content) for frame in self._kept])
 
     def find_keyframe_scan(self, scan: int) -> int:
-        """Return the last scan up to this one that has a keyframe, `first` where there is none."""
+        """Return the last scan up to this one that has a keyframe, `first` if there is none."""
         kept = bisect_right(self._scans, scan)
-        told = bisect_right(self._places, scan, key=lambda place: place.scans)
-        near = self._scans[kept - 1] if kept else 0, self._places[told - 1].scans if told else 0
+        written = bisect_right(self._places, scan, key=lambda place: place.scans)
+        near = self._scans[kept - 1] if kept else 0, self._places[written - 1].scans if written else 0
         return max(self.first, *near)
 
     def run_at(self, scan: int) -> ReplayRun:
-        """Return the run as it stood at a scan that has a keyframe; where that does not fit, at one before.
+        """Return the run at a scan that has a keyframe, or at an earlier one, if that keyframe does not fit.
 
-        Raise UserError where none fits.
+        Raise UserError if none fits.
         """
         if not scan:
             return ReplayRun(PositionedEntries(self._journal), self._where, roots=self.roots)
@@ -154,7 +154,7 @@ class Keyframes:
         except UserError:
             if scan <= self.first:
                 raise
-        del self._places[at]
+        del self._places[at]  # of another version, or damaged
         return self.run_at(self.find_keyframe_scan(scan))
 
     def _restore_run(self, frame: Keyframe) -> ReplayRun:
@@ -178,7 +178,7 @@ def _decode(
 
 
 def restore_run(frame: Keyframe, begins: RunBegins, where: str) -> tuple[ReplayRun, SharedObjects]:
-    """Return the run of a keyframe, still without entries, and what its states share; raise UserError."""
+    """Return the run of a keyframe, still without entries, and its shared objects; raise UserError."""
     files = FilesRead(begins.folder, begins.files, begins.digests)
     shared = SharedObjects(roots_of(begins, files))
     return _decode(frame, shared, where), shared

@@ -1,4 +1,4 @@
-"""When the packets of a recording came, read beside its run: a scan reads bytes later than they came."""
+"""When the packets of a recording came, read beside its run: a scan reads bytes after they came."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from trcvtui.capture.plc_end import address_text
 from trcvtui.capture.reassembly import ConversationEvent, Conversations, SegmentKind, WireDirection
 
 MOST_KEPT_PACKETS: Final = 20_000  # packets of a connection
-READ_AHEAD_NS: Final = 1_000_000_000  # a packet stands in the file so long after the scan at most
+READ_AHEAD_NS: Final = 1_000_000_000  # a packet follows its scan in the file by at most so much
 
 
 class PacketTimes:
@@ -20,21 +20,21 @@ class PacketTimes:
     def __init__(self, path: str, wall_ns: int, now_ns: Callable[[], int]) -> None:
         self._packets = merge_packets([path], [])
         self._found = Conversations(self._add_event)
-        self._talks: dict[tuple[str, str], list[WireDirection]] = {}  # by partner and PLC end
-        self._said: dict[WireDirection, deque[tuple[int, int]]] = {}  # where each packet ends, and its time
+        self._directions: dict[tuple[str, str], list[WireDirection]] = {}  # by partner and PLC end
+        self._packet_ends: dict[WireDirection, deque[tuple[int, int]]] = {}  # end of each packet, its time
         self._wall_ns, self._now_ns = wall_ns, now_ns
         self._reached_ns = 0
 
     def find_time(self, ends: tuple[str, str], turn: int, offset: int) -> int | None:
         """Return when a byte came, ns of the run, on the connection of that turn of its ends."""
         while True:
-            talks = self._talks.get(ends, ())
-            if turn < len(talks):
-                said = self._said[talks[turn]]
-                while said and said[0][0] <= offset:
-                    said.popleft()
-                if said:
-                    return said[0][1] - self._wall_ns
+            directions = self._directions.get(ends, ())
+            if turn < len(directions):
+                packets = self._packet_ends[directions[turn]]
+                while packets and packets[0][0] <= offset:
+                    packets.popleft()
+                if packets:
+                    return packets[0][1] - self._wall_ns
             if not self._read_packet():
                 return None
 
@@ -48,12 +48,12 @@ class PacketTimes:
         return found is not None
 
     def _add_event(self, event: ConversationEvent) -> None:
-        ns, talk, direction, kind, at, size, _ = event
-        if not talk.begins_with_syn:
-            return
-        if direction not in self._said:
-            self._said[direction] = deque(maxlen=MOST_KEPT_PACKETS)
+        ns, conversation, direction, kind, at, size, _ = event
+        if not conversation.begins_with_syn:
+            return  # its offsets count from an unknown byte
+        if direction not in self._packet_ends:
+            self._packet_ends[direction] = deque(maxlen=MOST_KEPT_PACKETS)
             ends = address_text(direction.address), address_text(direction.other.address)
-            self._talks.setdefault(ends, []).append(direction)
+            self._directions.setdefault(ends, []).append(direction)
         if kind is SegmentKind.BYTES:
-            self._said[direction].append((at + size, ns))
+            self._packet_ends[direction].append((at + size, ns))

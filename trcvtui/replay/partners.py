@@ -1,7 +1,7 @@
-"""Partners of a recorded run that do again what they did then, for a bench that asks other questions.
+"""Partners of a recorded run that do again what they did then, for a bench that makes other calls.
 
-Rule 1: a partner does not react. Where it would see something else of us, or see it at another time,
-`guess_from` says so; what follows is a guess (docs/recording.md, "What if").
+Rule 1: a partner does not react. From the scan in which it would see something else of us, or at another
+time, the answer is a guess: `guess_from` (docs/recording.md, "What if").
 Rule 2: a scan meets what the recorded run met in that scan: bytes that had come, an end, a client, a refusal.
 """
 
@@ -46,12 +46,12 @@ class GuessReason(StrEnum):
     """Why an answer is a guess from a scan on."""
 
     PARTNER = "partner"  # it would have seen something else of us, or at another time
-    BYTES = "bytes"  # that stand in no entry
+    BYTES = "bytes"  # they are in no entry
     TIME = "time"  # something came between two scans of the run that asks
 
 
 class _Socket:
-    """One handle of the bench that asks. `attempt` is that of an active CONNECT, `partner` what is there."""
+    """One handle of the bench that asks. `attempt`: of an active CONNECT; `partner`: the other end."""
 
     def __init__(self, owner: str) -> None:
         self.owner = owner
@@ -64,28 +64,28 @@ class _Socket:
 
 
 class ReplayedPartners(ReplaySeam):
-    """A seam on which partners do what they did; `peers` are the names of those that a bench has itself.
+    """A seam on which partners do what they did; `peers`: the names of those that the bench has itself.
 
-    `told` goes on with the recorded run, which passes first. `intervals_ns`: of the bench that asks and of
-    the recorded one, where these are two; scans pass at multiples of it, and those of the recorded run before
-    them, and one beyond.
+    `recorded` advances with the recorded run, which passes first. `intervals_ns`: of the bench that asks and
+    of the recorded one, if they differ: each scan passes at a multiple of the first one, after the recorded
+    scans up to then and one more.
     `guess_from`: the first scan of the recorded run from which on the answer is a guess, None: none.
     """
 
-    def __init__(self, told: RecordedRun, peers: Collection[str]) -> None:
-        super().__init__(iter(() if told.begins is None else (told.begins,)), "what-if")
+    def __init__(self, recorded: RecordedRun, peers: Collection[str]) -> None:
+        super().__init__(iter(() if recorded.begins is None else (recorded.begins,)), "what-if")
         self.guess_from: int | None = None
         self.guess_why: GuessReason | None = None
         self.bytes_read = 0
         self.peers = peers
         self.intervals_ns: tuple[int, int] | None = None
         self._is_on_time = True  # a scan of the recorded run began when this one does
-        self._told = told
-        self.scan = told.first
+        self._recorded = recorded
+        self.scan = recorded.first
         self._steps = 0
         self._calls = 0
         self._is_between = False
-        # By handle; of one that was there before the file begins the owner may be unknown.
+        # By handle; the owner of one from before the file may be unknown.
         self._sockets = defaultdict[int, _Socket](lambda: _Socket(""))
         self._made = FIRST_MADE
         self._seen: dict[Handle, str] = {}
@@ -98,17 +98,17 @@ class ReplayedPartners(ReplaySeam):
             for name in dir(self)
             if name.startswith("_at_")
         }
-        for one in told.standing:
+        for one in recorded.standing:
             self._sockets[one.handle] = self._make_inherited(one)
 
     def _make_inherited(self, one: InheritedSocket) -> _Socket:
         socket = _Socket(one.owner)
         socket.listens = one.use is SocketUse.LISTENS
         socket.is_udp = one.use is SocketUse.DATAGRAMS
-        socket.is_hearing = one.handle in self._told.hearing
+        socket.is_hearing = one.handle in self._recorded.hearing
         socket.is_polled = True
-        socket.partner = self._told.stands.get(one.handle)
-        socket.attempt = self._told.tried.get(one.handle)
+        socket.partner = self._recorded.stands.get(one.handle)
+        socket.attempt = self._recorded.tried.get(one.handle)
         return socket
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
@@ -120,14 +120,14 @@ class ReplayedPartners(ReplaySeam):
             self._calls += 1
         found = self._calls_at.get(call)
         if owner in self.peers and args and type(args[0]) is int and args[0] < FIRST_MADE:
-            args = (~args[0], *args[1:])  # it was there before the file begins; no CONNECT has this number
+            args = (~args[0], *args[1:])  # one from before the file: no CONNECT may have its number
         if found is None:
             return cast(T, self._get_recorded_answer(owner, call))
         return cast(T, found(owner, *args))
 
     @contextmanager
     def pause_partners(self) -> Iterator[None]:
-        """Let scans pass that the recorded run has counted and not run: partners do nothing in these."""
+        """Let scans pass that the recorded run counted and did not run: partners do nothing in them."""
         self._is_between, self._calls = True, LAST_CALL
         try:
             yield
@@ -147,40 +147,40 @@ class ReplayedPartners(ReplaySeam):
 
     @property
     def slack_ns(self) -> int:
-        """Return by how much two scans may differ and begin at one time."""
+        """Return by how much the times of two scans may differ that count as one time."""
         return (min(self.intervals_ns) - 1) // 2 if self.intervals_ns is not None else 0
 
     def _begin_scan(self) -> int:
-        told = self._told
+        recorded = self._recorded
         self._calls = 0
         self._nth.clear()
         if self.intervals_ns is None:
             self.scan += 1
-            if self.scan <= told.scan:
-                self._now = told.time_of(self.scan)
+            if self.scan <= recorded.scan:
+                self._now = recorded.time_of(self.scan)
         else:
             self._advance_to(self.due_ns)
             self._steps += 1
-        if self.scan in told.failures:
+        if self.scan in recorded.failures:  # an internal error stopped a part there, here not
             self.note_guess(GuessReason.PARTNER)
-        if told.is_broken:
+        if recorded.is_broken:
             self.note_guess(GuessReason.BYTES)
         return self._now
 
     def _advance_to(self, due: int) -> None:
-        told, latest = self._told, due + self.slack_ns
-        while self.scan < told.scan and told.time_of(self.scan + 1) <= latest:
+        recorded, latest = self._recorded, due + self.slack_ns
+        while self.scan < recorded.scan and recorded.time_of(self.scan + 1) <= latest:
             self.scan += 1
-            if told.injected == self.scan:
+            if recorded.injected == self.scan:
                 self.note_guess(GuessReason.TIME)  # a planned fault counts calls
         self._now = due
-        self._is_on_time = self.scan > told.first and told.time_of(self.scan) >= due - self.slack_ns
-        if not self._is_on_time and told.came > self.scan:
-            self.note_guess(GuessReason.TIME)
+        self._is_on_time = self.scan > recorded.first and recorded.time_of(self.scan) >= due - self.slack_ns
+        if not self._is_on_time and recorded.came > self.scan:
+            self.note_guess(GuessReason.TIME)  # something came between two recorded scans
 
     def compare_scan(self) -> None:
         """Find out, after a scan, whether partners saw something then that they do not see now."""
-        told, before = self._told, self.scan
+        recorded, before = self._recorded, self.scan
         for socket in self._sockets.values():
             partner = socket.partner
             if partner is not None:
@@ -189,38 +189,36 @@ class ReplayedPartners(ReplaySeam):
                 if unread > max(partner.most_unread, MOST_UNREAD):
                     self.note_guess(GuessReason.PARTNER)  # the window closes
                 if partner.is_full and socket.read >= partner.whole:
-                    self.note_guess(
-                        GuessReason.PARTNER
-                    )  # it was held back then, and would say more from now on
-        for written in told.written.values():
+                    self.note_guess(GuessReason.PARTNER)  # its window was closed: it would send more now
+        for written in recorded.written.values():
             self._compare_acts(written, before)
-        for attempts in told.attempts.values():
+        for attempts in recorded.attempts.values():
             if attempts and attempts[0].began <= before:
-                self.note_guess(GuessReason.PARTNER)
-        for owner in {*told.listening, *(one.owner for one in self._sockets.values() if one.listens)}:
+                self.note_guess(GuessReason.PARTNER)  # it was called then, and is not now
+        for owner in {*recorded.listening, *(one.owner for one in self._sockets.values() if one.listens)}:
             if owner and owner not in self.peers:
                 self._compare_listening(owner, before)
-        while told.dropped and told.dropped[0][0] <= before:
-            _, owner, read = told.dropped.pop(0)
+        while recorded.dropped and recorded.dropped[0][0] <= before:
+            _, owner, read = recorded.dropped.pop(0)
             if self._datagrams_read[owner] > read:
-                self.note_guess(GuessReason.PARTNER)  # here was room
+                self.note_guess(GuessReason.PARTNER)  # there is room now
 
     def _compare_acts(self, acts: deque[OwnAct], before: int, is_deaf: bool = False) -> None:
         while acts and acts[0].scan <= before:
             acts.popleft()
-            if not is_deaf:
+            if not is_deaf:  # a partner that has reset sees nothing more
                 self.note_guess(GuessReason.PARTNER)
 
     def _compare_listening(self, owner: str, before: int) -> None:
         listens = any(one.owner == owner and one.listens for one in self._sockets.values())
-        if listens and not self._told.listens(owner, before):
+        if listens and not self._recorded.listens(owner, before):
             self.note_guess(GuessReason.PARTNER)
-        clients = self._told.clients.get(owner)
+        clients = self._recorded.clients.get(owner)
         if not listens and clients and clients[0].since.scan <= before:
             self.note_guess(GuessReason.PARTNER)
 
     def _match(self, acts: deque[OwnAct], what: tuple[object, ...], is_deaf: bool = False) -> OwnAct | None:
-        """Do what a partner sees; return the same of the recorded run, None where that did another thing."""
+        """Do what a partner sees; return the same act of the recorded run; None: it did something else."""
         if acts and acts[0].scan == self.scan and acts[0].what == what and self._is_on_time:
             return acts.popleft()
         if not is_deaf:
@@ -237,20 +235,20 @@ class ReplayedPartners(ReplaySeam):
     def _get_recorded_answer(self, owner: str, call: str) -> object:
         key = owner, call
         self._nth[key] += LAST_CALL if self._is_between else 1
-        now, answers = CallPlace(self.scan, self._nth[key]), self._told.answers.get(key)
+        now, answers = CallPlace(self.scan, self._nth[key]), self._recorded.answers.get(key)
         while answers and answers[0][0] <= now:
             at, answer = answers.popleft()
             self._newest[key] = at, answer
         at, newest = self._newest.get(key, (NEVER_PLACE, None))
-        is_of_once = call not in LASTING_CALLS or (isinstance(newest, Fault) and newest.injected)
-        return newest if at == now or not is_of_once else None
+        is_once = call not in LASTING_CALLS or (isinstance(newest, Fault) and newest.injected)
+        return newest if at == now or not is_once else None
 
     def peek_call(self) -> CallRecord | None:
-        """Return nothing: what tells this bench what to do has read the journal itself."""
+        """Return nothing: WhatIf reads the commands of the journal for this bench."""
         return None
 
     def check_end(self) -> None:
-        """Do nothing: no journal has to come to its end."""
+        """Do nothing: there is no journal to end."""
 
     # -- calls of a kernel -----------------------------------------------------------------------------
 
@@ -288,7 +286,7 @@ class ReplayedPartners(ReplaySeam):
 
     def _at_bind(self, owner: str, handle: int, end: Endpoint) -> object:
         self._sockets[handle].port = end
-        self._sockets[handle].is_hearing = end.address in self._told.broadcasts
+        self._sockets[handle].is_hearing = end.address in self._recorded.broadcasts
         return None if owner in self.peers else self._get_recorded_answer(owner, "bind")
 
     def _at_local_end(self, owner: str, handle: int) -> object:
@@ -298,9 +296,9 @@ class ReplayedPartners(ReplaySeam):
     def _at_listen(self, owner: str, handle: int, backlog: int) -> object:
         failed = None if owner in self.peers else self._get_recorded_answer(owner, "listen")
         self._sockets[handle].listens = failed is None
-        clients = self._told.clients.get(owner)
+        clients = self._recorded.clients.get(owner)
         if clients and clients[0].since.scan <= self.scan:
-            self.note_guess(GuessReason.PARTNER)  # it came when there was no listener yet
+            self.note_guess(GuessReason.PARTNER)  # it came before there is a listener
         return failed
 
     def _at_poll_add(self, owner: str, handle: int) -> object:
@@ -319,7 +317,7 @@ class ReplayedPartners(ReplaySeam):
             }
 
     def _at_ready_handles(self, owner: str) -> dict[Handle, str] | None:
-        return None if self.scan in self._told.looks_at_all else dict(self._seen)
+        return None if self.scan in self._recorded.looks_at_all else dict(self._seen)
 
     def _at_readable(self, owner: str, handle: int) -> bool:
         return handle in self._seen
@@ -334,7 +332,7 @@ class ReplayedPartners(ReplaySeam):
         if socket.owner in self.peers:
             return False
         if socket.listens:
-            clients = self._told.clients.get(socket.owner)
+            clients = self._recorded.clients.get(socket.owner)
             return bool(clients and self._has_come(clients[0].since))
         if socket.is_udp:
             return self._peek(socket) is not None
@@ -348,7 +346,7 @@ class ReplayedPartners(ReplaySeam):
 
     def _peek(self, socket: _Socket) -> DatedMessage | None:
         if socket.is_udp:
-            messages = self._told.datagrams.get((socket.owner, socket.is_hearing))
+            messages = self._recorded.datagrams.get((socket.owner, socket.is_hearing))
         else:
             messages = socket.partner.messages if socket.partner is not None else None
         return messages[0] if messages and self._has_come(messages[0][0]) else None
@@ -357,16 +355,16 @@ class ReplayedPartners(ReplaySeam):
         return socket.partner is not None and self._has_come(socket.partner.ended)
 
     def _at_accept(self, owner: str, handle: int) -> object:
-        clients = self._told.clients.get(owner)
+        clients = self._recorded.clients.get(owner)
         if owner in self.peers or not clients or not self._has_come(clients[0].since):
             return WOULD_BLOCK
         partner = clients.popleft()
-        if partner.accepted > (self.scan, LAST_CALL):
-            self.note_guess(GuessReason.BYTES)  # who it is, what it says before the recorded run hears it
+        if partner.accepted > (self.scan, LAST_CALL):  # what it is and sends is known only from its accept on
+            self.note_guess(GuessReason.BYTES)
         if partner.refused is not None:
             return partner.refused
         if owner in self._sessions and partner.accepted.scan != self.scan:
-            self.note_guess(GuessReason.PARTNER)  # the handshake is answered at another time
+            self.note_guess(GuessReason.PARTNER)  # our side of the handshake comes at another time
         for socket in self._sockets.values():
             if socket.owner == owner and socket.partner is not None:
                 self._end_released(socket.partner)
@@ -384,9 +382,9 @@ class ReplayedPartners(ReplaySeam):
     def _at_connect(self, owner: str, handle: int, end: Endpoint) -> object:
         if owner in self.peers:
             return None
-        attempts = self._told.attempts.get(owner)
+        attempts = self._recorded.attempts.get(owner)
         if not attempts or attempts[0].began != self.scan:
-            self.note_guess(GuessReason.PARTNER)  # it is called at another time
+            self.note_guess(GuessReason.PARTNER)  # it is called, but not at the same time
         while attempts and attempts[0].is_before(self.scan):
             attempts.popleft()
         if not attempts:
@@ -422,7 +420,7 @@ class ReplayedPartners(ReplaySeam):
                 self.note_guess(GuessReason.BYTES)
             socket.read += size
             self.bytes_read += size
-            self._told.forget_bytes(partner, socket.read)
+            self._recorded.forget_bytes(partner, socket.read)
             return size, bytes(size) if data is None else data
         if self._is_over(socket):
             return partner.fault or 0, b""
@@ -434,16 +432,16 @@ class ReplayedPartners(ReplaySeam):
         socket = self._sockets[handle]
         found = self._peek(socket)
         if owner in self.peers or found is None:
-            if not self._told.knows_messages(owner, socket.partner):
+            if not self._recorded.knows_messages(owner, socket.partner):
                 self.note_guess(GuessReason.BYTES)
             fault = socket.partner.fault if socket.partner is not None else None
             return (fault if fault is not None and self._is_over(socket) else WOULD_BLOCK), b""
         hears = owner, socket.is_hearing
-        messages = socket.partner.messages if socket.partner is not None else self._told.datagrams[hears]
+        messages = socket.partner.messages if socket.partner is not None else self._recorded.datagrams[hears]
         _, was, data = messages.popleft()
         if isinstance(was, Fault):
             return was, b""
-        self._told.kept -= len(data)
+        self._recorded.kept -= len(data)
         self._datagrams_read[owner] += 1
         socket.read += 1
         if len(data) < was.size:
@@ -465,7 +463,7 @@ class ReplayedPartners(ReplaySeam):
         return size
 
     def _count_unread(self, socket: _Socket) -> int:
-        return max(0, self._arrived(socket) - socket.read)  # of messages `read` counts these, not bytes
+        return max(0, self._arrived(socket) - socket.read)  # bytes, or messages
 
     def _at_unread(self, owner: str, handle: int) -> int:
         socket = self._sockets.get(handle)
@@ -482,15 +480,15 @@ class ReplayedPartners(ReplaySeam):
             return WOULD_BLOCK
         is_deaf = partner.was_reset and self._is_over(socket)
         same = self._match(partner.acts, (size, check), is_deaf)
-        told = self._get_recorded_answer(owner, "send")
-        if isinstance(told, Fault):
-            return told
+        failed = self._get_recorded_answer(owner, "send")
+        if isinstance(failed, Fault):
+            return failed
         if is_deaf:
             return partner.fault
         taken = size
         if same is not None:
             taken = same.answer if isinstance(same.answer, int) else 0
-        elif not partner.took_all:
+        elif not partner.took_all:  # its window was closed: no more fits than then
             taken = max(0, min(size, partner.taken - socket.sent))
         socket.sent += taken
         return taken or WOULD_BLOCK
@@ -498,9 +496,9 @@ class ReplayedPartners(ReplaySeam):
     def _at_send_to(self, owner: str, handle: int, size: int, check: int, end: Endpoint) -> object:
         if owner in self.peers:
             return WOULD_BLOCK
-        self._match(self._told.written.get(owner, deque()), (size, check, end))
-        told = self._get_recorded_answer(owner, "send_to")
-        return told if isinstance(told, Fault) else size
+        self._match(self._recorded.written.get(owner, deque()), (size, check, end))
+        failed = self._get_recorded_answer(owner, "send_to")
+        return failed if isinstance(failed, Fault) else size
 
     def _at_shutdown(self, owner: str, handle: int, both: bool) -> object:
         partner = self._sockets[handle].partner
@@ -512,21 +510,21 @@ class ReplayedPartners(ReplaySeam):
         socket = self._sockets.pop(handle, None)
         self._seen.pop(Handle(handle), None)
         partner = socket.partner if socket is not None else None
-        if socket is not None and partner is not None:
+        if socket is not None and partner is not None:  # a close with unread bytes sends RST (RFC 1122)
             how = RESET if call == RESET or self._arrived(socket) > socket.read else CLOSED
             self._match(partner.acts, (how,), partner.was_reset and self._is_over(socket))
-        told = self._get_recorded_answer(owner, call)
-        return told if isinstance(told, Fault) else None
+        failed = self._get_recorded_answer(owner, call)
+        return failed if isinstance(failed, Fault) else None
 
     _at_abort = partialmethod(_at_close, call=RESET)
 
     # -- a serial line ---------------------------------------------------------------------------------
 
     def _at_port_read(self, owner: str, most: int) -> object:
-        parts = self._told.serial.get(owner)
-        told = self._get_recorded_answer(owner, "port read")
-        if isinstance(told, Fault):
-            return told
+        parts = self._recorded.serial.get(owner)
+        failed = self._get_recorded_answer(owner, "port read")
+        if isinstance(failed, Fault):
+            return failed
         if not parts or not self._has_come(parts[0][0]):
             return b""
         at, data = parts.popleft()
@@ -536,9 +534,9 @@ class ReplayedPartners(ReplaySeam):
         return data[:most]
 
     def _at_port_write(self, owner: str, size: int, check: int) -> object:
-        self._match(self._told.written.get(owner, deque()), (size, check))
-        told = self._get_recorded_answer(owner, "port write")
-        return told if isinstance(told, Fault) else size
+        self._match(self._recorded.written.get(owner, deque()), (size, check))
+        failed = self._get_recorded_answer(owner, "port write")
+        return failed if isinstance(failed, Fault) else size
 
     def _at_port_arrive(self, owner: str, size: int, check: int) -> bool:
         return True

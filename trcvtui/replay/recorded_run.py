@@ -1,8 +1,8 @@
-"""What a recorded run was told, out of its journal, scan by scan: what each partner did, and other answers.
+"""What a recorded run received, out of its journal, scan by scan: acts of each partner, and other answers.
 
-Rule 1: a place is a scan and a call in it, so that a run that asks the same is told the same.
-Rule 2: what came is known from its arrival on, whatever reads it (arrivals.py).
-Bound: MOST_BYTES of all partners wait for the run that asks; what comes beyond is a number.
+Rule 1: a place is a scan and a call in it, so that a run that makes the same calls gets the same answers.
+Rule 2: what came counts from its arrival on, not from the call that read it (arrivals.py).
+Bound: MOST_PARTNER_BYTES of all partners wait for the run that asks; of more only the number is kept.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ LASTING_CALLS: Final = (  # calls whose newest answer holds until another one co
     "is_free",
 )  # fmt: skip
 BENCH_OWNER: Final = "bench"
-BENCH_CALLS: Final = (DO, REST, SKIP, CLOSE, STEP)  # what is told to a bench
-CLOSED, RESET, SHUT = "close", "abort", "shutdown"  # how this end of a connection went
+BENCH_CALLS: Final = (DO, REST, SKIP, CLOSE, STEP)  # commands and scans of a bench
+CLOSED, RESET, SHUT = "close", "abort", "shutdown"  # how this end of a connection ended
 
 
 class CallPlace(NamedTuple):
@@ -43,7 +43,7 @@ DatedMessage = tuple[CallPlace, Datagram | Fault, bytes]
 
 
 class OwnAct(NamedTuple):
-    """One thing of this end that a partner sees: bytes sent, or how the end went; `what` is compared."""
+    """One thing of this end that a partner sees: bytes sent, or how it ended; `what` is compared."""
 
     scan: int
     what: tuple[object, ...]
@@ -51,15 +51,15 @@ class OwnAct(NamedTuple):
 
 
 class Partner:
-    """One connection of a recorded run, as the PLC met it; positions count from its begin or the file's."""
+    """One connection of a recorded run, as the PLC saw it; positions count from its start or the file's."""
 
     def __init__(self, end: Endpoint, since: CallPlace, is_known: bool = True) -> None:
         self.end, self.since, self.accepted = end, since, since
-        self.is_known = is_known  # what lay unread at the beginning of the file
-        self.chunks: deque[tuple[int, bytes]] = deque()  # that the run that asks has not read, by position
-        # Up to where bytes are told, are read, have come; of messages: how many.
+        self.is_known = is_known  # what was unread at the beginning of the file
+        self.chunks: deque[tuple[int, bytes]] = deque()  # not read by the run that asks; by position
+        # Up to where bytes are noted, were read, have come; of messages: how many.
         self.known = self.read = self.whole = 0
-        self.hole = 0  # up to where a read alone tells them
+        self.hole = 0  # up to where only reads have them
         self._arrived: deque[tuple[CallPlace, int]] = deque()  # bytes in all, from when on
         self._come = 0
         self.messages: deque[DatedMessage] = deque()
@@ -68,7 +68,7 @@ class Partner:
         self.most_unread = MOST_UNREAD
         self.full_from = 1 << 62  # unread bytes from which on the window may be small
         self.refused: Fault | None = None  # what accept answered in its place
-        self.acts: deque[OwnAct] = deque()  # in order, those that the run that asks has not done, too
+        self.acts: deque[OwnAct] = deque()  # in order; those that the run that asks did are removed
         self.taken, self.took_all = 0, True  # bytes of the PLC in all; of the newest call
 
     @property
@@ -78,7 +78,7 @@ class Partner:
 
     @property
     def was_reset(self) -> bool:
-        """Return whether it has ended by an error: it sees nothing of this end any more."""
+        """Return whether it ended with an error: it sees no more of this end."""
         return self.fault is not None
 
     def note_bytes(self, at: CallPlace, whole: int) -> None:
@@ -87,18 +87,18 @@ class Partner:
             self._arrived.append((at, whole))
 
     def note_end(self, at: CallPlace, fault: Fault | None, is_told: bool = True) -> None:
-        """Take the end; the Fault that a call told says more than the state of the socket."""
+        """Take the end; the Fault of a call says more than the state of the socket."""
         self.fault = fault if is_told and fault is not None else self.fault or fault
         self.ended = min(self.ended, at)
 
     def size_at(self, place: CallPlace) -> int:
-        """Return how many bytes have come in all up to a place, known ones or not; places go on."""
+        """Return how many bytes came in all up to a place, known ones or not; places only increase."""
         while self._arrived and self._arrived[0][0] <= place:
             self._come = self._arrived.popleft()[1]
         return self._come
 
     def bytes_at(self, start: int, stop: int) -> bytes | None:
-        """Return the bytes between two positions, None where some of them are not known."""
+        """Return the bytes between two positions, None if some of them are not known."""
         found = bytearray()
         for at, chunk in self.chunks:
             if at > start + len(found) or start + len(found) >= stop:
@@ -118,14 +118,14 @@ class DialledAttempt:
         self.partner: Partner | None = None
 
     def is_before(self, scan: int) -> bool:
-        """Return whether nothing of it is left in this scan."""
+        """Return whether it was over before this scan."""
         over = self.gone if self.partner is None else self.partner.let_go
         is_refused = self.answer is not None and self.answered.scan < scan
         return is_refused or over.scan < scan
 
 
 class InheritedSocket(NamedTuple):
-    """What a CONNECT holds where a file begins in the middle: a socket, and what that is for."""
+    """A socket that a CONNECT has when a file begins in the middle, and its use."""
 
     owner: str
     handle: int
@@ -133,9 +133,9 @@ class InheritedSocket(NamedTuple):
 
 
 class RecordedRun:
-    """All that a recorded run was told up to now: partners, attempts, answers by owner and call.
+    """All that a recorded run received so far: partners, attempts, answers by owner and call.
 
-    `first`: the last scan before these entries; `standing`: the sockets that there were then.
+    `first`: the last scan before these entries; `standing`: the sockets of that moment.
     """
 
     def __init__(
@@ -153,13 +153,13 @@ class RecordedRun:
         self.hearing: set[int] = set()  # sockets that are bound to one
         self.datagrams_read: Counter[str] = Counter()
         self._unread: Counter[int] = Counter()  # messages, of each handle
-        self._unknown: set[str] = set()  # UDP_CONFIGs of which the file begins with datagrams, perhaps
+        self._unknown: set[str] = set()  # UDP_CONFIGs that may have had datagrams at the start of the file
         self.dropped: list[tuple[int, str, int]] = []  # scan, owner, datagrams that were read by then
         self.serial: dict[str, deque[tuple[CallPlace, bytes]]] = {}
         self.written: dict[str, deque[OwnAct]] = {}  # datagrams and serial bytes
         self.listening: dict[str, list[tuple[int, frozenset[int]]]] = {}  # from a scan on, on which handles
         self.begins: RunBegins | None = None
-        self.is_broken = False  # what comes is not known
+        self.is_broken = False  # the journal does not fit: what comes is not known
         self.failures: dict[int, str] = {}  # scan -> what an internal error has stopped in it
         self.injected = 0  # the newest scan in which a planned fault answered
         self.bytes_read = 0
@@ -170,11 +170,11 @@ class RecordedRun:
         self._dialled: dict[int, tuple[Endpoint, DialledAttempt]] = {}
         self._waiting: dict[str, deque[Partner]] = {}  # clients that are not accepted yet
         self._polled: set[int] = set()
-        self.looks_at_all: set[int] = set()  # scans in which every handle is looked at
+        self.looks_at_all: set[int] = set()  # scans in which each handle is checked
         self._short: set[int] = set()
         self._nth = Counter[tuple[str, str]]()
         self._entries, self._next = cast(Iterator[Entry], iter(())), cast(Entry | None, None)
-        self.stands: dict[int, Partner] = {}  # what was there at the beginning, by the handle
+        self.stands: dict[int, Partner] = {}  # connections at the beginning, by handle
         self.tried: dict[int, DialledAttempt] = {}
         for one in self.standing:
             self._add_inherited(one)
@@ -211,7 +211,7 @@ class RecordedRun:
         return bool(next((handles for since, handles in reversed(known) if since <= scan), ()))
 
     def read_beginning(self, entries: Iterator[Entry]) -> None:
-        """Take what stands before the first scan; `go_on` takes what a bench is told then, and the scan."""
+        """Take the entries before the first command or scan; `advance` takes these, scan by scan."""
         self._entries, self._next = entries, next(entries, None)
         self._read_to(BENCH_CALLS)
 
@@ -237,7 +237,7 @@ class RecordedRun:
         elif isinstance(entry, CallRecord) and not self.is_broken:
             try:
                 self._add_call(entry)
-            except (TypeError, ValueError, AttributeError, IndexError):  # no journal of ours
+            except (TypeError, ValueError, AttributeError, IndexError):  # types that no seam of ours writes
                 self.is_broken = True
 
     def _add_call(self, entry: CallRecord) -> None:
@@ -250,7 +250,7 @@ class RecordedRun:
             self._nth.clear()
             return
         if owner in self._peers and call != "local_end":
-            return
+            return  # the bench that asks has its own peers
         handle = cast(int, args[0]) if args else 0
         is_arrival = call.startswith(IN_GAP)
         self._calls += not is_arrival and call not in OWN_CALLS
@@ -279,7 +279,7 @@ class RecordedRun:
     def _polled_place(self, handle: int) -> CallPlace:
         return CallPlace(self.scan, 0 if handle in self._polled else self._calls)
 
-    # -- what lies unread ----------------------------------------------------------------------------------
+    # -- unread bytes --------------------------------------------------------------------------------------
 
     def _arrival_place(self, flags: int, handle: int) -> CallPlace:
         there = CallPlace(self.scan + 1) if flags & LATE else self._current_place(handle)
@@ -294,17 +294,17 @@ class RecordedRun:
         data, there, whole = cast(bytes, answer), self._arrival_place(flags, handle), partner.read + unread
         start = max(partner.known, partner.read)
         if not partner.is_known and partner.known == partner.read:
-            start = partner.hole = whole - len(data)  # what is before it lay there when the file begins
+            start = partner.hole = whole - len(data)  # the bytes before came before the file
         self._add_bytes(partner, start, data)
         partner.note_bytes(there, whole)
         partner.most_unread = max(partner.most_unread, unread)
         if flags & FULL:
             partner.full_from = min(partner.full_from, unread)
         if self.scan == self.first:
-            partner.is_known = len(data) == unread  # the file begins with what lies there
+            partner.is_known = len(data) == unread  # the file repeats what was unread
 
     def _add_bytes(self, partner: Partner, start: int, data: bytes) -> None:
-        """Take bytes of a stream from a position on; what lies between it and what is known is lost."""
+        """Take bytes of a stream from a position on; those between the known ones and it are lost."""
         if start < partner.hole:
             self._keep_bytes(partner, start, data[: partner.hole - start])
         new = data[max(0, partner.known - start) :]
@@ -312,7 +312,7 @@ class RecordedRun:
         self._keep_bytes(partner, partner.known - len(new), new)
 
     def _keep_bytes(self, partner: Partner, start: int, data: bytes) -> None:
-        if data and self.kept + len(data) <= MOST_PARTNER_BYTES:
+        if data and self.kept + len(data) <= MOST_PARTNER_BYTES:  # Bound
             is_next = start == partner.known - len(data)
             at = len(partner.chunks) if is_next else sum(at < start for at, _ in partner.chunks)
             partner.chunks.insert(at, (start, data))
@@ -432,7 +432,7 @@ class RecordedRun:
         got, data = answer
         partner, at = self._partners.get(handle), self._current_place(handle)
         if isinstance(got, Datagram):
-            if not self._unread[handle]:  # noted before the file begins
+            if not self._unread[handle]:  # noted in a file before this
                 self._unread[handle] = 1
                 if partner is not None:
                     partner.whole += 1
@@ -466,7 +466,7 @@ class RecordedRun:
         (self.hearing.add if is_hearing else self.hearing.discard)(handle)
 
     def knows_messages(self, owner: str, partner: Partner | None) -> bool:
-        """Return whether it is known which messages lie there: not where the file begins with some."""
+        """Return whether the unread messages are known: not those from before the file."""
         return owner not in self._unknown if partner is None else partner.is_known
 
     def _note_send(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:

@@ -1,6 +1,6 @@
-"""A recorded run once more: project and bench out of its journal, command by command, scan by scan.
+"""A recorded run once more: project and bench come from its journal, which it follows entry by entry.
 
-Rule: nothing is read from the disk here; a name in a journal is looked up in the journal.
+Rule: nothing is read from the disk here; a file that a journal names is in the journal.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from trcvtui.scenario.scenario import Scenario, load_bench, load_scenario
 
 Roots = tuple[RunBegins, Scenario | None, Project]
 NO_LIMIT: Final = 1 << 62
-MOST_LINES: Final = 10_000  # that wait until they are asked for
-REST_LINE: Final = ""  # how REST stands among lines
+MOST_LINES: Final = 10_000  # that wait for take_lines
+REST_LINE: Final = ""  # REST among lines
 IDLE_VERBS: Final = ("hold", "go", "trigger", "note")  # first words of lines that change nothing on a bench
 
 
@@ -46,7 +46,7 @@ def roots_of(begins: RunBegins, files: FilesRead, sets: Sequence[str] = ()) -> R
 
 @contextmanager
 def guard_state(is_restored: bool, where: str) -> Iterator[None]:
-    """Let whatever goes wrong with a run of a keyframe be one line: bytes of a file have made it."""
+    """Turn any exception of a run from a keyframe into UserError: bytes of a file have made the run."""
     try:
         yield
     except (UserError, OSError):
@@ -58,7 +58,7 @@ def guard_state(is_restored: bool, where: str) -> Iterator[None]:
 
 
 class ReplayRun:
-    """The bench of a recorded run; `scenario` where it was one. `is_whole`: the run was seen to its end."""
+    """The bench of a recorded run; `scenario`: if it was one. `is_whole`: the run has come to its end."""
 
     def __init__(
         self,
@@ -70,8 +70,8 @@ class ReplayRun:
         self.replay = replay or ReplaySeam(entries, where)
         self._lines: deque[str] = deque(maxlen=MOST_LINES)
         self.is_whole = self.is_restored = False
-        self.limit = NO_LIMIT  # the scan after which no scan is counted that was not run
-        self._skipped = 0  # of the scans that come next and were not run
+        self.limit = NO_LIMIT  # the scan up to which skipped scans are counted
+        self._skipped = 0  # scans of the present SKIP that are counted
         self.before_close: Callable[[], None] = _do_nothing  # the last look at the bench
         self.where = where
         begins = self.replay.begins
@@ -83,7 +83,7 @@ class ReplayRun:
         self.bench = Bench(project, begins.kernel, self.replay)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what a keyframe keeps: the file that has it may get another name."""
+        """Return what a keyframe keeps: no file name, as the file may be renamed."""
         return self.__dict__ | {"where": ""}
 
     def take_lines(self) -> list[str]:
@@ -92,7 +92,7 @@ class ReplayRun:
         return lines
 
     def scan(self) -> bool:
-        """Do what came before the next scan, and let that pass; return False where none followed.
+        """Run the commands before the next scan, then the scan; return False if none followed.
 
         Raise UserError at the first difference.
         """
@@ -125,14 +125,14 @@ class ReplayRun:
         return False
 
     def _skip(self, scans: int) -> bool:
-        """Count scans that were not run, up to `limit`; return whether all of them have passed."""
+        """Count skipped scans, up to `limit`; return whether all of them have passed."""
         runtime = self.bench.runtime
         room = self.limit - runtime.scans
         if room < scans - self._skipped:
             runtime.skip(room)
             self._skipped += room
             return False
-        runtime.skip(-self._skipped)
+        runtime.skip(-self._skipped)  # the bench compares the whole SKIP with the journal
         self._skipped = 0
         self.bench.skip(scans)
         return runtime.scans < self.limit
@@ -142,12 +142,12 @@ class ReplayRun:
             self.bench.record_line(line)
             return
         project, where = self.bench.project, f"{self.where}: scan {self.replay.scan}"
-        if self.scenario is not None:  # a file named in a step stands beside the scenario
+        if self.scenario is not None:  # a step names files from the scenario's folder
             project = replace(project, base=Path(self.begins.path).parent)
         verb, _, rest = line.partition(" ")
         with read_from(self.replay.files):
             if verb == "udt":
-                from trcvtui.engine.controller import reload_types  # one line of a screen does this
+                from trcvtui.engine.controller import reload_types  # here: only this line needs it
 
                 self.bench.project = reload_types(rest, project, where)[0]
                 self.bench.record_line(line)
@@ -160,6 +160,6 @@ class ReplayRun:
         self.bench.do(command)
 
     def make_end_error(self) -> UserError:
-        """Return what is said of a journal that ends before its run."""
+        """Return the error of a journal that ends before its run."""
         left = self.replay.count_scans_left() if self.replay.gap_text else 0
         return make_early_end_error(self.where, self.replay.gap_text, self.bench.runtime.scans, left)

@@ -1,4 +1,4 @@
-"""What stands where in a recording: its journal read once, for the time of each scan, edges and ERRORs."""
+"""What is where in a recording: its journal is read once, for the time of each scan, edges and ERRORs."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from trcvtui.recording.replay import make_early_end_error
 from trcvtui.udt.literals import parse_time
 
 END: Final = 1 << 62  # a scan that no recording has
-MARK_PIECES: Final = 1000  # of the run: in which of them an ERROR comes
-ENTRIES_PER_READ: Final = 256  # entries
-NOTE_PREFIX: Final = "note "  # how a line begins that tells of a capture
+MARK_PIECES: Final = 1000  # of the run; each has a mark if an ERROR comes in it
+ENTRIES_PER_READ: Final = 256
+NOTE_PREFIX: Final = "note "  # of a line with a remark on a capture
 NOTES_SHOWN: Final = 2
-DONE_AT, ERROR_AT = 3, 4  # in what SHOWS tells
+DONE_AT, ERROR_AT = 3, 4  # among the arguments of SHOWS
 PLACE_SYNTAX: Final = "a scan, T#.., end, edge +1 INSTANCE or error +1"
 
-Search = tuple[str, int, str]  # `time` and ns; `edge` or `error`, how many on or back, whose; FIRST
-FIRST_EVENT: Final = "first", 1, ""  # the first ERROR; where there is none, finding; else DONE
+Search = tuple[str, int, str]  # `time`, ns; `edge` or `error`, +1 or -1, instance; FIRST_EVENT
+FIRST_EVENT: Final = "first", 1, ""  # the first ERROR; without one, the first finding; else DONE
 
 
 def parse_place(text: str, where: str) -> int | Search:
-    """Return the scan that a text names, or what is looked for; raise UserError."""
+    """Return the scan that a text names, or the search that it asks for; raise UserError."""
     words = text.split()
     words = words[1:] if words[:1] == ["scan"] else words
     match words:
@@ -53,21 +53,21 @@ class Survey:
     """
 
     def __init__(self, entries: Iterator[Entry], where: str, first: int = 0, offset: int = 0) -> None:
-        self.first, self.passed = first, offset  # the last scan that was passed
+        self.first, self.passed = first, offset  # `passed`: the last scan that was read
         self.times = array("q")  # ns, of each scan that was run
-        self._scans = array("q")  # its number
+        self._scans = array("q")  # the number of each
         self.errors = array("q")  # scans in which an ERROR comes
-        self.findings: dict[int, str] = {}  # what the doctor has found, by its scan
-        self.is_judged = False  # they are known
-        self.first_done = 0  # the scan of it
+        self.findings: dict[int, str] = {}  # of the doctor, by scan
+        self.is_judged = False  # the findings are known
+        self.first_done = 0  # the scan of the first DONE
         self.edges: dict[str, array[int]] = {}  # scans in which the outputs change, by instance
         self.trouble = ""  # why the recording ends before the run
         self.is_over = False
         self._entries, self._where = entries, where
-        self._is_whole = False  # the run was ended here
-        self._lost, self._left = "", 0  # what a gap has lost, and how many scans come after it
+        self._is_whole = False  # the run ended, or the recording was ended
+        self._lost, self._left = "", 0  # which entries a gap lacks, how many scans follow it
         self._skipped = 0
-        self._notes: list[tuple[int, str]] = []  # after which scan, and what was told
+        self._notes: list[tuple[int, str]] = []  # after which scan, text
         self._marks = (0, 0), b""
 
     @property
@@ -75,7 +75,7 @@ class Survey:
         return self._scans[-1] if self._scans else self.first
 
     def time_of(self, scan: int) -> int:
-        """Return the time of a scan, ns; that of the nearest one that was seen."""
+        """Return the time of a scan, ns, or of the nearest one that was read."""
         if not self.times or scan <= 0:
             return 0
         scan = max(self.first + 1, min(scan, self.last_scan))
@@ -83,7 +83,7 @@ class Survey:
         return ns + (scan - before) * took // scans
 
     def scan_at(self, ns: int) -> int:
-        """Return the first scan at this time or after it; after all that were seen, the next one."""
+        """Return the first scan at this time or after it; after all that were read, the next one."""
         at = bisect_left(self.times, ns)
         if at == len(self.times):
             return self.last_scan + 1
@@ -91,7 +91,7 @@ class Survey:
         return before + scans if scans == 1 or not took else before - (began - ns) * scans // took
 
     def _get_stretch(self, at: int) -> tuple[int, int, int, int]:
-        """Return the scan that was run before another one, its time, and how many scans and ns it took."""
+        """Return the scan that was run before another, its time, and how many scans and ns lie between."""
         scan, ns = (self._scans[at - 1], self.times[at - 1]) if at else (self.first, 0)
         return scan, ns, self._scans[at] - scan, self.times[at] - ns
 
@@ -138,7 +138,7 @@ class Survey:
         return False
 
     def _add_scan(self, ns: int) -> None:
-        self.passed += self._skipped + 1  # those that were counted and not run have no time of their own
+        self.passed += self._skipped + 1  # skipped scans have no time
         self._skipped = 0
         if self.passed > self.first:
             self.times.append(ns)
@@ -150,7 +150,7 @@ class Survey:
             self.trouble = str(make_early_end_error(self._where, self._lost, self.last_scan, self._left))
 
     def end_after(self, scan: int, why: str) -> None:
-        """Let the run end after a scan: it cannot go on."""
+        """Let the run end after a scan: it cannot continue."""
         known = bisect_right(self._scans, scan)
         del self.times[known:], self._scans[known:]
         for scans in (self.errors, *self.edges.values()):
@@ -158,7 +158,7 @@ class Survey:
         self.trouble, self.is_over = why, True
 
     def find_scan(self, search: Search, start: int) -> int | None:
-        """Return the scan that is looked for, seen from `start`; END: there is none; None: not known yet."""
+        """Return the scan of a search from `start`; END: there is none; None: not known yet."""
         kind, step, name = search
         if kind == "time":
             scan = self.scan_at(step)

@@ -1,8 +1,8 @@
-"""A recording on the screen: a bench that stands at a scan of it, and moves by lines instead of the clock.
+"""A recording on the screen: a bench at a scan of it, which moves by lines instead of the clock.
 
 Rule 1: what is shown has run again from the recording: from a keyframe well before it, or from scan 1.
 Rule 2: all work is done in slices; between two of them the newest line says where to go.
-Rule 3: nothing here changes a bench: a command that would is told so.
+Rule 3: nothing here changes a bench: a command that would is refused.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ from trcvtui.snapshots.replay import CANNOT_CHANGE_TEXT, WHAT_IF, ReplayPosition
 from trcvtui.udt.literals import parse_time
 
 MOVE_VERBS: Final = frozenset(("at", "speed", "hold", "go", "run", "if"))  # lines that move
-VIEW_VERBS: Final = frozenset(("trigger", "expect", "doctor"))  # lines that look only
+VIEW_VERBS: Final = frozenset(("trigger", "expect", "doctor"))  # lines that change nothing
 SPEEDS: Final = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 100.0, float("inf"))
 FASTEST_NAME: Final = "fastest"
-LEAST_SCANS_BEFORE: Final = 500  # scans before the one that is shown: what panes tell of earlier
+LEAST_SCANS_BEFORE: Final = 500  # scans that run before the one that is shown: panes show them, too
 
 
 class WhatIfRun:
-    """The run with another parameter, as far as it has run; `asked` is what was said at the prompt."""
+    """The run with another parameter, as far as it has run; `text` is that of the prompt."""
 
-    def __init__(self, run: WhatIf, asked: str) -> None:
+    def __init__(self, run: WhatIf, text: str) -> None:
         self.run, self.is_over = run, False
-        self._asked = asked
+        self._text = text
         self._seen: tuple[LedgerReader, WaveformRecorder] | None = None
 
     def advance(self, until: int) -> None:
@@ -64,26 +64,25 @@ class WhatIfRun:
 
     def describe(self) -> tuple[str, ...]:
         if not self.is_over:
-            return (f"what if {self._asked}: scan {self.run.what_if.runtime.scans} ..",)
+            return (f"what if {self._text}: scan {self.run.what_if.runtime.scans} ..",)
         first, *rest = self.run.describe()
-        return (f"what if {self._asked}: {first}", *rest, *filter(None, [self.run.trouble]))
+        return (f"what if {self._text}: {first}", *rest, *filter(None, [self.run.trouble]))
 
     def make_wave_delta(self, name: str, number: int, scan: int, t_ns: int) -> WaveformDelta | None:
         """Return what is new of an instance up to a scan, after its change `number`."""
         ledger, (_, waves) = self.run.what_if.runtime.ledger, self._get_readers()
-        asked = name.removeprefix(WHAT_IF)
-        news = waves.make_delta(asked, number, (ledger.scan, ledger.t_ns))
+        news = waves.make_delta(name.removeprefix(WHAT_IF), number, (ledger.scan, ledger.t_ns))
         known = cut_delta(news, scan, t_ns) if news is not None else None
         return replace(known, instance=name) if known is not None else None
 
 
 class ReplayController(Controller):
-    """The bench of a replay as the screen sees it; `move` carries out the lines that move."""
+    """The bench of a replay as the screen sees it; `move` carries out MOVE_VERBS."""
 
     def __init__(
         self, run: ReplayRun, move: Callable[[str], str], doctor: tuple[BenchDoctor, Judge | None]
     ) -> None:
-        with read_from(FilesRead()):  # what is replayed is not saved: no name of its reaches the disk
+        with read_from(FilesRead()):  # a replay has no file on the disk to save
             super().__init__(run.bench)
         self._doctor, self.files_judge = doctor  # one for all benches that take each other's place
         self.run = run
@@ -100,7 +99,7 @@ class ReplayController(Controller):
 
     @property
     def armed_trigger(self) -> str:
-        """Return the trigger that is looked for, "" for none."""
+        """Return the armed trigger, "" for none."""
         return self.trigger_watch.armed_text
 
     def step(self, now: int | None = None) -> bool:
@@ -108,7 +107,7 @@ class ReplayController(Controller):
         if self.armed_trigger:
             fired = self.trigger_watch.check_scan()
             if fired is not None:
-                self.trigger_watch.take_frozen()  # it stands at this very scan
+                self.trigger_watch.take_frozen()  # not needed: the replay stops at this scan
                 self.fired = fired.text
         return passed
 
@@ -147,7 +146,7 @@ class ReplayController(Controller):
         return (*waves, *(other for other in others if other is not None))
 
     def _message_news(self, request: UpdateRequest, scan: int) -> MessagesDelta | None:
-        """Return rows of the whole recording, wherever it stands."""
+        """Return rows of the whole recording, at whichever scan it is."""
         if request.messages is None or self.messages is None:
             return None
         return self.messages.make_delta(*request.messages[:2])
@@ -162,9 +161,9 @@ class ReplayController(Controller):
 
 
 class CaptureRun(NamedTuple):
-    """A run that came of a capture: who looks on, UTC of its first packet in ns, what is told beside.
+    """A run made from a capture: instances that only observe, UTC of its first packet in ns, remarks.
 
-    `rows`: the messages, where the shadows do not know where they end.
+    `rows`: the messages, if the shadows do not know where they end.
     """
 
     project: Project
@@ -177,7 +176,7 @@ class CaptureRun(NamedTuple):
 
 
 class TimeLine:
-    """Where a replay stands and where it goes."""
+    """Where a replay is and where it goes."""
 
     def __init__(
         self, journal: Journal, where: str, at: int | Search = 1, capture: CaptureRun | None = None
@@ -190,14 +189,14 @@ class TimeLine:
         self._wants_findings, self.survey.is_judged = False, judge is None
         self._doctor = BenchDoctor(), judge
         self.controller = ReplayController(keyframes.start_run(), self._run_line, self._doctor)
-        self._coming: ReplayController | None = None  # on its way, from the first scan or a keyframe
+        self._coming: ReplayController | None = None  # the bench that runs to the goal from a keyframe
         self._wanted = self._least = keyframes.first + 1
         self._search: Search | None = None
         self._speed = SPEEDS.index(1.0)
         self._since: tuple[int, int] | None = None  # while it plays: the clock and the run's time, ns
         self._note = ""
         self._beside: WhatIfRun | None = None
-        self._messages: AllMessages | TimedRows | None = None  # once somebody asks for them
+        self._messages: AllMessages | TimedRows | None = None  # once a screen asks for them
         self._go_to(at)
 
     # -- lines -----------------------------------------------------------------------------------------
@@ -292,7 +291,7 @@ class TimeLine:
         if isinstance(self._messages, AllMessages) and not self._messages.is_over:
             self._messages.advance(until)
             return True
-        return self._goal_scan() != self.controller.scans  # for the doctor nothing here has to be done
+        return self._goal_scan() != self.controller.scans  # the doctor is another process
 
     def _advance_what_if(self, beside: WhatIfRun, until: int) -> None:
         beside.advance(until)
@@ -304,6 +303,7 @@ class TimeLine:
         return self._since is not None
 
     def _goal_scan(self) -> int:
+        # A jump waits for the survey; what visits each scan sees its end itself.
         is_unknown = self._wanted > self.survey.last_scan and not self.survey.is_over
         if is_unknown and not self._visits_each_scan:
             return self.controller.scans
@@ -362,14 +362,14 @@ class TimeLine:
         moving = self._coming or self.controller
         has_moved = moving.scans < goal
         while moving.scans < goal and clock.now_ns() < until:
-            stood = moving.scans
+            before = moving.scans
             moving.run.limit = goal
             try:
                 moving.scan()
-                if moving.scans == stood:  # the survey has counted scans to which the run does not come
+                if moving.scans == before:  # the survey counts scans that the run does not reach
                     raise moving.run.make_end_error()
             except UserError as wrong:
-                self.survey.end_after(stood, str(wrong))
+                self.survey.end_after(before, str(wrong))
                 self._coming = None
                 fresh = ReplayController(self._keyframes.run_at(start), self._run_line, self._doctor)
                 fresh.continue_from(self.controller)
@@ -386,7 +386,7 @@ class TimeLine:
         return has_moved
 
     def _make_messages(self) -> AllMessages | TimedRows:
-        """Return what has the messages of the whole recording."""
+        """Return the reader of the messages of the whole recording."""
         journal, capture = self._journal, self._capture
         if capture is not None and capture.rows is not None:
             return TimedRows(capture.rows, self.survey)

@@ -1,8 +1,8 @@
-"""What-if: a recorded run beside itself with other parameters; where they part, and what comes of it.
+"""What-if: a recorded run beside itself with other parameters; where they part, and their results.
 
 Rule 1: partners do what they did, when they did it (replay/partners.py).
-Rule 2: a key is played where its declaration says so; a recording cannot answer what another would do.
-Rule 3: commands act in their recorded scans; what writes a pin that is held is left out and counted.
+Rule 2: only keys that are declared replayable may change: a recording cannot answer for the others.
+Rule 3: commands act in their recorded scans; those that write a held pin are left out and counted.
 Rule 4: with another interval both runs pass by time, and the recorded one is a scan ahead.
 """
 
@@ -43,7 +43,7 @@ Change = Callable[[Sequence[str], str | None], tuple[Project, Sequence[str]]]
 
 
 class RunTotals(NamedTuple):
-    """What has come of a run: jobs with DONE, ERRORs, bytes that blocks have read."""
+    """The results of a run: jobs with DONE, ERRORs, bytes that blocks read."""
 
     jobs: int
     errors: int
@@ -67,7 +67,7 @@ class _HeldPins:
         self.skipped = 0
 
     def filter_command(self, command: words.BenchCommand) -> words.BenchCommand | None:
-        """Return what is left of a command, None where nothing is."""
+        """Return the command without held pins, None if nothing remains."""
         match command:
             case words.Set(name, pins):
                 left = tuple([each for each in pins if (name, each[0]) not in self._pins])
@@ -89,7 +89,7 @@ def find_changed_pins(sets: Sequence[str]) -> frozenset[tuple[str, str]]:
 
 
 class _ChangedRun(ReplayRun):
-    """The run with other parameters: it is told what the recorded run was told."""
+    """The run with other parameters: it gets the commands of the recorded run."""
 
     def prepare(self, partners: ReplayedPartners, held: _HeldPins) -> None:
         self._partners, self._held, self._quiet = partners, held, 0
@@ -130,9 +130,9 @@ class _ChangedRun(ReplayRun):
 
 
 class WhatIf:
-    """Both runs, scan by scan; `recorded` and `what_if` are their benches. First the journal is read.
+    """Both runs, scan by scan; `recorded` and `what_if` are their benches.
 
-    `change` gives the project with other parameters, where it is not one of a file.
+    `change` makes the project with other parameters, if it comes from a capture.
     """
 
     def __init__(
@@ -140,7 +140,7 @@ class WhatIf:
     ) -> None:
         self._keyframes, self._sets = keyframes, tuple(sets)
         self.recorded_run = recorded = keyframes.start_run()
-        recorded.take_lines()  # a keyframe may have some that were told long before
+        recorded.take_lines()  # a keyframe may have some from long before
         self._where = recorded.where
         if recorded.replay.is_in_the_middle:
             found = "a file that begins in the middle, without a keyframe"
@@ -150,15 +150,15 @@ class WhatIf:
         self._changed, self._notes = self._change_roots(dialect, change)
         self._peers = frozenset(peer.name for peer in self.recorded.project.peers)
         standing = [InheritedSocket(*one) for one in self.recorded.runtime.sockets()] if self._is_late else ()
-        self._told = RecordedRun(self._peers, standing, recorded.replay.scan)
-        self._told.read_beginning(keyframes.read_entries())
+        self._source = RecordedRun(self._peers, standing, recorded.replay.scan)
+        self._source.read_beginning(keyframes.read_entries())
         self._held = _HeldPins(self.pins)
-        self._lines: list[str] | None = None  # what the recorded run was told before a scan that it has done
+        self._lines: list[str] | None = None  # before the last recorded scan, if the other run has not had it
         self._is_over = False
         self._before = self._count_results(self.recorded)
-        self._shown: tuple[dict[str, Outputs], dict[str, Outputs]] = {}, {}  # at a time
+        self._shown: tuple[dict[str, Outputs], dict[str, Outputs]] = {}, {}  # at the same time (Rule 4)
         self._later: list[tuple[int, Sequence[str], Sequence[StatusEdge]]] = []  # recorded scans, by time
-        # What the last scan has changed in the recorded run and in the other one.
+        # What the last scan changed in the recorded run and in the other one.
         self.edges: tuple[Sequence[StatusEdge], Sequence[StatusEdge]] = (), ()
         self.parts_at: int | None = None
         self.guess_from: int | None = None
@@ -168,7 +168,7 @@ class WhatIf:
         self._what_if = self._start_what_if()
 
     def _check_answerable(self) -> None:
-        """Raise UserError for what decides what a partner meets, or does."""
+        """Raise UserError for a key that decides what a partner sees or does (Rule 2)."""
         for text in self._sets:
             path = text.partition("=")[0].strip()
             if is_replayable(path.split(".")):
@@ -182,21 +182,21 @@ class WhatIf:
     def _change_roots(self, dialect: str | None, change: Change | None) -> tuple[Roots, list[str]]:
         begins, scenario, project = self._keyframes.roots
         if change is not None:
-            made, told = change(self._sets, dialect)
-            return (begins, None, made), [*told]
+            made, remarks = change(self._sets, dialect)
+            return (begins, None, made), [*remarks]
         notes: list[str] = []
         if self._sets:
             begins, scenario, project = roots_of(begins, self.recorded_run.replay.files, self._sets)
         if dialect is not None:
-            project, told = convert_project(project, find_dialect(dialect))
-            notes += told
+            project, remarks = convert_project(project, find_dialect(dialect))
+            notes += remarks
         if self._is_late:
             self._check_late_changes(project, dialect)
             notes.append(f"changed from scan {self._keyframes.first + 1} on: the file begins there")
         return (begins, scenario, project), notes
 
     def _check_late_changes(self, project: Project, dialect: str | None) -> None:
-        """Raise UserError for what cannot be changed in the midst of a run."""
+        """Raise UserError for what cannot change in the middle of a run."""
         wrong = "" if dialect is None else "--dialect"
         for text in self._sets:
             match text.partition("=")[0].strip().split("."):
@@ -283,7 +283,7 @@ class WhatIf:
         return True
 
     def _start_what_if(self) -> _ChangedRun:
-        partners = self._partners = ReplayedPartners(self._told, self._peers)
+        partners = self._partners = ReplayedPartners(self._source, self._peers)
         if not self._is_late:
             run = _ChangedRun(iter(()), self._where, partners, roots=self._changed)
         else:
@@ -305,7 +305,7 @@ class WhatIf:
     def _scan_recorded(self) -> bool:
         try:
             if self.recorded_run.scan():
-                self._told.advance()
+                self._source.advance()
                 self._lines = self.recorded_run.take_lines()
                 return True
             self.trouble = "" if self.recorded_run.is_whole else str(self.recorded_run.make_end_error())
@@ -315,7 +315,7 @@ class WhatIf:
 
     @property
     def scans(self) -> int:
-        """Return the scan in which the run with other parameters stands."""
+        """Return the last scan of the run with other parameters."""
         return self.what_if.runtime.scans
 
     def run_to_end(self) -> None:
@@ -347,7 +347,7 @@ class WhatIf:
                 strict=True,
             )
             for number, (one, two) in enumerate(pairs, start):
-                if one != two and not (one != one and two != two):
+                if one != two and not (one != one and two != two):  # NaN is not equal to itself
                     path = decl.layout.leaf(number).path
                     member = f"{decl.name}.{path}" if path else decl.name
                     return ValueDifference(was.runtime.scans, member, one, two)
@@ -355,7 +355,7 @@ class WhatIf:
 
     def get_totals(self) -> tuple[RunTotals, RunTotals]:
         return (
-            RunTotals(*self._count_since_begin(self.recorded), self._told.bytes_read),
+            RunTotals(*self._count_since_begin(self.recorded), self._source.bytes_read),
             RunTotals(*self._count_since_begin(self.what_if), self._partners.bytes_read),
         )
 
@@ -393,7 +393,7 @@ class WhatIf:
             yield f"from scan {self.guess_from} on it is a guess: {GUESS_TEXTS[self.guess_why]}"
         if self._held.skipped:
             yield f"{count(self._held.skipped, 'command')} left out: a pin that is held is not written"
-        for scan, part in self._told.failures.items():
+        for scan, part in self._source.failures.items():
             yield f"scan {scan}: {part} had an internal error in the recorded run alone"
         yield from (*self._notes, *self._what_if.notes)
 
@@ -407,7 +407,7 @@ def _format_value(value: Value | None) -> str:
 
 
 def print_both_runs(run: WhatIf, write: Callable[[str], object]) -> None:
-    """Write the records of both runs in scan order, then what has come of them."""
+    """Write the records of both runs in scan order, then their results."""
     benches, names = (run.recorded, run.what_if), (RECORDED_RUN, WHAT_IF_RUN)
     reports = [JsonLines(write, bench.runtime.interval_ns, bench) for bench in benches]
     while run.scan():

@@ -1,6 +1,6 @@
-"""Reads the ledger once for all that listen (`index.listen`), between scans, some lines at a time.
+"""Reads the ledger once for all listeners (`index.listen`), between scans, some lines at a time.
 
-Rule: of lines that were overwritten before they were read all listeners are told; nothing of it is guessed.
+Rule: all listeners learn of lines that were overwritten before they were read; none guesses their content.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ LINES_A_STEP: Final = 64  # between two looks at the clock
 
 
 class LedgerReader:
-    """One reader of a bench's ledger; `index` is the first that gets each line."""
+    """The reader of a bench's ledger; `index` gets each line first."""
 
     def __init__(self, bench: Bench) -> None:
         self.index = StreamIndex()
-        self.lost: list[Callable[[int, int, int], None]] = []  # get seq, scan, time before a loss
+        self.lost: list[Callable[[int, int, int], None]] = []  # called with seq, scan, time before a loss
         self._bench = bench
         self._has_failed = False
         self._news: list[StampedEvent] = []
-        self._read = 0  # of them
-        self._seq = 0  # of the last of them
+        self._read = 0  # how many of the news were read
+        self._seq = 0  # of the last of the news
         self._at = 0, 0  # scan and time of the last line that was read
 
     def catch_up(self, until: int | None = None) -> bool:
-        """Read what was written since the last time, up to `until` on the clock; return whether that is all.
+        """Read the lines since the last call, up to `until` on the clock; return whether that is all.
 
         After an exception in a listener the lines up to here count as overwritten.
         """

@@ -1,7 +1,7 @@
-"""The facts that outlive a flood: small counters of each CONNECT, written along with the ledger's lines.
+"""The facts that outlive a flood of lines: small counters of each CONNECT, counted line by line.
 
 Rule 1: a screen gets a bounded number of lines, the statistics read every one; nothing grows with them.
-Rule 2: what is dropped from the ledger before they have read it is missing here, and nothing is guessed.
+Rule 2: lines that are overwritten before they are read are missing here; nothing is guessed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from trcvtui.net.layers.layered_stream import SESSION_ENDED as SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 
 MOST_FAILURES: Final = 8
-IDLE_CONDITIONS: Final = frozenset({Condition.NOT_CALLED, Condition.NO_JOB})  # nothing is built or waited for
+IDLE_CONDITIONS: Final = frozenset({Condition.NOT_CALLED, Condition.NO_JOB})  # no connection is wanted
 
 TURNED_AWAY_KEYS: Final = {EventKind.WRONG_PARTNER: "wrong_partner", EventKind.SECOND_CLIENT: "second_client"}
 
@@ -48,7 +48,7 @@ class _LinkFacts:
         self.listening = ""  # where it listens, shared or not
         self.attempt: FailedAttempt | None = None
         self.dropped: DroppedClient | None = None
-        self.said: DroppedClient | None = None  # of the handshake that ends next
+        self.said: DroppedClient | None = None  # of the failed attempt that is next
         self.turned: dict[str, RejectedClients] = {}
         self.loss: LastLoss | None = None
         self.losses = 0
@@ -76,7 +76,7 @@ class _DatagramCounts:
 
 
 class LinkStatistics:
-    """Reads the ledger along with the index; `facts` answers for one instance."""
+    """Listens to the ledger after the index; `facts` answers for one instance."""
 
     def __init__(self, index: StreamIndex) -> None:
         self._index = index
@@ -84,11 +84,11 @@ class LinkStatistics:
         self._refusals: dict[str, StatusEdge] = {}  # the last ERROR of each instance
         self._busy: set[str] = set()  # the instances that are not idle
         self._has_datagrams = False
-        self._asked: dict[str, ScanStamp] = {}  # since when each instance has not been idle
+        self._asked: dict[str, ScanStamp] = {}  # since when each instance is busy
         index.ends[False].append(self._handle_job_end)
         index.listen({ConnectionChanged: self._on_link, StatusEdge: self._on_edge, BenchNote: self._on_note})
 
-    # -- what is written --------------------------------------------------------------------------------
+    # -- from the ledger --------------------------------------------------------------------------------
 
     def _handle_bytes(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         link = self._links.get(event[0])
@@ -102,7 +102,7 @@ class LinkStatistics:
         link, started = self._links[event.connection], self._index.find_newest_job(event.instance)
         is_adhoc = started is not None and started.adhoc
         if is_adhoc or event.incarnation != link.incarnation or link.up_since is None:
-            return
+            return  # with ADHOC any size is whole; an old connection cuts no message of this one
         end = event.offset + event.size
         need = started.size if started is not None else 0
         link.drop = DroppedJob(ScanStamp(scan, t_ns), event.instance, event.reason, event.size, need, end)
@@ -123,7 +123,7 @@ class LinkStatistics:
             before = link.turned.get(TURNED_AWAY_KEYS[event.what])
             count = before.count + 1 if before else 1
             link.turned[TURNED_AWAY_KEYS[event.what]] = RejectedClients(count, event.peer, at)
-        elif event.what is EventKind.LISTENING:  # a new endpoint: one that lost its partner has its listener
+        elif event.what is EventKind.LISTENING:  # a new endpoint: after a lost partner the listener stays
             link.forget_failures()
             link.listening, link.down_since = event.local, at
             if event.detail == "UDP":
@@ -145,15 +145,15 @@ class LinkStatistics:
         error, injected = (fault.error, fault.injected) if fault else ("", False)
         link.loss = LastLoss(at, str(event.what), event.peer, error, injected, up_ns)
         link.losses += 1
-        goes_on = event.what not in (EventKind.DISCONNECTED, EventKind.STOPPED)
-        link.up_since, link.down_since = None, at if goes_on else None
+        is_wanted = event.what not in (EventKind.DISCONNECTED, EventKind.STOPPED)
+        link.up_since, link.down_since = None, at if is_wanted else None
 
     def _note_failure(self, link: _LinkFacts, at: ScanStamp, event: ConnectionChanged) -> None:
         link.down_since = link.down_since or at
         fault = event.fault
         key = (fault.call, fault.error) if fault else ("", str(event.what))
         before = link.failures.pop(key, None)
-        if len(link.failures) >= MOST_FAILURES:
+        if len(link.failures) >= MOST_FAILURES:  # Rule 1; the oldest goes
             del link.failures[next(iter(link.failures))]
         count = before.count + 1 if before else 1
         injected = fault.injected if fault else False
@@ -174,7 +174,7 @@ class LinkStatistics:
         if event.what == SESSION_ENDED:
             link.said = said
             return
-        for one in self._links.values() if event.for_all else (link,):
+        for one in self._links.values() if event.for_all else (link,):  # all that share the listener
             if one is link or (one.listening and one.listening == link.listening):
                 one.said = one.dropped = said
 
@@ -194,7 +194,7 @@ class LinkStatistics:
         self._busy.clear()
         self._asked.clear()
 
-    # -- what is read -----------------------------------------------------------------------------------
+    # -- for the screen ---------------------------------------------------------------------------------
 
     def facts(self, instance: str, connect: str) -> ConnectFacts:
         link = self._links.get(connect)
@@ -247,7 +247,7 @@ class LinkStatistics:
 def past_facts(
     lines: Iterable[Line], line: Line, edge: StatusEdge, connect: str
 ) -> tuple[ConnectFacts, ScanStamp]:
-    """Return what was known while an edge of the past showed, and the scan up to which it did."""
+    """Return what was known while an edge of the past showed, and the scan up to which it showed."""
     kept = list(lines)
     following = next((known for known in kept if known.seq > line.seq and _is_edge_of(known, edge)), None)
     shown = [k for k in kept if k.seq <= line.seq or (following is None or k.scan < following.scan)]

@@ -1,7 +1,7 @@
 """One row for each message of an instance: a receive job that ended with bytes, a frame, a send job.
 
 Rule 1: a row has no bytes of its own, only their places in a ring (net/received_ring.py).
-Rule 2: STATUS is that after the scan of the row; an instance whose outputs stay as they are writes no edge.
+Rule 2: STATUS is that after the scan of the row; without a change of its outputs an instance has no edge.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ HOLE_REASON: Final = "hole"
 class MessageRow(NamedTuple):
     """A message; `t_ns` is the time of its last byte, `gap_ns` the time since that of the message before.
 
-    `number` is that of the job or frame. `position` and `others` say where its bytes lie in the ring of
-    `stream`; -1: nowhere. The values of its first `have` bytes are known. `content` is there once the row has
-    left the engine; None: its bytes have left the ring.
+    `number` is that of the job or frame. `position` and `others` say where its bytes are in the ring of
+    `stream`; -1: nowhere. The values of its first `have` bytes are known. `content` is set when the row
+    leaves the engine; None: its bytes have left the ring.
     """
 
     number: int
@@ -109,7 +109,7 @@ class NewestRows:
         if of is None:
             return MessagesDelta(instance, 0, 0, ())
         first = max(since, of.first)
-        if 0 < since < of.first:  # they come faster than they cross: from their middle on it takes a while
+        if 0 < since < of.first:  # they come faster than they are sent: skip to the middle
             first += len(of.rows) // 2
         found, size = list[MessageRow](), 0
         for number in range(first, min(of.count, first + ROWS_A_PICTURE)):
@@ -178,14 +178,14 @@ class NewestRows:
 
 
 class MessageRows(NewestRows):
-    """The rows of a bench; a keyframe tells of scans up to `after`, too."""
+    """The rows of a bench after scan `after`: a keyframe has older lines, too."""
 
     def __init__(self, bench: Bench, reader: LedgerReader, streams: ReceivedStreams, after: int = 0) -> None:
         super().__init__(bench.runtime.received_ring, reader.catch_up, after)
         self._bench, self._streams = bench, streams
-        self._asked: tuple[object, ...] = ()
+        self._request: tuple[object, ...] = ()
         self._answer = MessagesDelta("", 0, 0, ())
-        self._sends: dict[str, tuple[int, Pieces]] = {}  # of a running send job: when, and where in the ring
+        self._sends: dict[str, tuple[int, Pieces]] = {}  # of a running send job: time, places in the ring
         instances = [bench.runtime.instance_snapshot(declared.name) for declared in bench.project.instances]
         self._status = {each.name: each.outputs.status for each in instances if each is not None}
         index = reader.index
@@ -201,14 +201,14 @@ class MessageRows(NewestRows):
         reader.lost.append(self._handle_loss)
 
     def make_delta(self, instance: str, since: int, until: int = MAX_SCAN) -> MessagesDelta:
-        """Return the same object as long as nothing is new: it does not cross to the screen again."""
+        """Return the same object as long as nothing is new: then it is not sent to the screen again."""
         self._catch_up()
         index, of = self._streams.index, self._of.get(instance)
         state = instance, since, until, index.down_changes, of and (of.count, of.errors and of.errors[-1])
-        if state != self._asked or self._answer.rows:
+        if state != self._request or self._answer.rows:
             decl = self._bench.project.instance(instance)
             down = index.list_down_times(decl.connect) if decl is not None else ()
-            self._asked = state
+            self._request = state
             self._answer = replace(super().make_delta(instance, since, until), gaps=tuple(down))
         return self._answer
 
@@ -229,7 +229,7 @@ class MessageRows(NewestRows):
     def _find_arrival_ns(self, connect: str, reads: Sequence[RecvSpan], size: int) -> int:
         """Return when the last byte of a message came: in a capture with its packet, else with its read."""
         last, config = reads[-1], self._bench.project.connect(connect)
-        if config is not None and config.session is not None:  # its packets have other bytes, too
+        if config is not None and config.session is not None:  # packets of a session have other bytes
             return last.t_ns
         is_stream = config is not None and not config.is_datagram
         at = last.offset + size - sum([recv.size for recv in reads[:-1]]) - 1 if is_stream else last.offset
@@ -238,7 +238,7 @@ class MessageRows(NewestRows):
         return last.t_ns if packet_ns is None else packet_ns
 
     def _count_before_hole(self, connect: str, reads: Iterable[RecvSpan], size: int) -> int:
-        """Return how many of the bytes stand before the first one that a capture has not."""
+        """Return how many of the bytes come before the first one that a capture lacks."""
         first = 0
         for recv in reads:
             link = connect, recv.incarnation
@@ -269,13 +269,13 @@ class MessageRows(NewestRows):
             self._sends[event.instance] = t_ns, join_pieces([*job[1], (event.position, event.size)])
 
     def _handle_send_end(self, seq: int, scan: int, t_ns: int, event: SendEnded) -> None:
-        """Add what the stack took: the rest of a job that was cut is no byte of its message."""
+        """Add what the stack took: the rest of a cut job is not part of its message."""
         instance, number, connect, _, _, size, done, reason = event
         last_ns, pieces = self._sends.pop(instance, (t_ns, []))
         if not done and not size:
             return
         if sum([piece for _, piece in pieces]) != size:
-            pieces = []
+            pieces = []  # lines were overwritten
         reason = "" if done else reason
         self.add_row(instance, number, scan, last_ns, size, sent_ring_name(connect), pieces, reason, size)
 

@@ -1,4 +1,4 @@
-"""The pins of instances over the scans: one pin, what the engine tells of them, one instance, the newest few.
+"""The pins of instances over the scans: one pin, the changes from the engine, one instance, the newest few.
 
 Rule: what was left out is a gap; nothing about it is guessed.
 """
@@ -19,7 +19,7 @@ from trcvtui.plc.ledger import InputEdge, Line, StatusEdge
 # -- one pin ----------------------------------------------------------------------------------------------
 
 MOST_CHANGES: Final = 40_000  # changes of one pin on the screen's side; the oldest are forgotten by the half
-POLL_NS: Final = 100_000_000  # what an online watch table of an IDE asks by
+POLL_NS: Final = 100_000_000  # the interval of an online watch table of an IDE
 
 LaneValue = int | None
 
@@ -55,7 +55,7 @@ class Column(NamedTuple):
 
 
 class PinWaveform:
-    """The changes of one pin; BOOLs are 0 and 1, None is a value that nobody knows."""
+    """The changes of one pin; BOOLs are 0 and 1, None is an unknown value."""
 
     def __init__(self) -> None:
         self.scans: list[int] = []
@@ -66,7 +66,7 @@ class PinWaveform:
         self._zoom = 0
 
     def add(self, scan: int, t_ns: int, value: LaneValue) -> None:
-        """Append a change; a value that has not changed is none."""
+        """Append a change; the same value again is none."""
         if self.values and self.values[-1] == value:
             return
         self.scans.append(scan)
@@ -92,7 +92,7 @@ class PinWaveform:
         return Column(low, high, inside[-1], end - begin)
 
     def list_columns(self, window: Window, until: int) -> list[Column | None]:
-        """Return the columns of a window, None for those after scan `until`; what is over is found once."""
+        """Return the columns of a window, None for those after scan `until`; complete ones are kept."""
         if self._zoom != window.zoom or len(self._columns) > 8 * window.width + 1024:
             self._columns, self._zoom = {}, window.zoom
         return [self._get_column(window, number, until) for number in range(window.width)]
@@ -112,7 +112,7 @@ class PinWaveform:
     def find_next_edge(self, scan: int, direction: int) -> int | None:
         """Return the scan of the next change after a scan, or of the last one before it.
 
-        What merely becomes known, or is no longer known, is no change.
+        A value that only becomes known or unknown is no change.
         """
         place = bisect_right(self.scans, scan) if direction > 0 else bisect_left(self.scans, scan) - 1
         while 0 < place < len(self.scans):
@@ -127,7 +127,7 @@ class PinWaveform:
 
 
 class PolledWaveform(PinWaveform):
-    """What a watch table shows of a pin that asks every 100 ms and knows nothing of what was in between."""
+    """What a watch table shows of a pin: it polls every 100 ms and misses what is between."""
 
     def __init__(self, source: PinWaveform) -> None:
         super().__init__()
@@ -150,7 +150,7 @@ class PolledWaveform(PinWaveform):
         self._next = place + source.forgotten
 
 
-# -- what the engine tells --------------------------------------------------------------------------------
+# -- changes from the engine ------------------------------------------------------------------------------
 
 
 PinValues = tuple[tuple[str, int | None], ...]
@@ -158,13 +158,13 @@ NO_PINS: Final[PinValues] = ()
 
 
 class KnownPins(Struct, frozen=True):
-    """What these pins are from now on, without an edge of their own; None: nobody can say."""
+    """The values of these pins from now on, without an edge; None: unknown."""
 
     values: PinValues
 
 
 class PinChange(NamedTuple):
-    """What changed in one scan; `seq` is the ledger's, of several in one scan the later one stands."""
+    """What changed in one scan; `seq` is the ledger's; of several in one scan the last counts."""
 
     seq: int
     scan: int
@@ -189,7 +189,7 @@ class WaveformDelta(Struct, frozen=True):
 
 
 def cut_delta(news: WaveformDelta, scan: int, t_ns: int) -> WaveformDelta | None:
-    """Return the news as they were after a scan of the past; None: what is left begins later."""
+    """Return the news as they were after a scan of the past; None: what is kept begins later."""
     if news.before and news.before_scan > scan:
         return None
     changes = tuple(change for change in news.changes if change.scan <= scan)
@@ -199,7 +199,7 @@ def cut_delta(news: WaveformDelta, scan: int, t_ns: int) -> WaveformDelta | None
 
 
 def event_pins(event: StatusEdge | InputEdge | KnownPins) -> PinValues:
-    """Return the pins that an event tells, BOOLs as 0 and 1."""
+    """Return the pins in an event, BOOLs as 0 and 1."""
     if isinstance(event, InputEdge):
         return ((event.pin, int(event.value)),)
     if isinstance(event, KnownPins):
@@ -211,7 +211,7 @@ def event_pins(event: StatusEdge | InputEdge | KnownPins) -> PinValues:
 # -- one instance -----------------------------------------------------------------------------------------
 
 LAMP_FIELDS: Final = frozenset({"done", "error", "busy"})
-WATCHED_FIELDS: Final = ("status", "done")  # what the ghost rows show, whatever the block calls it
+WATCHED_FIELDS: Final = ("status", "done")  # shown as a watch table would, under any name
 MOST_GAPS: Final = 200
 
 
@@ -236,7 +236,7 @@ class Waveform:
         self._anchors: list[tuple[int, int]] = []  # scans whose time is known
         self._polled: dict[str, PolledWaveform] = {}
 
-    # -- what comes in ------------------------------------------------------------------------------
+    # -- input --------------------------------------------------------------------------------------
 
     def add_delta(self, news: WaveformDelta, interval_ns: int) -> None:
         """Append what is new; what was left out becomes a gap."""
@@ -276,7 +276,7 @@ class Waveform:
         if len(self.edges) > 2 * MOST_CHANGES:
             del self.edges[:MOST_CHANGES], self.edge_scans[:MOST_CHANGES]
 
-    # -- what is asked ------------------------------------------------------------------------------
+    # -- questions ----------------------------------------------------------------------------------
 
     def get_polled(self, pin: str) -> PolledWaveform:
         if pin not in self._polled:
@@ -300,12 +300,12 @@ class Waveform:
 
     @property
     def first_scan(self) -> int:
-        """Return the first scan that anything is known of."""
+        """Return the first scan with a known pin."""
         known = [lane.scans[0] for lane in self.lanes.values() if lane.scans]
         return max(1, min(known, default=1))
 
     def time_at(self, scan: int) -> tuple[int, bool]:
-        """Return the time of a scan in ns, and whether it is exact: some scans' time was never told."""
+        """Return the time of a scan in ns, and whether it is exact: the engine sends only some times."""
         place = bisect_right(self._anchors, (scan, 1 << 62))
         if place and self._anchors[place - 1][0] == scan:
             return self._anchors[place - 1][1], True
@@ -338,17 +338,17 @@ class Waveform:
         return None
 
 
-# -- what the screen keeps --------------------------------------------------------------------------------
+# -- the waves of the screen ------------------------------------------------------------------------------
 
 MOST_WAVES: Final = 16  # instances that the screen remembers
 
 
 class WaveformCache:
-    """The waves of the instances that were looked at, the newest few."""
+    """The waves of the instances that were shown last."""
 
     def __init__(self) -> None:
         self._waves: dict[str, Waveform] = {}
-        self.too_late: set[str] = set()  # of what was asked for up to a scan: nothing is left of that time
+        self.too_late: set[str] = set()  # requested up to a scan of which nothing is kept
 
     def get_wave(self, instance: str) -> Waveform:
         wave = self._waves.pop(instance, None) or Waveform(instance)
@@ -358,9 +358,9 @@ class WaveformCache:
         return wave
 
     def make_requests(self, instances: Iterable[str], scan: int | None = None) -> tuple[tuple[str, int], ...]:
-        """Return what to ask the engine for: each instance with the last change that is known.
+        """Return what to request of the engine: each instance with the last change that is known.
 
-        With `scan` nothing after it is wanted.
+        With `scan`, only changes up to it.
         """
         known = self._waves
         wanted = instances if scan is None else [name for name in instances if self._is_missing(name, scan)]

@@ -1,6 +1,6 @@
-"""Whose the received bytes of each ring are: recv calls, jobs, frames and what was dropped, by position.
+"""Which recv call, job or frame has the received bytes of each ring, and what was dropped, by position.
 
-Rule 1: only what the ledger tells is kept; where lines were overwritten, nobody's bytes stay nobody's.
+Rule 1: only facts of the ledger are kept; after overwritten lines, bytes without an owner stay so.
 Rule 2: the bytes are those of the ring (net/received_ring.py): nothing is copied here, and nothing is late.
 Rule 3: all of it is bounded: spans of one stream, the fewer the more streams there are; the oldest go first.
 """
@@ -28,10 +28,10 @@ from trcvtui.net.events import BytesDropped, BytesReceived
 from trcvtui.net.received_ring import MOST_SKIPPED
 
 MOST_SPANS_KEPT: Final = 200_000  # of all streams: jobs, and as many recv calls
-LEAST_SPANS_KEPT: Final = 1000  # of each
+LEAST_SPANS_KEPT: Final = 1000  # of each stream
 SLACK: Final = 1024  # spans that are forgotten at once
-MOST_STEPS: Final = 256  # to another part of a job, or to the job before: many may share a CONNECT
-MOST_ARRIVALS: Final = 65_536  # of one ComBuffer that no block has taken: as many as it has bytes
+MOST_STEPS: Final = 256  # to another part of a job, or to the job before: many jobs may share a CONNECT
+MOST_ARRIVALS: Final = 65_536  # recv calls of one ComBuffer with untaken bytes: as many as it has bytes
 WAIT_REASON: Final = "of a frame without its end, or not read yet"
 NOISE_REASON: Final = "noise before the prefix"
 UNUSUAL: Final = {str(FrameEnding.GAP): "ended by a gap", str(FrameEnding.OVERRUN): "size reached, no suffix"}
@@ -41,16 +41,16 @@ class ReceivedStream:
     """The spans of one ring by position."""
 
     def __init__(self) -> None:
-        self.begin = 0  # before it, spans were forgotten
-        self.looked_at = SLACK  # with so many spans, the oldest may go
+        self.begin = 0  # before it, spans are forgotten
+        self.looked_at = SLACK  # with so many spans, forget_oldest is due
         self.jobs: list[JobSpan] = []
         self.recvs: list[RecvSpan] = []
-        self.cut: BytesReceived | None = None  # the last recv call, where a datagram had no room
+        self.cut: BytesReceived | None = None  # the last recv call, if its datagram had no room
         self.blanks: list[JobSpan] = []  # of the jobs: places without values
-        self.arrivals: deque[RecvSpan] = deque(maxlen=MOST_ARRIVALS)  # of a ComBuffer: taken by no block
+        self.arrivals: deque[RecvSpan] = deque(maxlen=MOST_ARRIVALS)  # of a ComBuffer: untaken
 
     def add(self, *spans: JobSpan) -> None:
-        """Put the pieces of a job in their places: of two that read in turns the later one may end first."""
+        """Put the pieces of a job in their places: of two that read in turns, the later may end first."""
         place = len(self.jobs)
         if spans and place and self.jobs[-1].position > spans[0].position:
             place = bisect_right(self.jobs, spans[0].position, key=BY_POSITION)
@@ -78,7 +78,7 @@ class ReceivedStream:
         self.looked_at = len(self.recvs) + len(self.jobs) + SLACK
 
     def find_pieces(self, incarnation: int, offset: int, size: int) -> Pieces:
-        """Return where `size` bytes from `offset` of a connection lie, as far as recv calls have them."""
+        """Return where `size` bytes from `offset` of a connection are, as far as recv calls have them."""
         found: Pieces = []
         begin, end = (incarnation, offset), (incarnation, offset + size)
         place = bisect_right(self.recvs, begin, key=lambda recv: (recv.incarnation, recv.offset + recv.size))
@@ -90,7 +90,7 @@ class ReceivedStream:
         return join_pieces(found)
 
     def take_last(self, stop: int, size: int) -> Pieces:
-        """Take the last `size` bytes before `stop` of a ComBuffer that no block has taken; none: unknown."""
+        """Take the last `size` untaken bytes of a ComBuffer before `stop`; none: unknown."""
         held: list[RecvSpan] = []
         while self.arrivals and self.arrivals[0].offset < stop:
             recv = self.arrivals.popleft()
@@ -109,7 +109,7 @@ class ReceivedStream:
         self.arrivals.extendleft(reversed(held))
         return [] if size else join_pieces(reversed(found))
 
-    # -- looking for a place ----------------------------------------------------------------------------
+    # -- searches ---------------------------------------------------------------------------------------
 
     def list_pieces(self, place: int) -> list[JobSpan]:
         """Return all pieces of the job, or of the dropped bytes, at a place in `jobs`."""
@@ -143,7 +143,7 @@ class ReceivedStream:
         return next(found, None)
 
     def find_next_ended(self, position: int, is_forward: bool, is_done: bool = True) -> int | None:
-        """Return where the next job that ended with DONE begins, or the one that began before.
+        """Return where the next job that ended with DONE begins, or the one before.
 
         Without `is_done`: the next bytes that were dropped.
         """
@@ -175,7 +175,7 @@ class ReceivedStreams:
 
     def _handle_loss(self, seq: int, scan: int, t_ns: int) -> None:
         for stream in self.streams.values():
-            stream.arrivals.clear()
+            stream.arrivals.clear()  # the lines that were overwritten may have taken them (Rule 1)
 
     def _get_stream(self, name: str) -> ReceivedStream:
         """Return a stream that has room for one more span."""
@@ -256,7 +256,7 @@ class ReceivedStreams:
         stream = self._get_stream(buffer)
         stream.add_pieces(span, stream.take_last(offset + span.whole, span.whole))
 
-    # -- what has no end yet -----------------------------------------------------------------------------
+    # -- jobs without an end -----------------------------------------------------------------------------
 
     def list_open_spans(self, name: str, start: int, stop: int) -> Iterator[JobSpan]:
         """Yield what running jobs, and frames without their end, have between two positions."""
@@ -277,7 +277,7 @@ class ReceivedStreams:
 
 
 def as_running(span: JobSpan) -> JobSpan:
-    """Return a span as it was before its job, or frame, had ended or was dropped."""
+    """Return a span as it was before its job, or frame, ended or was dropped."""
     if span.is_frame or not span.number:
         span = span._replace(instance="", number=0, prefix=0, suffix=0, is_frame=False)
     return span._replace(done=False, reason=_runs(span.number) if span.number else WAIT_REASON, is_open=True)
@@ -288,7 +288,7 @@ def _runs(number: int) -> str:
 
 
 def find_first_pieces(reads: list[RecvSpan], size: int) -> Pieces:
-    """Return where the first `size` bytes of some recv calls lie."""
+    """Return where the first `size` bytes of some recv calls are."""
     if reads[-1].stop - reads[0].position == sum([recv.size for recv in reads]):
         return [(reads[0].position, size)]  # no other bytes lie between them
     parts: Pieces = []

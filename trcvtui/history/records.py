@@ -1,7 +1,6 @@
-"""What the past is told in: windows on a stream of received bytes, and the facts of one CONNECT.
+"""The records of the past: windows on a stream of received bytes, and the facts of one CONNECT.
 
-Rule: of facts, only what was seen stands in here; a field that is empty or None is not known, and nobody may
-guess it.
+Rule: facts are only what was seen; a field that is empty or None is unknown, and must not be guessed.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from trcvtui.plc.ledger import A_HOLE
 # -- windows ----------------------------------------------------------------------------------------------
 
 # A stream is the ring of one CONNECT, UDP_CONFIG or ComBuffer (net/received_ring.py): its bytes as they came.
-# A position counts them from the start of the PLC, whatever is still kept.
+# A position counts them from the start of the PLC, even if older ones are gone.
 
 BY_POSITION: Final = attrgetter("position")
 BY_STOP: Final = attrgetter("stop")
@@ -31,12 +30,12 @@ MAX_SCAN: Final = 1 << 62  # after every scan
 
 
 class JobSpan(NamedTuple):
-    """Bytes of one receive job, all of them, at `position` of the stream; or bytes that were dropped.
+    """Bytes of one receive job at `position` of the stream; or bytes that were dropped.
 
     `reason` says why bytes never reached DATA (`done` is False); without `is_kept` the PLC never had them.
-    `whole` counts the bytes of the job; of those that came after another job had read, each piece is a span
-    of its own that begins with byte `first`. `prefix` and `suffix`: how many bytes of a frame are its marks.
-    `is_open`: whose bytes they are has no end yet, or is not known.
+    `whole` counts the bytes of the job. If another job read in between, each piece has a span, which begins
+    with byte `first`. `prefix` and `suffix`: how many bytes of a frame are its marks. `is_open`: the job or
+    frame has no end yet, or is not known.
     """
 
     position: int
@@ -61,7 +60,7 @@ class JobSpan(NamedTuple):
 
 
 class RecvSpan(NamedTuple):
-    """Bytes that one recv call brought, from byte `offset` of the connection on."""
+    """The bytes of one recv call, from byte `offset` of the connection on."""
 
     position: int
     size: int
@@ -107,11 +106,11 @@ def find_spans(spans: Sequence[Span], start: int, stop: int) -> Sequence[Span]:
     return spans[first : bisect_left(spans, stop, lo=first, key=BY_POSITION)]
 
 
-Pieces = list[tuple[int, int]]  # position and size of the bytes of one job, which another may part
+Pieces = list[tuple[int, int]]  # position and size of the bytes of one job; another may read in between
 
 
 def join_pieces(parts: Iterable[tuple[int, int]]) -> Pieces:
-    """Return stretches of bytes as few ones, joined where one goes on in the next."""
+    """Return the stretches, those joined that follow each other without a hole."""
     found: Pieces = []
     for position, size in parts:
         if found and sum(found[-1]) == position:
@@ -126,9 +125,9 @@ def span_at(spans: Sequence[Span], position: int) -> Span | None:
 
 
 class SeekRequest(Struct, frozen=True):
-    """Look for another place, from position `start` on: a DONE, one of the `patterns`, or `dropped` bytes.
+    """A search from position `start` on: for a DONE, one of the `patterns`, or `dropped` bytes.
 
-    `job`: that job, an instance and a number, wherever it lies.
+    `job`: for that job, an instance and a number, wherever it is.
     """
 
     number: int
@@ -140,7 +139,7 @@ class SeekRequest(Struct, frozen=True):
 
 
 class SeekResult(Struct, frozen=True):
-    """What became of a Seek: where it was found; None: nowhere, or not yet with `share` of the work done."""
+    """The result of a SeekRequest: its place; None: not found, or not yet, with `share` of the work done."""
 
     number: int
     position: int | None
@@ -149,10 +148,10 @@ class SeekResult(Struct, frozen=True):
 
 
 class HistoryRequest(Struct, frozen=True):
-    """What the screen wants of a CONNECT's stream. `before`: the bytes of the job before each one, too.
+    """What the screen wants of a CONNECT's stream. `before`: also the bytes of the job before each job.
 
     `job_at` asks for all bytes of the job at a position; `data` for those of the job before the present DATA
-    of an instance: (instance, first byte, size). All of it as it stood after `scan`.
+    of an instance: (instance, first byte, size). All of it as it was after `scan`.
     """
 
     connect: str
@@ -166,7 +165,7 @@ class HistoryRequest(Struct, frozen=True):
 
 
 class PreviousJobBytes(Struct, frozen=True):
-    """Bytes of the job before, as they stood `position` bytes into the stream or into DATA."""
+    """Bytes of the job before, `position` bytes into the stream or into DATA."""
 
     position: int
     content: bytes
@@ -174,9 +173,9 @@ class PreviousJobBytes(Struct, frozen=True):
 
 
 class HistoryWindow(Struct, frozen=True):
-    """Bytes `start` .. of a stream that is kept from `begin` up to `end`; what is not kept is 0 in `content`.
+    """Bytes `start` .. of a stream that is kept from `begin` up to `end`; missing bytes are 0 in `content`.
 
-    Spans that reach over an edge of the window are whole.
+    Spans that cross an edge of the window are whole.
     """
 
     connect: str
@@ -210,8 +209,8 @@ class HistoryWindow(Struct, frozen=True):
 
 # -- facts ------------------------------------------------------------------------------------------------
 
-SETUP_CALLS: Final = frozenset({"description", "identity"})  # these attempts end before there is a socket
-PAUSE_SCANS: Final = 5  # as long without a byte, and the next one begins a new burst
+SETUP_CALLS: Final = frozenset({"description", "identity"})  # attempts that fail in these have no socket yet
+PAUSE_SCANS: Final = 5  # after so many without a byte a new burst begins
 
 
 class ScanStamp(Struct, frozen=True):
@@ -222,19 +221,19 @@ class ScanStamp(Struct, frozen=True):
 
 
 class Sizes(Struct, frozen=True):
-    """How large things were: `last` are the newest sizes in bytes, oldest first; `count` counts all."""
+    """Sizes in bytes: `last` are the newest ones, oldest first; `count` counts all."""
 
     count: int = 0
     last: tuple[int, ...] = ()
 
     @property
     def common(self) -> int | None:
-        """Return the one size that all of the last had, None where they differ or there are none."""
+        """Return the size of all of the last, None if they differ or there are none."""
         return self.last[0] if self.last and min(self.last) == max(self.last) else None
 
 
 class DroppedJob(Struct, frozen=True):
-    """A job that ended in mid frame: `have` of `need` bytes, up to byte `end` of the stream, went nowhere."""
+    """A job that ended within a frame: `have` of `need` bytes, up to byte `end` of the stream, were lost."""
 
     at: ScanStamp
     instance: str
@@ -258,7 +257,7 @@ class FailureCount(Struct, frozen=True):
 class FailedAttempt(Struct, frozen=True):
     """The last attempt that failed since the connection was last up, or since it began to listen.
 
-    `status` and `condition`: what the instance showed of it, 0 and "" where it showed none of its own.
+    `status` and `condition`: what the instance showed of it, 0 and "" if it showed nothing.
     `said`: what the partner or the session said, in words.
     """
 
@@ -270,7 +269,7 @@ class FailedAttempt(Struct, frozen=True):
 
 
 class DroppedClient(Struct, frozen=True):
-    """A client that was let go before it was a partner: its handshake was wrong, or named another TSAP."""
+    """A client that was dropped before it was a partner: its handshake was wrong, or named another TSAP."""
 
     at: ScanStamp
     peer: str
@@ -286,18 +285,18 @@ class RejectedClients(Struct, frozen=True):
 
 
 class LastLoss(Struct, frozen=True):
-    """The last time that a connection ended: in which word of the ledger, with which partner and error."""
+    """The last end of a connection: `what` is the ledger's word; with its partner and error."""
 
     at: ScanStamp
     what: str
     peer: str = ""
     error: str = ""
     injected: bool = False
-    up_ns: int | None = None  # how long it had stood
+    up_ns: int | None = None  # how long it was up
 
 
 class ConnectFacts(Struct, frozen=True):
-    """What the ledger has told of one CONNECT and one instance on it, however many lines have passed since.
+    """What is known of one CONNECT and one instance on it, however many lines have passed since.
 
     `sender` and `messages` are known of a peer of this bench only; `bursts` are bytes between two pauses, of
     any partner. Offsets count in the stream of the present connection.
@@ -313,7 +312,7 @@ class ConnectFacts(Struct, frozen=True):
     job_began: ScanStamp | None = None
     job_adhoc: bool = False
     drop: DroppedJob | None = None
-    drop_cuts: bool | None = None  # whether a message goes on after the last drop
+    drop_cuts: bool | None = None  # whether the last drop cut a message in two
     after_drop: MessageSpan | None = None  # the message that holds the first byte after it
     up_since: ScanStamp | None = None
     down_since: ScanStamp | None = None
@@ -324,5 +323,5 @@ class ConnectFacts(Struct, frozen=True):
     second_client: RejectedClients | None = None
     loss: LastLoss | None = None
     losses: int = 0
-    datagrams: Sizes = Sizes()  # of a UDP socket, from any sender, as long as they were on the wire
-    open_since: ScanStamp | None = None  # that socket
+    datagrams: Sizes = Sizes()  # of a UDP socket, from any sender, with their sizes on the wire
+    open_since: ScanStamp | None = None  # of that socket

@@ -1,8 +1,8 @@
-"""Which message, recv call, job and scan holds a byte of a received stream: kept once, asked by everybody.
+"""Which message, recv call, job and scan has a byte of a received stream: kept once, for all that ask.
 
-The index reads the lines of the ledger; others that read them along (`listen`) are told each one after it.
-All that a line costs at once is a note of its fields: records are made of them when somebody asks.
-Rule 1: what the ledger did not tell (lines skipped, a partner that is no peer here) is left out, not guessed.
+The index gets each line of the ledger first; after it, the other listeners (`listen`).
+A line costs only a note of its fields: records are made when they are requested.
+Rule 1: what the ledger lacks (lines skipped, a partner that is no peer here) is left out, not guessed.
 Rule 2: two ends can meet again on a later connection; the peer's stream then begins with byte 0 again.
 Each incarnation of the CONNECT has the messages of its own connection only.
 """
@@ -60,13 +60,13 @@ class _SentMessages:
     """The messages of one peer on one connection, by the byte of the stream with which they begin."""
 
     def __init__(self) -> None:
-        self.told: list[_SentMessage] = []
+        self.messages: list[_SentMessage] = []
         self.forgotten = 0
 
-    def add(self, told: _SentMessage, keep: int) -> None:
-        self.told.append(told)
-        if len(self.told) > keep:
-            del self.told[: keep // 2]
+    def add(self, message: _SentMessage, keep: int) -> None:
+        self.messages.append(message)
+        if len(self.messages) > keep:
+            del self.messages[: keep // 2]
             self.forgotten += keep // 2
 
 
@@ -101,7 +101,7 @@ class StreamBursts:
 
 
 def find_bursts(recvs: Iterable[RecvSpan], is_over: bool) -> list[range]:
-    """Return where the bytes between two pauses lie, only those of which beginning and end are known.
+    """Return where the bytes between two pauses are, if both their beginning and their end are known.
 
     `is_over`: a pause has followed the last of them.
     """
@@ -109,20 +109,20 @@ def find_bursts(recvs: Iterable[RecvSpan], is_over: bool) -> list[range]:
     last: RecvSpan | None = None
     for recv in recvs:
         is_after_pause = bursts.add_bytes(recv.scan, recv.t_ns, recv.size)
-        goes_on = last is not None and (last.stop, last.offset + last.size) == (recv.position, recv.offset)
-        if recv.offset == 0 or (is_after_pause and goes_on):
+        follows = last is not None and (last.stop, last.offset + last.size) == (recv.position, recv.offset)
+        if recv.offset == 0 or (is_after_pause and follows):
             found += [range(start, last.stop)] if last is not None and start >= 0 else []
             start = recv.position
-        elif not goes_on:
+        elif not follows:  # recv calls between are not known
             start = -1
         last = recv
     return found + ([range(start, last.stop)] if is_over and last is not None and start >= 0 else [])
 
 
 class JobRecord(NamedTuple):
-    """A receive job: what it began or ended with. `at` is the scan of its end, of a running job its start.
+    """A receive job. `at` is the scan of its end, or of its start while it runs.
 
-    `recvs` are the recv calls that read for it.
+    `recvs` are its recv calls.
     """
 
     number: int
@@ -135,7 +135,7 @@ class JobRecord(NamedTuple):
     recvs: Sequence[RecvSpan] = ()
 
     def list_pieces(self, is_running: bool) -> list[tuple[int, int]]:
-        """Return (offset, size) of all that it has of the stream: another job may have read in between."""
+        """Return (offset, size) of all its bytes of the stream: another job may have read in between."""
         found = join_pieces((recv.offset, recv.size) for recv in self.recvs)
         missing = self.size - sum(size for _, size in found)
         if found and missing and is_running:
@@ -144,7 +144,7 @@ class JobRecord(NamedTuple):
 
 
 class _InstanceReads:
-    """What one instance has read, in bare fields: its running job and the one that DATA has."""
+    """What one instance has read: its running job, and the job whose bytes DATA has."""
 
     __slots__ = ("began", "cut", "delivered", "link", "reads", "runs")
 
@@ -152,13 +152,13 @@ class _InstanceReads:
         self.began: _JobBegin | None = None
         self.runs = False
         self.reads: list[RecvSpan] = []  # of the running job
-        self.link: LinkKey = "", 0  # where it read these
+        self.link: LinkKey = "", 0  # of these reads
         self.delivered: _JobEnd | None = None
         self.cut: list[RecvSpan] = []  # of the newest job that ended without DONE
 
 
 class _LinkArrivals:
-    """What a connection has received: the byte that comes next, and what arrived between two pauses."""
+    """What a connection has received: the offset of the next byte, and the bytes between pauses."""
 
     __slots__ = ("bursts", "incarnation", "offset")
 
@@ -168,7 +168,7 @@ class _LinkArrivals:
 
 
 class ByteOrigin(NamedTuple):
-    """What is known of one byte; None is not known. `message.first` is its place in the message."""
+    """The origin of one byte; None: unknown. `message.first` is its place in the message."""
 
     job: JobRecord
     recv: RecvSpan | None
@@ -176,12 +176,10 @@ class ByteOrigin(NamedTuple):
 
 
 class StreamIndex:
-    """The ledger's lines about bytes, bounded."""
-
     def __init__(self, kept_messages: int = KEPT_MESSAGES, kept_recvs: int = KEPT_RECVS) -> None:
         self._kept_messages, self._kept_recvs = kept_messages, kept_recvs
         self._sent: dict[tuple[Ends, int], _SentMessages] = {}
-        self._newest: dict[Ends, int] = {}  # how many times these ends have met
+        self._newest: dict[Ends, int] = {}  # which connection of these ends is the newest
         self._claimed: dict[Ends, int] = {}
         self._links: dict[LinkKey, tuple[Ends, int]] = {}
         self._incarnations: dict[str, int] = {}
@@ -199,14 +197,14 @@ class StreamIndex:
             JobEnded: [self._handle_job_end],
             ConnectionChanged: [self._handle_connection],
         }
-        self.ends: dict[bool, list[Listener]] = {True: [], False: []}  # told of JobEnded with DONE, without
+        self.ends: dict[bool, list[Listener]] = {True: [], False: []}  # called with JobEnded, by DONE
 
     def listen(self, listeners: Mapping[type, Listener]) -> None:
-        """Tell these of each event of their type, after the index has it."""
+        """Call these with each event of their type, after the index has it."""
         for kind, listener in listeners.items():
             self.listeners.setdefault(kind, []).append(listener)
 
-    # -- what is written --------------------------------------------------------------------------------
+    # -- from the ledger --------------------------------------------------------------------------------
 
     def add_lines(self, stamped: Iterable[StampedEvent]) -> None:
         listeners = self.listeners
@@ -215,13 +213,13 @@ class StreamIndex:
                 listener(0, scan, t_ns, event)
 
     def forget_unread(self) -> None:
-        """Forget what lines that nobody has read can have changed: nothing of it is guessed."""
+        """Forget what unread lines may have changed (Rule 1)."""
         self._received.clear()
         self._readings.clear()
         self._sent.clear()
         self._links.clear()
         self._incarnations.clear()
-        self._claimed = dict(self._newest)  # who meets again begins a new stream
+        self._claimed = dict(self._newest)  # ends that meet again begin a new stream
 
     def _handle_message_sent(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         peer, message, local, remote, offset, size, ns = event
@@ -231,7 +229,7 @@ class StreamIndex:
         ends = local, remote
         turn = self._newest.get(ends, 0)
         sent = self._sent.get((ends, turn))
-        if sent and offset <= sent.told[-1][0] and local != NO_END:
+        if sent and offset <= sent.messages[-1][0] and local != NO_END:  # a new connection: Rule 2
             turn += 1
             sent = None
         if sent is None:
@@ -297,7 +295,7 @@ class StreamIndex:
         for listener in self.ends[done]:
             listener(seq, scan, t_ns, event)
 
-    # -- which message holds a byte ---------------------------------------------------------------------
+    # -- the message of a byte --------------------------------------------------------------------------
 
     def _find_sent(self, link: LinkKey) -> _SentMessages | None:
         key = self._links.get(link) or ((NO_END, link[0]), link[1] - 1)
@@ -309,9 +307,9 @@ class StreamIndex:
         found: list[MessageSpan] = []
         if sent is None:
             return found
-        place = max(0, bisect_right(sent.told, (offset, *_AFTER_OFFSET)) - 1)
-        while place < len(sent.told) and sent.told[place][0] < offset + size:
-            begin, length, number, peer, _ = sent.told[place]
+        place = max(0, bisect_right(sent.messages, (offset, *_AFTER_OFFSET)) - 1)
+        while place < len(sent.messages) and sent.messages[place][0] < offset + size:
+            begin, length, number, peer, _ = sent.messages[place]
             first = max(begin, offset)
             part = min(begin + length, offset + size) - first
             if part > 0:
@@ -326,13 +324,13 @@ class StreamIndex:
         return self._are_packets or self.packet_times is not None
 
     def find_packet_ns(self, link: LinkKey, offset: int, datagram: int | None = None) -> int | None:
-        """Return when the packet with a byte stands in its capture, or that of a datagram's number."""
+        """Return the time of the packet with a byte in a capture, or of that with a datagram's number."""
         if self.packet_times is not None and link in self._links:
             return self.packet_times(*self._links[link], offset)
         sent = self._find_sent(link)
-        place = bisect_right(sent.told, (offset, *_AFTER_OFFSET)) - 1 if sent is not None else -1
+        place = bisect_right(sent.messages, (offset, *_AFTER_OFFSET)) - 1 if sent is not None else -1
         while sent is not None and place >= 0:
-            begin, size, number, peer, t_ns = sent.told[place]
+            begin, size, number, peer, t_ns = sent.messages[place]
             if peer == A_PACKET and (offset < begin + size if datagram is None else number == datagram):
                 return t_ns
             if datagram is None or number < datagram:
@@ -341,7 +339,7 @@ class StreamIndex:
         return None
 
     def find_message(self, link: LinkKey, offset: int, position: int = 0) -> MessageSpan | None:
-        """Return the message that holds a byte of a connection, None where it is not known."""
+        """Return the message that has a byte of a connection, None if it is not known."""
         return next(iter(self.find_messages_within(link, offset, 1, position)), None)
 
     def find_sender(self, link: LinkKey) -> tuple[str, Sizes]:
@@ -349,8 +347,8 @@ class StreamIndex:
         sent = self._find_sent(link)
         if sent is None:
             return "", Sizes()
-        sizes = tuple([told[1] for told in sent.told[-KEPT_SIZES:]])
-        return sent.told[-1][3], Sizes(sent.forgotten + len(sent.told), sizes)
+        sizes = tuple([message[1] for message in sent.messages[-KEPT_SIZES:]])
+        return sent.messages[-1][3], Sizes(sent.forgotten + len(sent.messages), sizes)
 
     # -- what a connection has received -----------------------------------------------------------------
 
@@ -371,16 +369,16 @@ class StreamIndex:
         return _make_begun_job(reading.began) if reading is not None and reading.began is not None else None
 
     def done_reads(self, instance: str) -> list[RecvSpan]:
-        """Return the recv calls of the newest job with DONE; none where not all of them are known."""
+        """Return the recv calls of the newest job with DONE; none if not all of them are known."""
         delivered = self._readings[instance].delivered
         return delivered[4] if delivered is not None and delivered[3] is not None else []
 
     def list_down_times(self, connect: str) -> list[tuple[int, int]]:
-        """Return from when to when, in ns, a CONNECT had lost what it was connected to; NOW: it still has."""
+        """Return from when to when, in ns, a CONNECT had no connection; up to MAX_SCAN: it still has none."""
         return [*self._down.get(connect, ())]
 
     def cut_reads(self, instance: str) -> list[RecvSpan]:
-        """Return the recv calls of the newest job without DONE; none where not all of them are known."""
+        """Return the recv calls of the newest job without DONE; none if not all of them are known."""
         return self._readings[instance].cut
 
     def get_last_read(self, instance: str) -> RecvSpan:
@@ -427,7 +425,7 @@ class StreamIndex:
     def list_messages(self, instance: str, of_job: bool) -> list[MessageSpan]:
         """Return the peer's messages in DATA, or in the running job; position 0 is the job's first byte.
 
-        A message that goes on in a later piece of the job is told once, where it begins.
+        A message that continues in a later piece of the job is listed once, where it begins.
         """
         known = self._find_pieces(instance, of_job)
         first = known[1][0][1] if known is not None and known[1] else 0
@@ -445,7 +443,7 @@ class StreamIndex:
         return frozenset(span.position for span in self.list_messages(instance, of_job) if span.begins)
 
     def list_holes(self, instance: str, of_job: bool) -> tuple[range, ...]:
-        """Return the bytes of DATA, or of the running job, that a capture has not."""
+        """Return the bytes of DATA, or of the running job, that a capture lacks."""
         return tuple(
             [range(span.position, span.stop) for span in self._spans(instance, of_job) if span.peer == A_HOLE]
         )

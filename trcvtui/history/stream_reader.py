@@ -1,4 +1,4 @@
-"""Reads windows out of the received streams for the screen; looks for bytes in them stretch by stretch."""
+"""Reads windows out of the received streams for the screen; searches them stretch by stretch."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ from trcvtui.udt.byte_text import MOST_BYTES_COUNTED, describe_hit, find_first, 
 
 STRETCH_BYTES: Final = 512 * 1024  # searched for one picture, all patterns together
 MOST_SEARCHES: Final = 8  # of several screens
-MOST_JOB_BYTES: Final = 65_536  # bytes of one job in a picture: as much as a job can write
-ByteRuns = list[tuple[int, bytes]]  # bytes and where they begin
+MOST_JOB_BYTES: Final = 65_536  # bytes of one job in a picture: as many as a job can have
+ByteRuns = list[tuple[int, bytes]]  # position, bytes
 LOST_REASON: Final = "whose bytes is not known: lines of the ledger were overwritten before they were read"
 
 
 class _Source:
-    """One stream with its ring, as it stood after a scan, as long as a picture is made."""
+    """One stream with its ring, as it was after a scan; for one picture."""
 
     def __init__(self, name: str, ring: ReceivedRing, stream: ReceivedStream, scan: int) -> None:
         self.name, self.ring, self.stream, self.scan = name, ring, stream, scan
@@ -50,7 +50,7 @@ class _Source:
         return self.ring.lack_reason if self.begin == self.ring.begin else "older than the jobs that are kept"
 
     def read_runs(self, start: int, stop: int) -> ByteRuns:
-        """Return the bytes from `start` to `stop`, put together as far as no byte is missing between them."""
+        """Return the bytes from `start` to `stop`, in one run as long as no byte is missing."""
         start, stop = max(start, self.begin), min(stop, self.end)
         found: ByteRuns = []
         for blank in find_spans(self.stream.blanks, start, stop):
@@ -60,7 +60,7 @@ class _Source:
         return [*found, (start, self.ring.read(start, stop))] if start < stop else found
 
     def list_jobs(self, start: int, stop: int) -> list[JobSpan]:
-        """Return the spans of jobs between two positions, of a job that ended later as it ran."""
+        """Return the spans of jobs between two positions; those of jobs that ended later are running ones."""
         spans = find_spans(self.stream.jobs, start, stop)[: MOST_SPANS + 1]
         return [span if span.scan <= self.scan or not span.is_kept else as_running(span) for span in spans]
 
@@ -73,7 +73,7 @@ class _Source:
 
 
 class StreamReader:
-    """Answers requests. Of the newest searches the place is remembered up to which each has come."""
+    """Answers requests. It remembers how far each of the newest searches has come."""
 
     def __init__(self, bench: Bench, reader: LedgerReader) -> None:
         self.streams = ReceivedStreams(bench, reader)
@@ -82,7 +82,7 @@ class StreamReader:
         self._reached = 0
 
     def read_window(self, request: HistoryRequest) -> HistoryWindow:
-        """Return the window; one outside is moved to what is kept."""
+        """Return the window; it is moved to what is kept."""
         self._catch_up()
         ring = self._bench.runtime.received_ring(request.connect)
         if ring is None:
@@ -142,7 +142,7 @@ class StreamReader:
         is_here = place < len(jobs) and jobs[place].position <= position
         return (jobs[place].position, of.read_job(of.stream.list_pieces(place))) if is_here else None
 
-    # -- looking for a place -----------------------------------------------------------------------------
+    # -- searches ----------------------------------------------------------------------------------------
 
     def _continue_seek(self, of: _Source, seek: SeekRequest | None) -> SeekResult | None:
         if seek is None:
@@ -189,13 +189,13 @@ class StreamReader:
 
 
 def _end_at(scan: int, spans: Sequence[RecvSpan | JobSpan]) -> int:
-    """Return where the first bytes lie that came after a scan."""
+    """Return the position of the first bytes that came after a scan."""
     place = bisect_right(spans, scan, key=BY_SCAN)
     return spans[place].position if place < len(spans) else MAX_SCAN
 
 
 def _fill_gaps(jobs: list[JobSpan], start: int, stop: int) -> Iterator[JobSpan]:
-    """Yield the jobs, and between them the bytes of which it is not known whose they are."""
+    """Yield the jobs, and between them the bytes whose job is unknown."""
     reached = start
     for job in jobs:
         if job.position > reached:
@@ -238,11 +238,11 @@ def _read_previous(of: _Source, jobs: Iterable[JobSpan], start: int, stop: int) 
                 yield PreviousJobBytes(at, content, earlier[0].number)
 
 
-def _read_previous_data(of: _Source, asked: tuple[str, int, int] | None) -> PreviousJobBytes | None:
+def _read_previous_data(of: _Source, request: tuple[str, int, int] | None) -> PreviousJobBytes | None:
     """Return bytes of the job before the newest one of an instance: what DATA held before."""
-    if asked is None:
+    if request is None:
         return None
-    instance, first, size = asked
+    instance, first, size = request
     newest = of.stream.find_job_before(of.end + 1, instance, of.scan)
     earlier = of.stream.find_job_before(newest[0].position, instance) if newest else []
     content = of.read_job(earlier, first, min(size, MOST_WINDOW))

@@ -1,7 +1,7 @@
-"""The recorder of the timing pane: every change of every pin, kept where the scans pass.
+"""The recorder of the timing pane: every change of every pin, kept in the process of the scans.
 
-Rule 1: it is told every line of the ledger, so no frame of the screen and no flood can lose a pulse.
-Rule 2: what had to be dropped is known: the news says what every pin was before its first change.
+Rule 1: it reads every line of the ledger, so no frame of the screen and no flood can lose a pulse.
+Rule 2: after dropped changes, a delta has the value of every pin before its first change.
 Rule 3: an instance that does not change costs nothing; a change costs about a microsecond.
 """
 
@@ -29,7 +29,7 @@ HANDLED_NOTES: Final = frozenset({CREATED_NOTE, DELETED_NOTE, DOWNLOADED_NOTE})
 
 
 class PinHistory:
-    """The changes of one instance, the oldest dropped first: what they did is in `before`."""
+    """The changes of one instance; of dropped ones, get_pins_before has the result."""
 
     def __init__(self, before: PinValues, keep: int) -> None:
         self._before = dict(before)
@@ -38,7 +38,7 @@ class PinHistory:
         self.total = 0
         self._keep = keep
         self._changes: deque[PinChange] = deque()
-        self.on_drop: Callable[[PinChange], None] | None = None  # told of each change that is dropped
+        self.on_drop: Callable[[PinChange], None] | None = None  # called with each dropped change
 
     def add_change(self, change: PinChange) -> None:
         self.total += 1
@@ -92,7 +92,7 @@ class WaveformRecorder:
         self.records = {
             decl.name: PinHistory(_list_initial_pins(decl, project), self._keep) for decl in project.instances
         }
-        self._renewed: dict[str, PinChange] = {}  # who was downloaded in a scan, and not called in it so far
+        self._renewed: dict[str, PinChange] = {}  # downloaded in a scan, and not called in it so far
         self._renewed_in = 0
         reader.index.listen({StatusEdge: self._on_edge, InputEdge: self._on_edge, BenchNote: self._on_note})
         reader.lost.append(self._handle_loss)

@@ -44,7 +44,7 @@ class RulerMark(NamedTuple):
 
 
 def row_names(wave: Waveform) -> list[str]:
-    """Return the rows of an instance, what matters most first."""
+    """Return the rows of an instance, the most important first."""
     pins = set(wave.lanes)
     rows = {f"{WATCH}{pin}" for pin in wave.watched_pins} | ({CODES} if "STATUS" in pins else set())
     return [name for name in ROW_ORDER if name in pins | rows] + sorted(pins - set(ROW_ORDER))
@@ -55,7 +55,7 @@ def get_row_pin(name: str) -> str:
 
 
 def count_pin_bits(name: str) -> int:
-    """Return the bits of a pin that is a number, 0 of one that is not."""
+    """Return the bits of a pin that is a number, else 0."""
     pin = find_pin(name)
     return 0 if pin is None or pin.is_bool else TYPE_BITS[pin.iec_type]
 
@@ -149,7 +149,7 @@ def _get_edge_kind(line: Line | None) -> str:
 
 
 def _draw_lengths(wave: Waveform, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
-    """Yield RCVD_LEN, which is 0 but for one scan: its values where there is room up to the next one."""
+    """Yield RCVD_LEN, which is not 0 for one scan only: its values, if there is room up to the next."""
     pulses = [x for x, column in enumerate(columns) if column is not None and column.high]
     nexts = dict(zip(pulses, [*pulses[1:], window.width], strict=False))
     x = 0
@@ -261,9 +261,9 @@ class ScanRange(NamedTuple):
 
 
 def format_vcd(waves: Sequence[Waveform], span: ScanRange) -> str:
-    """Return the waves as a Value PinChange Dump: 1 ns, a scope for each instance, x where nobody knows.
+    """Return the waves as a Value Change Dump: 1 ns, a scope for each instance, x for unknown values.
 
-    Several changes of one pin in one scan stand 1 ns apart, so that none of them is lost.
+    Several changes of one pin in one scan are 1 ns apart, so that none of them is lost.
     """
     from vcd import VCDWriter  # read when first asked for
     from vcd.writer import Variable
@@ -278,8 +278,8 @@ def format_vcd(waves: Sequence[Waveform], span: ScanRange) -> str:
                 kind = "reg" if count_pin_bits(pin) else "wire"
                 scope = _make_vcd_name(wave.instance)
                 var = writer.register_var(scope, pin, kind, size=count_pin_bits(pin) or 1, init=None)
-                told = enumerate(_list_vcd_changes(lane, wave, span))
-                changes += [(t_ns, number, var, value) for number, (t_ns, value) in told]
+                numbered = enumerate(_list_vcd_changes(lane, wave, span))
+                changes += [(t_ns, number, var, value) for number, (t_ns, value) in numbered]
         for t_ns, _, var, value in sorted(changes, key=lambda change: change[:2]):
             writer.change(var, t_ns, "x" if value is None else value)
         writer.close(max(wave.time_at(min(span.last, wave.until_scan))[0] for wave in waves))
@@ -307,14 +307,14 @@ VCD_SUFFIX: Final = "vcd"
 
 
 def free_path(folder: Path, name: str) -> Path:
-    """Return a path of a VCD in a folder under which nothing stands yet."""
+    """Return the path of a VCD in a folder; it does not exist yet."""
     plain = _make_vcd_name(name) or "timing"
     names = (f"{plain}{'' if n == 1 else f'-{n}'}.{VCD_SUFFIX}" for n in range(1, 100_000))
     return next(folder / name for name in names if not (folder / name).exists())
 
 
 def write_waves(path: Path, waves: Sequence[Waveform], span: ScanRange) -> int:
-    """Write a file that is not there yet; return its size; raise UserError where it cannot be written."""
+    """Write a new file; return its size; raise UserError if it cannot be written."""
     if not any(wave.lanes for wave in waves):
         raise mistake("export timing", "no scan yet", "a bench that has scanned")
     payload = format_vcd(waves, span).encode()
@@ -323,7 +323,7 @@ def write_waves(path: Path, waves: Sequence[Waveform], span: ScanRange) -> int:
 
 
 def target_folder(project: Path) -> Path:
-    """Return the folder of the project; of one that came with trcvtui, or is read-only, the working one."""
+    """Return the folder of the project; if it is part of trcvtui or read-only, the working directory."""
     folder = project.absolute().parent
     own = Path(__file__).resolve().parents[1]
     shipped = own in folder.resolve().parents or folder.resolve() == own

@@ -84,7 +84,7 @@ class LinkStatistics:
         self._refusals: dict[str, StatusEdge] = {}  # the last ERROR of each instance
         self._busy: set[str] = set()  # the instances that are not idle
         self._has_datagrams = False
-        self._asked: dict[str, ScanStamp] = {}  # since when each instance is busy
+        self._busy_since: dict[str, ScanStamp] = {}  # since when each instance is busy
         index.ends[False].append(self._handle_job_end)
         index.listen({ConnectionChanged: self._on_link, StatusEdge: self._on_edge, BenchNote: self._on_note})
 
@@ -185,14 +185,14 @@ class LinkStatistics:
             self._busy.discard(event.instance)
         elif event.instance not in self._busy:
             self._busy.add(event.instance)
-            self._asked[event.instance] = ScanStamp(scan, t_ns)
+            self._busy_since[event.instance] = ScanStamp(scan, t_ns)
 
     def forget_all(self, seq: int, scan: int, t_ns: int) -> None:
         """Forget everything: lines were overwritten before they were read."""
         self._links.clear()
         self._refusals.clear()
         self._busy.clear()
-        self._asked.clear()
+        self._busy_since.clear()
 
     # -- for the screen ---------------------------------------------------------------------------------
 
@@ -221,7 +221,7 @@ class LinkStatistics:
             drop_cuts=bool(after and after.first) if drop is not None and messages.count else None,
             after_drop=after,
             up_since=link.up_since,
-            down_since=_choose_later(link.down_since, self._asked.get(instance)),
+            down_since=_choose_later(link.down_since, self._busy_since.get(instance)),
             attempt=self._make_attempt(link, instance),
             dropped=link.dropped,
             failures=tuple(link.failures.values()),

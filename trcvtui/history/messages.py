@@ -98,14 +98,14 @@ class NewestRows:
         after: int = 0,
     ) -> None:
         self._received, self._catch_up, self._after = received, catch_up, after
-        self._of: dict[str, _InstanceRows] = {}
+        self._by_instance: dict[str, _InstanceRows] = {}
         self._total = 0
         self._status: dict[str, int] = {}
 
     def make_delta(self, instance: str, since: int, until: int = MAX_SCAN) -> MessagesDelta:
         """Return rows from number `since` on, up to a scan: as many as fit into a picture."""
         self._catch_up()
-        of = self._of.get(instance)
+        of = self._by_instance.get(instance)
         if of is None:
             return MessagesDelta(instance, 0, 0, ())
         first = max(since, of.first)
@@ -124,7 +124,7 @@ class NewestRows:
     def take_rows(self) -> Iterator[tuple[str, MessageRow]]:
         """Yield all rows with their instances, and forget them."""
         self._catch_up()
-        for name, of in self._of.items():
+        for name, of in self._by_instance.items():
             self._total -= len(of.rows)
             while of.rows:
                 yield name, self._add_content(of.rows.popleft())
@@ -155,7 +155,7 @@ class NewestRows:
         self, instance: str, number: int, scan: int, t_ns: int, size: int,
         stream: str, pieces: Pieces, reason: str, have: int,
     ) -> None:  # fmt: skip
-        of = self._of.setdefault(instance, _InstanceRows())
+        of = self._by_instance.setdefault(instance, _InstanceRows())
         gap_ns = t_ns - of.last_ns if of.last_ns is not None else None
         of.last_ns = t_ns
         if scan <= self._after:
@@ -169,8 +169,8 @@ class NewestRows:
         ))  # fmt: skip
         of.count += 1
         is_full = self._total >= MOST_ROWS
-        if is_full and len(of.rows) <= MOST_ROWS // len(self._of):
-            of = max(self._of.values(), key=lambda each: len(each.rows))
+        if is_full and len(of.rows) <= MOST_ROWS // len(self._by_instance):
+            of = max(self._by_instance.values(), key=lambda each: len(each.rows))
         if is_full or len(of.rows) > MOST_INSTANCE_ROWS:
             of.rows.popleft()
         else:
@@ -203,7 +203,7 @@ class MessageRows(NewestRows):
     def make_delta(self, instance: str, since: int, until: int = MAX_SCAN) -> MessagesDelta:
         """Return the same object as long as nothing is new: then it is not sent to the screen again."""
         self._catch_up()
-        index, of = self._streams.index, self._of.get(instance)
+        index, of = self._streams.index, self._by_instance.get(instance)
         state = instance, since, until, index.down_changes, of and (of.count, of.errors and of.errors[-1])
         if state != self._request or self._answer.rows:
             decl = self._bench.project.instance(instance)
@@ -281,7 +281,7 @@ class MessageRows(NewestRows):
 
     def _handle_status(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
         status = self._status[event.instance] = event.outputs.status
-        of = self._of.get(event.instance)
+        of = self._by_instance.get(event.instance)
         if of is not None and event.outputs.error and not event.cause.is_expected:
             of.errors.append(t_ns)
         place = len(of.rows) - 1 if of is not None else -1
@@ -292,5 +292,5 @@ class MessageRows(NewestRows):
     def _handle_loss(self, seq: int, scan: int, t_ns: int) -> None:
         self._status.clear()
         self._sends.clear()
-        for of in self._of.values():
+        for of in self._by_instance.values():
             of.last_ns = None

@@ -92,16 +92,16 @@ class WaveformRecorder:
         self.records = {
             decl.name: PinHistory(_list_initial_pins(decl, project), self._keep) for decl in project.instances
         }
-        self._renewed: dict[str, PinChange] = {}  # downloaded in a scan, and not called in it so far
-        self._renewed_in = 0
+        self._downloads: dict[str, PinChange] = {}  # downloaded in a scan, and not called in it so far
+        self._downloaded_in = 0
         reader.index.listen({StatusEdge: self._on_edge, InputEdge: self._on_edge, BenchNote: self._on_note})
         reader.lost.append(self._handle_loss)
 
     def _on_edge(self, seq: int, scan: int, t_ns: int, event: StatusEdge | InputEdge) -> None:
-        if self._renewed:
+        if self._downloads:
             self._add_downloads(scan)
             if isinstance(event, StatusEdge):
-                self._renewed.pop(event.instance, None)
+                self._downloads.pop(event.instance, None)
         record = self.records.get(event.instance)
         if record is not None:
             record.add_change(PinChange(seq, scan, t_ns, event))
@@ -122,16 +122,16 @@ class WaveformRecorder:
                 record.add_change(PinChange(seq, scan, t_ns, KnownPins(_unknown_pins(record.pin_names()))))
             else:
                 dark = tuple((pin, 0) for pin in record.pin_names() if outcome_field(pin))
-                self._renewed[name], self._renewed_in = PinChange(seq, scan, t_ns, KnownPins(dark)), scan
+                self._downloads[name], self._downloaded_in = PinChange(seq, scan, t_ns, KnownPins(dark)), scan
 
     def _add_downloads(self, scan: int) -> None:
-        if self._renewed and scan > self._renewed_in:
-            for name, change in self._renewed.items():
+        if self._downloads and scan > self._downloaded_in:
+            for name, change in self._downloads.items():
                 self.records[name].add_change(change)
-            self._renewed.clear()
+            self._downloads.clear()
 
     def _handle_loss(self, seq: int, scan: int, t_ns: int) -> None:
-        self._renewed.clear()
+        self._downloads.clear()
         for record in self.records.values():
             record.add_change(PinChange(seq, scan, t_ns, KnownPins(_unknown_pins(record.pin_names()))))
 

@@ -119,7 +119,7 @@ class ArrivalRecorder:
         self._note_bytes(handle, queue, found, flags)
         if found.end and not queue.has_ended:
             queue.has_ended = True
-            self._log.note_wire(self._owner(handle), ENDED, handle, (found.end,), None, b"")
+            self._log.note_wire(self._get_owner(handle), ENDED, handle, (found.end,), None, b"")
             self._log_arrival(ENDED, handle, (handle, flags), found.end)
 
     def _note_bytes(self, handle: Handle, queue: _ReceiveQueue, found: Unread, flags: int) -> None:
@@ -129,13 +129,13 @@ class ArrivalRecorder:
         queue.whole = max(queue.whole, whole)
         queue.noted += len(found.data)
         if not found.has_session:  # else the wire has other bytes
-            self._log.note_wire(self._owner(handle), ARRIVED, handle, (whole,), None, found.data)
+            self._log.note_wire(self._get_owner(handle), ARRIVED, handle, (whole,), None, found.data)
         self._log_arrival(ARRIVED, handle, (handle, whole, found.size, flags), found.data)
 
     def _note_message(self, handle: Handle, source: Endpoint, data: bytes, whole: int, flags: int) -> None:
         """Note a message, at the wire only a datagram: a session has other bytes there."""
         if self._queues[handle].is_udp:
-            self._log.note_wire(self._owner(handle), MESSAGE, handle, (source, whole), None, data)
+            self._log.note_wire(self._get_owner(handle), MESSAGE, handle, (source, whole), None, data)
         self._log_arrival(MESSAGE, handle, (handle, source, whole, flags), data)
 
     def _note_clients(self, handle: Handle, number: int) -> None:
@@ -144,8 +144,8 @@ class ArrivalRecorder:
             is_late = LATE if handle in self._emptied else 0
             self._log_arrival(WAITING, handle, (handle, is_late), number)
 
-    def _owner(self, handle: Handle) -> str:
+    def _get_owner(self, handle: Handle) -> str:
         return self._owners.get(handle, self._label)
 
     def _log_arrival(self, call: str, handle: Handle, args: tuple[object, ...], answer: object) -> None:
-        self._log.note_arrival(self._owner(handle), call, args, answer)
+        self._log.note_arrival(self._get_owner(handle), call, args, answer)

@@ -61,13 +61,13 @@ class BlackBox:
         self.close_judge: Callable[[], object] = lambda: None  # of the doctor
         self._frames: list[Keyframe] = []  # `steps` from the beginning of the run
         self._posted_at = 0
-        self._why_off = ""
+        self._off_reason = ""
         self._recording: WriterProcess | None = None  # into a file that gets what follows, too
         self._ending: list[WriterProcess] = []
 
     def give_up(self) -> None:
         """Keep nothing from now on: it costs the scans too much."""
-        self._why_off = GAVE_UP_TEXT
+        self._off_reason = GAVE_UP_TEXT
         self._kept.clear()
         self._frames.clear()
         self._size = self._since = self._scans = 0
@@ -148,8 +148,8 @@ class BlackBox:
 
     def _start_writer(self, path: Path) -> WriterProcess:
         """Start the writer of a new file and send it all that is kept; raise UserError."""
-        if self._why_off:
-            raise mistake("prompt", self._why_off, "`trcvtui run FILE --record`, which keeps all")
+        if self._off_reason:
+            raise mistake("prompt", self._off_reason, "`trcvtui run FILE --record`, which keeps all")
         if os.path.lexists(path):
             raise mistake("prompt", f"{path}, which is there already", "the name of a new file")
         if not path.absolute().parent.is_dir():
@@ -164,8 +164,8 @@ class BlackBox:
 
     def encode_blocks(self) -> list[tuple[bytes, int]]:
         """Return all that is kept as blocks, each with the number of its entries; raise UserError."""
-        if self._why_off:
-            raise mistake("prompt", self._why_off, "`trcvtui run FILE --record`, then `trcvtui doctor`")
+        if self._off_reason:
+            raise mistake("prompt", self._off_reason, "`trcvtui run FILE --record`, then `trcvtui doctor`")
         self._flush_block()
         first = BlockWriter(0)
         if self._begins is not None:

@@ -173,7 +173,7 @@ class _SeamKernel:
     def _bind_plain_call(self, name: str) -> Callable[..., Any]:
         return self._seam.bind_call(name, getattr(self._inner, name, None), self._owners, self._label)
 
-    def _owner(self, handle: Handle) -> str:
+    def _owner_of(self, handle: Handle) -> str:
         return self._owners.get(handle, self._label)
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
@@ -204,13 +204,13 @@ class _SeamKernel:
         asked = options.nodelay, options.keep_alive_s, options.user_timeout_ms, options.small_buffers
         args = (handle, *asked, options.session is not None)
         return self._seam.ask(
-            self._owner(handle), "set_options", args, lambda: self._inner.set_options(handle, options)
+            self._owner_of(handle), "set_options", args, lambda: self._inner.set_options(handle, options)
         )
 
     def accept(self, handle: Handle) -> NewClient | WouldBlock | Fault:
         got: NewClient | WouldBlock | Fault = self._accept(handle)
         if isinstance(got, NewClient):
-            self._owners[got.handle] = self._owner(handle)
+            self._owners[got.handle] = self._owner_of(handle)
         return got
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
@@ -231,7 +231,7 @@ class _SeamKernel:
             got = self._do_recv_from(handle, into)
             return got, bytes(into[: got.size]) if isinstance(got, Datagram) else b""
 
-        got, data = self._seam.ask(self._owner(handle), "recv_from", (handle, len(into)), receive)
+        got, data = self._seam.ask(self._owner_of(handle), "recv_from", (handle, len(into)), receive)
         into[: len(data)] = data
         return got
 
@@ -251,12 +251,12 @@ class _SeamKernel:
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
         args = handle, len(data), zlib.crc32(data), end
         return self._seam.ask(
-            self._owner(handle), "send_to", args, lambda: self._inner.send_to(handle, data, end)
+            self._owner_of(handle), "send_to", args, lambda: self._inner.send_to(handle, data, end)
         )
 
     def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
         return self._seam.ask(
-            self._owner(handle), "shutdown", (handle, both), lambda: self._inner.shutdown(handle, both)
+            self._owner_of(handle), "shutdown", (handle, both), lambda: self._inner.shutdown(handle, both)
         )
 
     def abort(self, handle: Handle) -> Fault | None:

@@ -442,19 +442,19 @@ class WirePackets:
         source, flow = call.args[0], self._get_flows(call)[1]
         if isinstance(source, Endpoint):
             sent = None if self._is_own(source) else False
-            flow.unread.append(self._datagram(call, source, self._own_end(call.handle, source), sent, flow))
+            flow.unread.append(self._make_udp(call, source, self._own_end(call.handle, source), sent, flow))
             yield flow.unread[-1]
 
     def _handle_send_to(self, call: WireCall) -> Iterator[WirePacket]:
         target = call.args[-1] if call.args else None
         if isinstance(target, Endpoint) and parse_octets(target.address) and isinstance(call.answer, int):
             sent, flow = None if self._is_own(target) else True, self._get_flows(call)[0]
-            yield self._datagram(call, self._own_end(call.handle, target), target, sent, flow)
+            yield self._make_udp(call, self._own_end(call.handle, target), target, sent, flow)
 
     def _get_flows(self, call: WireCall) -> tuple[Flow, Flow]:
         return self.flows.get(call.handle) or self._add_flows(call.owner, call.handle, (Flow(), Flow()))
 
-    def _datagram(
+    def _make_udp(
         self, call: WireCall, source: Endpoint, target: Endpoint, sent: bool | None, flow: Flow
     ) -> WirePacket:
         payload = call.data[:MOST_DATAGRAM_BYTES]

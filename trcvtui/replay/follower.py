@@ -92,7 +92,7 @@ class RecordedRunWriter:
     def __init__(self, sink: FileSink, where: str) -> None:
         self._sink, self._where = sink, where
         sink.is_followed = True
-        self._why_off = self._fault = ""  # the second: an error of the program
+        self._off_reason = self._fault = ""  # the second: an error of the program
         self._coming = _IncomingEntries()
         self._blocks: deque[bytes] = deque()  # not decoded yet
         self._waiting = 0
@@ -133,12 +133,12 @@ class RecordedRunWriter:
             pass
         self._give_up("the run beside was too late")
         self._sink.close()
-        lack = self._fault or (self._sink.lack and f"{self._sink.lack}: {self._why_off}")
+        lack = self._fault or (self._sink.lack and f"{self._sink.lack}: {self._off_reason}")
         if lack and not self._no_secrets:
             raise mistake(self._where, lack, "a keyframe in each file, or it does not run again")
 
     def _give_up(self, why: str) -> None:
-        self._why_off = self._why_off or why
+        self._off_reason = self._off_reason or why
         self._is_off, self._sink.is_followed = True, False
         self._blocks.clear()
         self._run, self._coming = None, _IncomingEntries()

@@ -104,7 +104,7 @@ class Keyframes:
         """Return the run at the first keyframe as one of this class, at this seam; raise UserError."""
         frame = self._journal.read_keyframe(self._places[0])
         instead: StandIns = {ReplayRun: lambda: kind.__new__(kind), ReplaySeam: lambda: seam}
-        return cast(OtherRun, _decode(frame, self._shared, self._where, instead))
+        return cast(OtherRun, _decode_run(frame, self._shared, self._where, instead))
 
     def read_entries(self) -> Iterator[Entry]:
         if not self.first:
@@ -158,7 +158,7 @@ class Keyframes:
         return self.run_at(self.find_keyframe_scan(scan))
 
     def _restore_run(self, frame: Keyframe) -> ReplayRun:
-        run = _decode(frame, self._shared, self._where)
+        run = _decode_run(frame, self._shared, self._where)
         try:
             run.replay.entries = PositionedEntries(self._journal, frame.steps, frame.beyond)
         except StopIteration:
@@ -167,7 +167,7 @@ class Keyframes:
         return run
 
 
-def _decode(
+def _decode_run(
     frame: Keyframe, shared: SharedObjects, where: str, instead: StandIns = NO_STAND_INS
 ) -> ReplayRun:
     run = decode_state(frame.decompress_state(where), shared, where, instead)
@@ -181,4 +181,4 @@ def restore_run(frame: Keyframe, begins: RunBegins, where: str) -> tuple[ReplayR
     """Return the run of a keyframe, still without entries, and its shared objects; raise UserError."""
     files = FilesRead(begins.folder, begins.files, begins.digests)
     shared = SharedObjects(roots_of(begins, files))
-    return _decode(frame, shared, where), shared
+    return _decode_run(frame, shared, where), shared

@@ -185,7 +185,7 @@ class ReplayedPartners(ReplaySeam):
             partner = socket.partner
             if partner is not None:
                 self._compare_acts(partner.acts, before, partner.was_reset)
-                unread = self._arrived(socket) - socket.read
+                unread = self._arrivals(socket) - socket.read
                 if unread > max(partner.most_unread, MOST_UNREAD):
                     self.note_guess(GuessReason.PARTNER)  # the window closes
                 if partner.is_full and socket.read >= partner.whole:
@@ -338,9 +338,9 @@ class ReplayedPartners(ReplaySeam):
             return self._peek(socket) is not None
         if socket.attempt is not None:
             return self._has_come(socket.attempt.answered)
-        return self._arrived(socket) > socket.read or self._peek(socket) is not None or self._is_over(socket)
+        return self._arrivals(socket) > socket.read or self._peek(socket) is not None or self._is_over(socket)
 
-    def _arrived(self, socket: _Socket) -> int:
+    def _arrivals(self, socket: _Socket) -> int:
         """Return how many bytes have come in all, known ones or not."""
         return socket.partner.size_at(CallPlace(self.scan, self._calls)) if socket.partner is not None else 0
 
@@ -412,7 +412,7 @@ class ReplayedPartners(ReplaySeam):
             return fault, b""
         if not partner.is_known and partner.read < socket.read + size:
             self.note_guess(GuessReason.BYTES)
-        there = self._arrived(socket)
+        there = self._arrivals(socket)
         size = min(size, there - socket.read)
         if size > 0:
             data = partner.bytes_at(socket.read, socket.read + size)
@@ -463,7 +463,7 @@ class ReplayedPartners(ReplaySeam):
         return size
 
     def _count_unread(self, socket: _Socket) -> int:
-        return max(0, self._arrived(socket) - socket.read)  # bytes, or messages
+        return max(0, self._arrivals(socket) - socket.read)  # bytes, or messages
 
     def _at_unread(self, owner: str, handle: int) -> int:
         socket = self._sockets.get(handle)
@@ -511,7 +511,7 @@ class ReplayedPartners(ReplaySeam):
         self._seen.pop(Handle(handle), None)
         partner = socket.partner if socket is not None else None
         if socket is not None and partner is not None:  # a close with unread bytes sends RST (RFC 1122)
-            how = RESET if call == RESET or self._arrived(socket) > socket.read else CLOSED
+            how = RESET if call == RESET or self._arrivals(socket) > socket.read else CLOSED
             self._match(partner.acts, (how,), partner.was_reset and self._is_over(socket))
         failed = self._get_recorded_answer(owner, call)
         return failed if isinstance(failed, Fault) else None

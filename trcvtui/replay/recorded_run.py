@@ -213,21 +213,21 @@ class RecordedRun:
     def read_beginning(self, entries: Iterator[Entry]) -> None:
         """Take the entries before the first command or scan; `advance` takes these, scan by scan."""
         self._entries, self._next = entries, next(entries, None)
-        self._read_to(BENCH_CALLS)
+        self._read_up_to(BENCH_CALLS)
 
     def advance(self) -> None:
-        self._read_to((STEP,))
+        self._read_up_to((STEP,))
         if self._next is not None:
-            self._read_one(self._next)
-        self._read_to(BENCH_CALLS)
+            self._read_next(self._next)
+        self._read_up_to(BENCH_CALLS)
 
-    def _read_to(self, calls: tuple[str, ...]) -> None:
+    def _read_up_to(self, calls: tuple[str, ...]) -> None:
         while (entry := self._next) is not None:
             if isinstance(entry, CallRecord) and entry.owner == BENCH_OWNER and entry.call in calls:
                 return
-            self._read_one(entry)
+            self._read_next(entry)
 
-    def _read_one(self, entry: Entry) -> None:
+    def _read_next(self, entry: Entry) -> None:
         self.add_entry(entry)
         self._next = next(self._entries, None)
 
@@ -496,12 +496,12 @@ class RecordedRun:
 
     def _note_close(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         partner = self._partners.get(handle)
-        self._end(owner, handle, RESET if partner is not None and partner.whole > partner.read else CLOSED)
+        self._free(owner, handle, RESET if partner is not None and partner.whole > partner.read else CLOSED)
 
     def _note_abort(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
-        self._end(owner, handle, RESET)
+        self._free(owner, handle, RESET)
 
-    def _end(self, owner: str, handle: int, how: str) -> None:
+    def _free(self, owner: str, handle: int, how: str) -> None:
         now = CallPlace(self.scan, self._calls)
         if handle in self._dialled:
             self._dialled.pop(handle)[1].gone = now

@@ -160,7 +160,7 @@ class LinkStatistics:
         link.failures[key] = FailureCount(*key, count, at, injected, event.peer)
         said, link.said = link.said, None
         if fault is None or fault.call != "session":
-            said = None
+            said = None  # another call has failed
         peer = event.peer or (said.peer if said else "")
         cause = cause_of_fault(fault, peer) if fault else Cause(CauseKind.WAITING, str(event.what), peer=peer)
         link.attempt = FailedAttempt(at, replace(cause, detail=event.detail), said=said.why if said else "")

@@ -159,7 +159,7 @@ class NewestRows:
         gap_ns = t_ns - of.last_ns if of.last_ns is not None else None
         of.last_ns = t_ns
         if scan <= self._after:
-            return
+            return  # a keyframe has it; the file begins later
         is_kept = 0 < len(pieces) <= MOST_PIECES
         others = tuple(pieces) if is_kept and len(pieces) > 1 else ()
         position = pieces[0][0] if is_kept else -1
@@ -170,7 +170,7 @@ class NewestRows:
         of.count += 1
         is_full = self._total >= MOST_ROWS
         if is_full and len(of.rows) <= MOST_ROWS // len(self._by_instance):
-            of = max(self._by_instance.values(), key=lambda each: len(each.rows))
+            of = max(self._by_instance.values(), key=lambda each: len(each.rows))  # the most rows give way
         if is_full or len(of.rows) > MOST_INSTANCE_ROWS:
             of.rows.popleft()
         else:

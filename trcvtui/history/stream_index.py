@@ -251,7 +251,7 @@ class StreamIndex:
             return
         ends = event.peer, event.local
         newest, claimed = self._newest.get(ends, 0), self._claimed.get(ends, -1)
-        turn = newest if newest > claimed else claimed + 1
+        turn = newest if newest > claimed else claimed + 1  # Rule 2
         self._claimed[ends] = turn
         self._links[event.connection, event.incarnation] = ends, turn
         if len(self._links) > KEPT_LINKS:

@@ -73,7 +73,7 @@ class PinHistory:
         """Return the oldest `most` of the kept changes after `number`."""
         kept = len(self._changes)
         fresh = min(kept, self.total - number)
-        if fresh < kept // 2:
+        if fresh < kept // 2:  # a deque is quick from the nearer end
             return [*islice(reversed(self._changes), max(0, fresh))][::-1][:most]
         return list(islice(self._changes, kept - fresh, kept - fresh + most))
 

@@ -117,7 +117,7 @@ class ArrivalRecorder:
                 queue.dropped = found.dropped
             return
         self._note_bytes(handle, queue, found, flags)
-        if found.end and not queue.has_ended:
+        if found.end and not queue.has_ended:  # the poll keeps seeing it
             queue.has_ended = True
             self._log.note_wire(self._get_owner(handle), ENDED, handle, (found.end,), None, b"")
             self._log_arrival(ENDED, handle, (handle, flags), found.end)

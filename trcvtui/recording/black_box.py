@@ -140,7 +140,7 @@ class BlackBox:
         with suppress(UserError):
             found = decode_value(content, "the state of the black box")
             if isinstance(found, Keyframe):
-                return [found._replace(steps=found.steps + self._state_from)]
+                return [found._replace(steps=found.steps + self._state_from)]  # of the whole run
         return []
 
     def _set_end_text(self, text: str) -> None:
@@ -150,7 +150,7 @@ class BlackBox:
         """Start the writer of a new file and send it all that is kept; raise UserError."""
         if self._off_reason:
             raise mistake("prompt", self._off_reason, "`trcvtui run FILE --record`, which keeps all")
-        if os.path.lexists(path):
+        if os.path.lexists(path):  # a broken link, too
             raise mistake("prompt", f"{path}, which is there already", "the name of a new file")
         if not path.absolute().parent.is_dir():
             raise mistake("prompt", f"{path}: no such folder", "a file in a folder that is there")
@@ -173,7 +173,7 @@ class BlackBox:
         if self._passed:
             first.add_entry(EntriesLost(self._passed, TRIMMED_REASON))
             for frame in self._frames:
-                if frame.scan > self._passed_scans:
+                if frame.scan > self._passed_scans:  # else its next scan is dropped
                     first.add_entry(frame._replace(steps=frame.steps - self._passed_scans))
         return [(first.encode(), 0), *((old.block, old.entries) for old in self._kept)]
 

@@ -271,7 +271,7 @@ class NumberedFiles:
             return
         more = max(self._limits.split, sizes[-2] - sizes[-1])  # bytes that the new file may get
         self._least_ring = max(self._least_ring, sum(sizes[-2:]) + more)
-        while len(sizes) > 1 and sum(sizes) + more > ring:
+        while len(sizes) > 1 and sum(sizes) + more > ring:  # the new file stays
             gone = self._files.pop(0)  # of this run: Rule 1
             gone.unlink(missing_ok=True)
             self._lacking = [name for name in self._lacking if name != gone.name]

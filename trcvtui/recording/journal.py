@@ -222,7 +222,7 @@ def is_valid_answer(entry: CallRecord) -> bool:
     got, data = cast(tuple[object, bytes], answer)
     size = got if isinstance(got, int) else got.size if isinstance(got, Datagram) else 0
     most = args[1] if len(args) > 1 else None
-    return size == len(data) and isinstance(most, int) and size <= most
+    return size == len(data) and isinstance(most, int) and size <= most  # it goes into a buffer of `most`
 
 
 # -- bytes -----------------------------------------------------------------------------------------------

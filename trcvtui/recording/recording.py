@@ -236,7 +236,7 @@ class Recording:
         try:
             while piece := read(pcap.CHUNK_BYTES):
                 size += os.write(handle, piece)
-                if size > MOST_UNPACKED_BYTES:
+                if size > MOST_UNPACKED_BYTES:  # a zip bomb would fill the memory
                     expected = f"{MOST_UNPACKED_BYTES} at most: unpack it with gunzip first"
                     raise mistake(self.path, "more bytes in the .gz", expected)
         except EOFError as failed:

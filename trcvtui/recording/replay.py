@@ -74,7 +74,7 @@ class ReplaySeam:
             entry = self._find_entry(owner, call, args)
         answer = entry[3]
         if call == STEP:
-            if cast(int, answer) < self._now:
+            if cast(int, answer) < self._now:  # of a changed file
                 raise self._make_error(_describe_call(owner, call, args), "a time that does not go back")
             self._now = cast(int, answer)
         self.front = next(self.entries, None)

@@ -80,7 +80,7 @@ class RunPackets:
             self._scan_from = len(self.packets)
 
     def _handle_options(self, entry: CallRecord) -> None:
-        if entry.args[-1]:
+        if entry.args[-1]:  # it has a session
             self._layered.add(_get_handle(entry))
 
     def _handle_close(self, entry: CallRecord) -> None:
@@ -120,7 +120,7 @@ class RunPackets:
             flow, is_whole = flows[0], entry.answer == entry.args[1]
             if is_whole:
                 end = flow.whole if flow.is_stream else flow.told - 1
-                flow.ends.append((self.wire.scan + (not flow.is_part), end))
+                flow.ends.append((self.wire.scan + (not flow.is_part), end))  # of one call: a scan later
             flow.is_part = not is_whole
 
     def _handle_probe(self, entry: CallRecord) -> None:
@@ -161,7 +161,7 @@ class RunPackets:
         connect, status, busy, done, error, length = (*shows.args, *[None] * 6)[:6]
         ours, theirs = self.wire.newest.get(str(connect), NO_FLOWS)
         readers = self._readers.setdefault(str(connect), set())
-        if length is not None:
+        if length is not None:  # RCVD_LEN: it receives
             readers.add(shows.owner)
         if not (done or error) or not isinstance(status, int):
             if not busy and readers == {shows.owner}:  # its job was cancelled

@@ -62,7 +62,7 @@ class SharedObjects:
             one = waiting.pop()
             kind = type(one)
             is_long = kind in (str, bytes) and len(cast(bytes, one)) > _SHORT_BYTES
-            if id(one) in self.numbers or isinstance(one, (Enum, type, FunctionType)):
+            if id(one) in self.numbers or isinstance(one, (Enum, type, FunctionType)):  # the last are named
                 continue
             if kind in _ATOM_TYPES and not is_long:
                 continue
@@ -185,7 +185,7 @@ class _StateEncoder:
         if isinstance(state, dict) and not hasattr(type(one), "__setstate__"):
             fields = state
         elif isinstance(state, tuple) and len(state) == 2 and isinstance(state[1], dict) and how == BY_NEW:
-            fields = {**(state[0] or {}), **state[1]}
+            fields = {**(state[0] or {}), **state[1]}  # of a class with __slots__
         elif state is not None:
             fields = {"": state}  # what __setstate__ takes
         listed = [] if items is None else [*items]

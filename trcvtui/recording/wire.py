@@ -195,7 +195,7 @@ class WirePackets:
         port = end.port
         if not port:  # unknown: make one up
             port, self._port = self._port, FIRST_MADE_UP_PORT + (self._port - FIRST_MADE_UP_PORT + 1) % 16_384
-        usual = "127.0.0.1" if is_loopback(other.address) else self._address
+        usual = "127.0.0.1" if is_loopback(other.address) else self._address  # as a stack chooses
         return Endpoint(usual if end.address == ANY_ADDRESS else end.address, port)
 
     # -- TCP --------------------------------------------------------------------------------------------
@@ -298,7 +298,7 @@ class WirePackets:
                 self.flows[call.handle][0].whole += len(call.data)
         elif call.data:
             yield from self._add_data(call, stream, 0, call.data)
-        elif not stream.has_ended[0]:
+        elif not stream.has_ended[0]:  # after our end a send fails without a packet
             yield from self._handle_fault(call, stream, call.answer)
 
     def _add_data(self, call: WireCall, stream: _TcpStream, side: int, data: bytes) -> Iterator[WirePacket]:
@@ -385,7 +385,7 @@ class WirePackets:
         source, target = stream.ends[side], stream.ends[1 - side]
         flow, other = stream.flows[side], stream.flows[1 - side]
         at = flow.told if at < 0 else at
-        sequence = at + (1 if payload else stream.controls[side]) & 0xFFFFFFFF
+        sequence = at + (1 if payload else stream.controls[side]) & 0xFFFFFFFF  # SYN has taken number 0
         seen = other.told + stream.controls[1 - side] & 0xFFFFFFFF
         stream.controls[side] += 1 if flags & (SYN | FIN) else 0
         window = FULL_WINDOW if side else max(0, FULL_WINDOW - (other.whole - other.taken))
@@ -474,7 +474,7 @@ class WirePackets:
             inner = 0xFFFF
         head = head[:sum_at] + inner.to_bytes(2, "big") + head[sum_at + 2 :]
         self._number = self._number + 1 & 0xFFFF
-        fields = 0x45, 0, 20 + size, self._number, 0x4000, 64, protocol
+        fields = 0x45, 0, 20 + size, self._number, 0x4000, 64, protocol  # not to be fragmented
         outer = checksum(_PACK_IP(*fields, 0, ends[:4], ends[4:]))
         return _PACK_IP(*fields, outer, ends[:4], ends[4:]) + head + payload
 

@@ -138,7 +138,7 @@ class WriterProcess:
                     self._waiting[0] = first[written:]
                 else:
                     self._waiting.popleft()
-        except BlockingIOError:
+        except BlockingIOError:  # the pipe is full
             return
         except OSError:
             self._handle_writer_end()
@@ -158,7 +158,7 @@ class WriterProcess:
         if self.is_over:
             return
         if not self.trouble and not self._stdin.closed:
-            os.set_blocking(self._pipe, True)
+            os.set_blocking(self._pipe, True)  # the run is over: this may wait
             self._posted_at = 0
             self.advance()
         line = self._end_process()
@@ -248,7 +248,7 @@ def run_writer(settings: str, sink: Callable[[RecordTarget], BlockSink], path: s
         _write_answer("\t".join(map(one_line, (problem.where, problem.found, problem.expected))))
     except OSError as failed:
         _write_answer(f"{one_line(path)}\t{failed.strerror}\troom for the recording")
-    except Exception as wrong:
+    except Exception as wrong:  # the run has to learn of it
         _write_answer(f"{one_line(path)}\t{one_line(describe_program_error(wrong))}\ta recording")
 
 

@@ -91,7 +91,7 @@ def test_a_device_and_a_file_that_is_too_large_are_refused(
     large.write_bytes(b"0" * 1001)
     assert (
         refusal(read_hex_argument, f"@{large}")
-        == f"{large}: found more than that, expected at most 1000 bytes"
+        == f"{large}: found a larger input, expected at most 1000 bytes"
     )
     assert (
         refusal(read_hex_argument, "@/dev/zero")
@@ -123,7 +123,7 @@ def test_a_type_may_come_on_stdin_once(
         assert refusal(read_types, "-").startswith(f"stdin: found {found}")
     once = SimpleNamespace(file="-", others=[], constant=[], hex=["-"])
     assert refusal(lambda given: read_all_types(given, None), once) == (
-        "stdin: found it more than once, expected one on stdin, the others in files"
+        "stdin: found - more than once, expected one input on stdin, the others in files"
     )
     put_on_stdin(monkeypatch, b"STRUCT a : INT; END_STRUCT")
     monkeypatch.setattr(sys.stdin.buffer, "isatty", lambda: True, raising=False)

@@ -1,4 +1,4 @@
-"""What a source file declares, before names are looked up: each name still knows where it stands.
+"""What a source file declares, before names are looked up: each name keeps its place in the file.
 
 Every source format is read into these values; `type_set.py` turns them into types.
 """
@@ -13,7 +13,7 @@ from trcvtui.udt.types import Pointer, StringType, Unplaced
 # Baosky allows 6 or 8 levels; beyond this no tool in the field follows.
 MOST_NESTED = 32
 MOST_DIMENSIONS = 8
-NO_LENGTH = -1  # in place of a width: an ARRAY OF `spec` without a length at the end, which is no member
+NO_LENGTH = -1  # as a `width`: an ARRAY OF `spec` without a length at the end of a type of C, not a member
 CPP_NOTE = "this is C++"
 PACK_MODES = (0, 1, 2, 4, 8)  # what a pack_mode may be
 
@@ -36,7 +36,7 @@ class Reference(NamedTuple):
 
 
 class TextSpec(NamedTuple):
-    """STRING or WSTRING whose length is a formula; one with a plain length is a `StringType` at once."""
+    """STRING or WSTRING whose length is a formula; with a plain length it is a `StringType` right away."""
 
     length: Formula
     wide: bool
@@ -52,14 +52,12 @@ class RangeSpec(NamedTuple):
 
 
 class ArraySpec(NamedTuple):
-    """ARRAY with its bounds."""
-
     bounds: tuple[tuple[Number, Number], ...]
     element: Spec
 
 
 class MemberSpec(NamedTuple):
-    """One member of a STRUCT or UNION; `width` is that of a bit-field of C, which is no member."""
+    """One member of a STRUCT or UNION; with a `width` it is a bit-field of C, which only takes room."""
 
     name: str
     spec: Spec
@@ -70,7 +68,7 @@ class MemberSpec(NamedTuple):
 class StructSpec(NamedTuple):
     """STRUCT, or UNION; `base` is what it EXTENDS, `pack` its pack_mode attribute in bytes.
 
-    A class of C++ `is_class`: it may lie in the padding at the end of its base.
+    `is_class`: a class of C++, whose members may begin in the padding at the end of its base.
     """
 
     members: tuple[MemberSpec, ...]
@@ -81,10 +79,10 @@ class StructSpec(NamedTuple):
 
 
 class EnumSpec(NamedTuple):
-    """Enumeration; no base is the layout's own (INT for most).
+    """Enumeration; without a `base` the layout chooses it (INT for most).
 
-    A value of None is one more than the value before it, the first one 0. Those of a scoped one are known
-    in it alone.
+    A value of None is one more than the value before it, the first one is 0. `is_scoped`: its names are
+    known only inside it.
     """
 
     base: Reference | None
@@ -92,15 +90,15 @@ class EnumSpec(NamedTuple):
     is_scoped: bool = False
 
 
-# A type without names to look up is itself its specification.
+# A type that names no other type is its own specification.
 Spec = Reference | StringType | Pointer | Unplaced | TextSpec | RangeSpec | ArraySpec | StructSpec | EnumSpec
 
 
 class Declaration(NamedTuple):
-    """One declared type; `problems` are mistakes in its own text, `spec` is None when nothing is left.
+    """One declared type; `problems` are mistakes in its own text, `spec` is None if they leave nothing.
 
-    `notes` are no mistakes: what is to be shown beside the type (optimised access, another name).
-    `is_data`: a data block or variables, which no member can be of.
+    `notes` are shown beside the type and are not mistakes (optimised access, another name).
+    `is_data`: a data block or variables, which cannot be the type of a member.
     """
 
     name: str
@@ -112,17 +110,15 @@ class Declaration(NamedTuple):
 
 
 class Constant(NamedTuple):
-    """A constant that a file declares, and where."""
-
     name: str
     number: Number
     where: str = ""
 
 
 class SenderLayout(NamedTuple):
-    """The layout that most senders of a `source` such as TwinCAT have.
+    """The layout that most senders have whose types come from a `source` such as TwinCAT.
 
-    Without a source the file itself stands for it (a TIA source: s7-standard): its types are laid out so.
+    Without a `source` the file itself decides the layout of its types (a TIA source: s7-standard).
     """
 
     layout: str = ""
@@ -130,10 +126,10 @@ class SenderLayout(NamedTuple):
 
 
 class Declarations(NamedTuple):
-    """All of a file: its types in order, the mistakes that belong to no type, and constants it declares.
+    """One file: its types in order, the mistakes that belong to no type, its constants.
 
-    `others` are the blocks in it that declare no type, such as FUNCTION_BLOCK. `copies` are types that other
-    files declare: each counts where none of them is given.
+    `others` are the words of its blocks that declare no type, such as FUNCTION_BLOCK. `copies` are types of
+    other files, repeated in this one: each is used if none of those files is given.
     """
 
     types: tuple[Declaration, ...]
@@ -145,7 +141,7 @@ class Declarations(NamedTuple):
 
 
 def strip_places(part: Any) -> Any:
-    """Return a part of a declaration without its places."""
+    """Return a part of a declaration as a value that is equal wherever it was declared."""
     if isinstance(part, tuple):
         names = getattr(part, "_fields", ())
         kept = [each for at, each in enumerate(part) if names[at : at + 1] != ("where",)]

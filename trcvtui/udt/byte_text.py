@@ -1,6 +1,6 @@
-"""Bytes as text: hex read, the forms of other tools, a dump as `hexdump -v -C`, what can be looked for.
+"""Bytes as text: parses hex, writes the forms of other tools and a `hexdump -v -C`, searches bytes.
 
-Rule: the first thing that is no hex is named with its place; nothing is guessed. A search says what it takes.
+Rule: the first character that is not hex is named with its place; nothing is guessed.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _LONGEST_SHOWN: Final = 20
 
 
 def parse_hex(text: str, where: str = "hex") -> bytes:
-    """Return the bytes of hex text; raise UserError with the position of the first thing that is no hex.
+    """Return the bytes of hex text; raise UserError with the position of the first thing that is not hex.
 
     A group is whole bytes, two digits each; a lone digit (`0x1`, or `1` between blanks) is one byte.
     """
@@ -69,7 +69,7 @@ def _make_hex_error(text: str, place: int, where: str, found: str) -> UserError:
     return mistake(f"{where}, line {text.count(chr(10), 0, place) + 1}, column {column}", found, EXPECTED_HEX)
 
 
-# Each returns the bytes in the form of its name; `name` is the variable, where the form has one.
+# Each returns the bytes in the form of its name; `name` is the variable, if the form has one.
 
 
 def hex_lines(content: bytes, name: str = "") -> str:
@@ -99,7 +99,7 @@ def python_bytes(content: bytes, name: str) -> str:
 
 
 def base64_text(content: bytes, name: str = "") -> str:
-    import base64  # only who asks for it pays for it
+    import base64  # here, since the other forms do not need it
 
     return base64.b64encode(content).decode("ascii")
 
@@ -110,12 +110,12 @@ def _format_rows(content: bytes, form: str, between: str) -> Iterator[str]:
 
 
 def identifier(name: str) -> str:
-    """Return the name as a variable may be called in each of these languages."""
+    """Return the name as a legal variable name of all these languages."""
     word = re.sub(r"\W", "_", name, flags=re.ASCII)
     return word if word and not word[0].isdigit() else f"_{word}"
 
 
-# What `udt encode --format` takes; `hex` is one line, as the contract has it.
+# The choices of `udt encode --format`; `hex` is one line, as the contract requires.
 BYTE_FORMS: Final[dict[str, Callable[[bytes, str], str]]] = {
     "hex": lambda content, name: content.hex(" "),
     "iec": iec_list,
@@ -126,7 +126,7 @@ BYTE_FORMS: Final[dict[str, Callable[[bytes, str], str]]] = {
 }
 
 
-# Rule: `29 00` is hex, `"abc"` a text, `=41` and `=-1.5` a number in all sizes that hold it.
+# Rule: `29 00` is hex, `"abc"` a text, `=41` and `=-1.5` a number in every size that can hold it.
 
 SEARCH_WHERE: Final = "find"
 EXPECTED_SEARCH: Final = "hex such as 29 00, a text such as abc, or a number such as =41 or =1234.5"
@@ -137,14 +137,14 @@ _REAL_CODES: Final = (("REAL", "f"), ("LREAL", "d"))
 
 @dataclass(frozen=True, slots=True)
 class SearchPatterns:
-    """What is looked for: any of `patterns`; `about` says it in words."""
+    """Any of `patterns` is a hit; `about` describes them."""
 
     patterns: tuple[bytes, ...]
     about: str
 
 
 def parse_search(text: str) -> SearchPatterns:
-    """Return what a text asks for: a text in quotes, hex, else a text; raise UserError."""
+    """Return the patterns of a text in quotes, a `=` number, hex, else of the text; raise UserError."""
     text = text.strip()
     if text[:1] in ('"', "'"):
         found = _parse_text_search(text)
@@ -186,7 +186,7 @@ def _parse_number_search(text: str) -> SearchPatterns:
     if not found:
         raise mistake(SEARCH_WHERE, text, "a number of at most 64 bits")
     if value == 0:
-        found = found[:2]  # a LINT 0 is found where an INT 0 is
+        found = found[:2]  # INT alone: a DINT or LINT 0 is a hit of an INT 0 already
     return _make_patterns(found)
 
 
@@ -214,13 +214,13 @@ def _make_patterns(found: list[tuple[str, bytes]]) -> SearchPatterns:
 
 
 def find_first(content: bytes, patterns: tuple[bytes, ...], start: int = 0) -> int | None:
-    """Return the first place from `start` on at which one of the patterns stands."""
+    """Return the first place of any pattern from `start` on."""
     found = [place for pattern in patterns if (place := content.find(pattern, max(0, start))) >= 0]
     return min(found, default=None)
 
 
 def find_last(content: bytes, patterns: tuple[bytes, ...], before: int) -> int | None:
-    """Return the last place before `before` at which one of the patterns stands."""
+    """Return the last place of any pattern before `before`."""
     if before <= 0:
         return None
     found = [place for p in patterns if (place := content.rfind(p, 0, before - 1 + len(p))) >= 0]
@@ -228,7 +228,7 @@ def find_last(content: bytes, patterns: tuple[bytes, ...], before: int) -> int |
 
 
 def find_all(content: bytes, patterns: tuple[bytes, ...]) -> Iterator[range]:
-    """Return the bytes of every place, for one pattern after the other."""
+    """Yield the range of bytes of every hit, for one pattern after the other."""
     for pattern in patterns:
         place = content.find(pattern)
         while place >= 0:
@@ -237,11 +237,11 @@ def find_all(content: bytes, patterns: tuple[bytes, ...]) -> Iterator[range]:
 
 
 MOST_HITS: Final = 10_000
-MOST_BYTES_COUNTED: Final = 1024 * 1024  # bytes for all patterns together: of more the hits are not counted
+MOST_BYTES_COUNTED: Final = 1024 * 1024  # bytes times patterns; beyond it hits are not counted
 
 
 def describe_hit(runs: Sequence[tuple[int, bytes]], patterns: tuple[bytes, ...], place: int) -> str:
-    """Return `hit 2 of 7`: which one a place is; "" where there is too much to be counted."""
+    """Return `hit 2 of 7` for a place; "" if there are too many bytes or hits to count."""
     if sum(len(content) for _, content in runs) * len(patterns) > MOST_BYTES_COUNTED:
         return ""
     found = (start + match.start for start, content in runs for match in find_all(content, patterns))

@@ -1,6 +1,6 @@
-"""What a user hands to `trcvtui udt`: hex or JSON as an argument, a file or stdin.
+"""The input of `trcvtui udt`: hex or JSON from an argument, a file or stdin.
 
-Rule: every mistake is one line with its place; what is no text, or too large, is refused.
+Rule: every mistake is one line with its place; binary or too large input is refused.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from trcvtui.files import read_bytes, reason_of
 from trcvtui.udt.ast import Declarations
 
 STDIN: Final = "-"
-LARGEST_INPUT: Final = 16 * 1024 * 1024  # bytes of a file or of stdin; a job has 65535
+LARGEST_INPUT: Final = 16 * 1024 * 1024  # bytes of a file or of stdin; a job has at most 65535
 EXPECTED_JSON: Final = 'a JSON object such as {"speed": 12.5}'
 
 
@@ -28,11 +28,11 @@ def read_hex_argument(given: str) -> bytes:
 
 
 def read_messages(given: str) -> list[bytes]:
-    """Return the bytes as messages: a file, and stdin, may have several, with an empty line between them."""
+    """Return the messages in the input: in a file or on stdin an empty line separates them."""
     from trcvtui.udt.byte_text import parse_hex
 
     text, where = _read_hex_text(given)
-    parse_hex(text, where)  # so that a mistake is told with its line in the file
+    parse_hex(text, where)  # first as a whole: a mistake then has its line in the file
     messages = [text] if text == given else re.split(r"\n[ \t\r]*\n", text)
     found = [message for part in messages if (message := parse_hex(part))]
     if not found:
@@ -53,7 +53,7 @@ def read_types(name: str) -> Declarations:
 
 
 def read_values(name: str) -> dict[str, object]:
-    """Return the JSON object that stands in a file, or on stdin for `-`."""
+    """Return the JSON object in a file, or on stdin for `-`."""
     import json
 
     where, text = where_of(name), _read_text(name)
@@ -64,7 +64,7 @@ def read_values(name: str) -> dict[str, object]:
         place = f"{where}, line {wrong.lineno}, column {wrong.colno}"
         raise mistake(place, f"no JSON ({wrong.msg})", EXPECTED_JSON) from None
     except ValueError:  # Python reads no number of more than 4300 digits
-        raise mistake(where, "a number of too many digits", EXPECTED_JSON) from None
+        raise mistake(where, "a number with too many digits", EXPECTED_JSON) from None
     except RecursionError:
         raise mistake(where, "brackets nested too deeply", EXPECTED_JSON) from None
     if not isinstance(values, dict):
@@ -72,7 +72,7 @@ def read_values(name: str) -> dict[str, object]:
     return values
 
 
-# Python takes these, and changes them without a word.
+# Python reads 1e999 as infinity and keeps the last of equal keys: here both are mistakes.
 
 
 def _parse_float(where: str, text: str) -> float:
@@ -95,7 +95,7 @@ _JSON_KIND_NAMES: Final = {list: "a list", str: "a text", bool: "true or false",
 
 
 def _read_hex_text(given: str) -> tuple[str, str]:
-    """Return hex text, and where it stands."""
+    """Return hex text, and where it came from."""
     if given != STDIN and not given.startswith("@"):
         return given, "HEX"
     name = given.removeprefix("@")
@@ -103,7 +103,7 @@ def _read_hex_text(given: str) -> tuple[str, str]:
 
 
 def where_of(name: str) -> str:
-    """Return what messages call a file, or stdin."""
+    """Return the name of a file, or of stdin, in messages."""
     return "stdin" if name == STDIN else name
 
 
@@ -113,7 +113,7 @@ def _read_input(name: str) -> bytes:
     except (OSError, ValueError) as failed:
         raise mistake(where_of(name), reason_of(failed), "text that can be read") from None
     if len(data) > LARGEST_INPUT:
-        raise mistake(where_of(name), "more than that", f"at most {LARGEST_INPUT} bytes")
+        raise mistake(where_of(name), "a larger input", f"at most {LARGEST_INPUT} bytes")
     return data
 
 
@@ -131,5 +131,5 @@ def _read_stdin() -> bytes:
     if stdin is None:
         raise OSError("nothing, it is closed")
     if stdin.isatty():
-        sys.stderr.write("note: reading what you type or paste; Ctrl+D in a line of its own ends it\n")
-    return bytes(stdin.read(LARGEST_INPUT + 1))
+        sys.stderr.write("note: reading what you type or paste; Ctrl+D on an empty line ends it\n")
+    return bytes(stdin.read(LARGEST_INPUT + 1))  # one more: `_read_input` refuses it

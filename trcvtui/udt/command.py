@@ -1,6 +1,6 @@
-"""`trcvtui udt`: from what stands on the command line to the text on stdout.
+"""`trcvtui udt`: from the command line to the text on stdout.
 
-Rule: what only one of the commands needs is imported by that command; these sit in shell loops.
+Rule: what only one command needs is imported by that command, since shell loops call them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from trcvtui.udt.types import Enumeration, Struct, Type, Union, all_parts
 
 
 def notes_of(types: TypeSet, name: str, type_: Type, rules: LayoutRules) -> list[str]:
-    """Return each note of a type and of all types in it once, with the name of its type before it."""
+    """Return each note of a type and of all types in it once, after the name of its type."""
     found = {f"{name}: {note}": None for note in types.notes.get(name.casefold(), ())}
     for inner in all_parts(type_):
         if isinstance(inner, Struct | Union | Enumeration):
@@ -50,14 +50,14 @@ def _find_hints(type_: Struct | Union | Enumeration, rules: LayoutRules) -> Iter
         yield f"its packing ({pack}) is not applied by the layout {rules.name}; codesys-N and c apply it"
 
 
-# What a message calls the fields of a choice that have no option's name in it.
+# How a message names these fields of a choice; the others by their option.
 OPTION_NAMES: Final = {"layout": "layout", "byte_order": "byte order", "text": "STRING form"}
 
 
 def list_types(args: SimpleNamespace) -> tuple[str, bool]:
-    """Return the answer of `udt types`, and whether one is good: each as its source lays it out, or why not.
+    """Return the answer of `udt types`, and whether one type is good: each has its layout or its problems.
 
-    `sender` is the layout of the type's sender, where the source tells one.
+    `sender` is the layout of the type's sender, if the source suggests one.
     """
     from trcvtui.udt.report import json_lines
     from trcvtui.wording import format_columns
@@ -77,7 +77,7 @@ def list_types(args: SimpleNamespace) -> tuple[str, bool]:
             rows[-1]["problems"] = [str(suggest_option(each)) for each in refused.problems]
         rows[-1]["sender"] = types.sender(name).layout or None
     if not rows:
-        _ = types.get_type(args.type, "--type") if args.type else types.only_name(own)  # has the line on that
+        _ = types.get_type(args.type, "--type") if args.type else types.only_name(own)  # raises the mistake
     is_good = any(row["layout"] for row in rows)
     write_notes([str(problem) for file in own for problem in file.problems])
     write_notes([] if is_good else [f"{where_of(args.file)}: no type that can be laid out"])
@@ -119,10 +119,10 @@ def encode(args: SimpleNamespace) -> str:
 
 
 def export(args: SimpleNamespace) -> str | None:
-    """Return the answer of `udt export`, None when a file has it."""
+    """Return the answer of `udt export`, None if it was written to a file."""
     from trcvtui.udt import exports
 
-    exports.check_arguments(args.to, args.port)  # before the file is read: the arguments come first
+    exports.check_arguments(args.to, args.port)  # mistakes in arguments before those in files
     text = exports.export(layout_of(args), args.to, args.port)
     if args.out is None:
         return text.removesuffix("\n")
@@ -136,8 +136,10 @@ def compare(args: SimpleNamespace) -> tuple[str, bool]:
     """Return the answer of `udt compare`, and whether both sides are equal."""
     from trcvtui.udt.compare.compare import Comparison, compare_json, compare_text, is_equal
 
-    (ours, told), (theirs, of_theirs) = [side.layout() for side in type_choices(args, *_split_sides(args))]
-    write_notes(dict.fromkeys([*told, *of_theirs]))
+    (ours, our_notes), (theirs, their_notes) = [
+        side.layout() for side in type_choices(args, *_split_sides(args))
+    ]
+    write_notes(dict.fromkeys([*our_notes, *their_notes]))
     comparison = Comparison(ours, theirs)
     data = read_hex_argument(" ".join(args.hex)) if args.hex else b""
     rows = list(comparison.rows(data))
@@ -146,22 +148,22 @@ def compare(args: SimpleNamespace) -> tuple[str, bool]:
 
 
 def fit(args: SimpleNamespace) -> tuple[str, bool]:
-    """Return the answer of `udt fit`, and whether one reading fits best; our side need not hold the type."""
-    from trcvtui.udt.compare.fit import rank as ranked
+    """Return the answer of `udt fit`, and whether one fits best; our layout need not hold the type."""
+    from trcvtui.udt.compare.fit import rank
     from trcvtui.udt.compare.fit_report import fit_json, fit_text
 
     [ours] = type_choices(args, args)
-    rules, told = ours.rules()
+    rules, notes = ours.rules()
     messages = read_messages(" ".join(args.hex))
-    fits = ranked(ours.type, messages, ours.name, own=rules, sender=ours.types.sender(ours.name).layout)
+    fits = rank(ours.type, messages, ours.name, own=rules, sender=ours.types.sender(ours.name).layout)
     try:
         name = lay_out(ours.type, rules, ours.name).name
     except UserError as refused:
         if not fits:
             raise
         name = fits[0].layout.name
-        told = [_refusal_text(name, rules, refused) + "the layouts that can are tried"]
-    write_notes([*told, *notes_of(ours.types, ours.name, ours.type, rules)])
+        notes = [_refusal_text(name, rules, refused) + "only layouts that can hold it are tried"]
+    write_notes([*notes, *notes_of(ours.types, ours.name, ours.type, rules)])
     is_sure = bool(fits) and fits[0].fits_best
     if args.format == "json":
         from trcvtui.udt.report import json_lines
@@ -172,14 +174,14 @@ def fit(args: SimpleNamespace) -> tuple[str, bool]:
 
 
 def choose_cure_sides(args: SimpleNamespace) -> tuple[LayoutRules, Layout]:
-    """Return our rules and their layout for `udt cure`: a layout option that is given once is theirs."""
+    """Return our rules and their layout for `udt cure`; a layout option given once is theirs."""
     for option in ("layout", "byte_order", "text"):
         given: list[str | None] = getattr(args, option)
         if len(given) == 1:
             setattr(args, option, [None, *given])
     ours, theirs = type_choices(args, *_split_sides(args))
-    (rules, told), (layout, of_theirs) = ours.rules(), theirs.layout()
-    write_notes(dict.fromkeys([*(told if ours.types.source_layout(ours.name) else []), *of_theirs]))
+    (rules, our_notes), (layout, their_notes) = ours.rules(), theirs.layout()
+    write_notes(dict.fromkeys([*(our_notes if ours.types.source_layout(ours.name) else []), *their_notes]))
     return rules, layout
 
 
@@ -187,7 +189,7 @@ def choose_cure_sides(args: SimpleNamespace) -> tuple[LayoutRules, Layout]:
 
 
 class TypeChoice(NamedTuple):
-    """A type by its name, and what was chosen of its layout."""
+    """A type with its name, and the layout options chosen for it."""
 
     types: TypeSet
     name: str
@@ -195,24 +197,24 @@ class TypeChoice(NamedTuple):
     choice: LayoutChoice = NO_CHOICE
 
     def rules(self) -> tuple[LayoutRules, list[str]]:
-        """Return the rules, and notes: the type's source decided on the layout, offsets are not verified."""
+        """Return the rules, with notes: a layout that the source decided, offsets that are not verified."""
         choice, name, sender = self.choice, self.name, self.types.sender(self.name)
         unsure = [f"{name}: {each}: {UNVERIFIED_NOTE}" for each in unverified_in(self.type)]
         if choice.layout is not None or not sender.layout:
             return choice.rules(), unsure
         if own := self.types.source_layout(name):
-            text = f"{name}: a Siemens source, laid out as {own}; --layout takes another"
+            text = f"{name}: a Siemens source, laid out as {own}; change it with --layout"
             return choice.rules(own), [text, *unsure]
         shown = choice.rules()
         text = f"a {sender.source} type, shown as {shown.name} receives it; the sender's layout is usually"
         return shown, [f"{name}: {text} {sender.layout}: --layout {sender.layout}"]
 
     def layout(self) -> tuple[Layout, list[str]]:
-        """Return the layout with its notes: that of the sender where ours cannot be and none was chosen."""
-        rules, told = self.rules()
+        """Return the layout with its notes; the sender's if none was chosen and ours cannot hold the type."""
+        rules, notes = self.rules()
         sender = self.types.sender(self.name).layout
         try:
-            return lay_out(self.type, rules, self.name), told
+            return lay_out(self.type, rules, self.name), notes
         except UserError as refused:
             if self.choice.layout is None and sender:
                 with suppress(UserError):
@@ -228,18 +230,15 @@ def _refusal_text(name: str, rules: LayoutRules, refused: UserError) -> str:
 
 
 def layout_of(args: SimpleNamespace) -> Layout:
-    """Return the layout that the arguments name, its notes on stderr; raise UserError with what is wrong."""
-    [asked] = type_choices(args, args)
-    layout, told = asked.layout()
-    write_notes([*told, *notes_of(asked.types, asked.name, asked.type, layout.rules)])
+    """Return the layout that the arguments name, and write its notes on stderr; raise UserError."""
+    [choice] = type_choices(args, args)
+    layout, notes = choice.layout()
+    write_notes([*notes, *notes_of(choice.types, choice.name, choice.type, layout.rules)])
     return layout
 
 
 def read_file_layout(path: str) -> tuple[Layout, SenderLayout]:
-    """Return the layout of the only type of a file that no other type holds, as its source lays it out.
-
-    With it the layout that a sender is likely to have.
-    """
+    """Return the layout of the one type in a file that no other type contains, and that of its sender."""
     types, own = read_all_types(SimpleNamespace(file=path, others=(), constant=()), None)
     inner = {
         part.name.casefold()
@@ -251,13 +250,13 @@ def read_file_layout(path: str) -> tuple[Layout, SenderLayout]:
     outer = [name for name in declared if name.casefold() not in inner]
     is_good = len(outer) == 1 and all(name.casefold() in types.types for name in declared)
     name = outer[0] if is_good else types.only_name(own)
-    layout, told = TypeChoice(types, name, types.get_type(name, path)).layout()
-    write_notes(told)
+    layout, notes = TypeChoice(types, name, types.get_type(name, path)).layout()
+    write_notes(notes)
     return layout, types.sender(name)
 
 
 def parse_layout_choice(args: SimpleNamespace) -> LayoutChoice:
-    """Return what the options say of the layout; raise UserError for one that says nothing known."""
+    """Return the layout options; raise UserError for an unknown value."""
     found: dict[str, Any] = {}
     for field in LayoutChoice._fields:
         if (text := getattr(args, field)) is not None:
@@ -267,7 +266,6 @@ def parse_layout_choice(args: SimpleNamespace) -> LayoutChoice:
 
 
 def write_notes(notes: Iterable[str]) -> None:
-    """Write notes on stderr."""
     for note in notes:
         sys.stderr.write(f"note: {one_line(note)}\n")
 
@@ -275,14 +273,14 @@ def write_notes(notes: Iterable[str]) -> None:
 def read_all_types(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[Declarations]]:
     """Return the types of FILE and of every `--with`, and what FILE declares.
 
-    What the named ones lack (None: those of FILE) comes from folders among these, then from beside FILE.
+    Types that `names` lack (None: those of FILE) come from folders among them, then from beside FILE.
     """
     from trcvtui.udt.sources.type_folder import PACKAGE_FILES, TypeFolder, find_types, packages_around
 
     paths = [args.file, *args.others]
     set_header_context(paths, getattr(args, "long_size", None))
     if [*paths, *getattr(args, "hex", ()), getattr(args, "values", "")].count(STDIN) > 1:
-        raise mistake(where_of(STDIN), "it more than once", "one on stdin, the others in files")
+        raise mistake(where_of(STDIN), "- more than once", "one input on stdin, the others in files")
     folders = [TypeFolder(path, f"in {path}") for path in paths if is_folder(path)]
     files: dict[str, list[Declarations]] = {}
     with raise_all_problems() as problems:
@@ -300,18 +298,18 @@ def read_all_types(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, 
     wanted = [name for name in names if name] or [each.name for file in own for each in file.types]
     given = [file for each in files.values() for file in each]
     where = ", ".join(map(where_of, paths))
-    types, told = find_types(given, folders, wanted, where, constants_of(args.constant))
-    write_notes(told)
+    types, notes = find_types(given, folders, wanted, where, constants_of(args.constant))
+    write_notes(notes)
     return types, own
 
 
 def suggest_option(problem: Problem) -> Problem:
-    """Return the problem with the option that mends it, where a name of another file is unknown."""
+    """Return the problem with the option that solves it, if a name of another file is unknown."""
     if problem.expected == KNOWN_TYPE:
         return replace(problem, expected=f"{KNOWN_TYPE}: --with FILE that declares it")
     name = unknown_name(problem)
     if problem.expected == unknown_constant(name):
-        if problem.found != f"'{name}'":  # several values, or none
+        if problem.found != f"'{name}'":  # declared, but with several values or none
             return replace(problem, expected=f"one number: --constant {name}=VALUE")
         expected = f"a known constant: --constant {name}=VALUE, or --with FILE that declares it"
         return replace(problem, expected=expected)
@@ -319,8 +317,8 @@ def suggest_option(problem: Problem) -> Problem:
 
 
 def type_choices(args: SimpleNamespace, *sides: SimpleNamespace) -> list[TypeChoice]:
-    """Return the type of each side, or the only one of FILE, with what its options say of the layout."""
-    choices = [parse_layout_choice(side) for side in sides]  # the arguments come first
+    """Return the type of each side (default: the only one of FILE) with its layout options."""
+    choices = [parse_layout_choice(side) for side in sides]  # mistakes in arguments before those in files
     types, own = read_all_types(args, *[side.type for side in sides])
     try:
         names = [types.only_name(own) if side.type is None else side.type for side in sides]
@@ -344,7 +342,7 @@ def _split_sides(args: SimpleNamespace) -> tuple[SimpleNamespace, SimpleNamespac
 
 
 def constants_of(given: Sequence[str]) -> dict[str, int]:
-    """Return the constants of `--constant NAME=VALUE`; raise UserError with every one that is none."""
+    """Return the constants of `--constant NAME=VALUE`; raise UserError with every bad one."""
     from trcvtui.udt.literals import parse_integer
 
     constants: dict[str, int] = {}

@@ -1,7 +1,7 @@
-"""Whole numbers with names in them: formulas, and the constants of a user, of files, of enumerations.
+"""Formulas with names in them, and the constants of the user, of files and of enumerations.
 
-Rules: a formula is data of a file: bounded, and never evaluated as Python. A whole name goes before the end
-of one, the user's before a file's; a name that could mean two numbers means none.
+Rules: a formula is data of a file: bounded, and never evaluated as Python. A whole name is looked up before
+the end of one, the user's before a file's; a name with two possible numbers has no value.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from trcvtui.udt.types import ELEMENTARY
 LookUp = Callable[[str], int | None]
 
 LONGEST_FORMULA = 1000
-DEEPEST_FORMULA = 8  # with LONGEST_CHAIN: what stays well below the depth of calls that Python allows
+DEEPEST_FORMULA = 8  # levels; with LONGEST_CHAIN it keeps far below the recursion limit of Python
 LARGEST_NUMBER = 1 << 64
 
 _NAME = rf'(?:{NAME_PATTERN}|"[^"]*"|`[^`]*`)'
@@ -29,19 +29,19 @@ _TOKEN_PATTERN = (
 
 
 def evaluate(number: Number, look_up: LookUp) -> int | None:
-    """Return the value of a formula, None if `look_up` knows one of its names not; raise UserError."""
+    """Return the value of a formula, None if `look_up` does not know one of its names; raise UserError."""
     if isinstance(number, int):
         return number
     return _Evaluation(number, look_up).result()
 
 
 def plain_name(name: str) -> str:
-    """Return how a constant is looked up: MAX of `"MAX"` and `.MAX`, Limits.UPPER of `Limits#UPPER`."""
+    """Return the name to look up: MAX for `"MAX"` and `.MAX`, Limits.UPPER for `Limits#UPPER`."""
     return re.sub('["`]', "", name).replace("#", ".").removeprefix(".")
 
 
 class _Evaluation:
-    """One pass over a formula: recursive descent, the usual precedence; an unknown name makes it unknown."""
+    """One pass over a formula by recursive descent; an unknown name makes the whole value None."""
 
     def __init__(self, formula: Formula, look_up: LookUp) -> None:
         self.formula, self.look_up = formula, look_up
@@ -60,7 +60,7 @@ class _Evaluation:
         return value
 
     def accept(self, *symbols: str) -> str:
-        """Return the symbol at hand and go after it, nothing if it is none of these."""
+        """Take the next token if it is one of these symbols and return it, else return ""."""
         symbol = self.tokens[self.at]
         if not symbol or symbol not in symbols:
             return ""
@@ -111,18 +111,18 @@ class _Evaluation:
 
 
 def quotient(left: int, right: int) -> int:
-    """Return the quotient, cut towards zero as IEC 61131-3 and C do."""
+    """Return the quotient, rounded towards zero as in IEC 61131-3 and C."""
     whole = abs(left) // abs(right)
     return whole if (left < 0) == (right < 0) else -whole
 
 
-LONGEST_CHAIN = 12  # constants that are made of constants below them in the file
-MOST_ALIKE = 64  # of one last name; with more of them none is meant
+LONGEST_CHAIN = 12  # constants, each defined by one that is declared later
+MOST_ALIKE = 64  # constants with the same last name; with more of them the name has no value
 MOST_NAMES_SHOWN = 4  # values or names in one message
 
 
 class _Entry(NamedTuple):
-    """A number plus an offset; names in it are looked up in `scope` first."""
+    """A number plus an offset; names in the number are looked up in `scope` first."""
 
     name: str
     parts: tuple[str, ...]
@@ -142,13 +142,13 @@ class _LookUpResult(NamedTuple):
 
 
 class Constants:
-    """All constants of a set of types; a name is known whole or by its end: `Lib.GVL.MAX`, `GVL.MAX`."""
+    """All constants of a set of types, found by whole name or by its end: `Lib.GVL.MAX`, `GVL.MAX`."""
 
     def __init__(self, given: Mapping[str, int] | None = None, declared: Iterable[Constant] = ()) -> None:
         self.whole: dict[str, list[_Entry]] = {}
         self.by_end: dict[str, list[_Entry]] = {}
         self.found: dict[tuple[str, str], _LookUpResult] = {}
-        self.path: list[_Entry] = []  # what is being worked out, the outermost first
+        self.path: list[_Entry] = []  # the entries under evaluation, the outermost first
         self.reasons: dict[str, str] = {}
         self.is_first = True
         for name, number in (given or {}).items():
@@ -157,7 +157,7 @@ class Constants:
             self._add(constant.name, 1, constant.number, where=constant.where)
 
     def add_values(self, enumeration: str, values: Iterable[tuple[str, Number | None]]) -> None:
-        """Let the values of an enumeration be constants: `E.VALUE`, `E#VALUE`."""
+        """Add the values of an enumeration as constants: `E.VALUE`, `E#VALUE`."""
         number: Number = -1
         offset = 0
         for name, own in values:
@@ -165,9 +165,9 @@ class Constants:
             self._add(f"{enumeration}.{name}", 2, number, offset, enumeration)
 
     def value(self, number: Number, unknown: list[str], scope: str = "") -> int | None:
-        """Return the value of a number, None with the unknown names in the list; may raise UserError."""
+        """Return the value; else add its unknown names to the list and return None, or raise UserError."""
 
-        if self.is_first:  # in the order of the files each is made of known ones, however long the chain
+        if self.is_first:  # once in the order of the files: a long chain then refers to known values only
             self.is_first = False
             for entries in list(self.whole.values()):
                 if entries[0].layer == 1:
@@ -181,10 +181,7 @@ class Constants:
         return evaluate(number, look_up)
 
     def reason(self, name: str) -> str:
-        """Return why a name that files declare has no value, such as `which is 1 and 2 (b.st:3:1)`.
-
-        "" where it is not declared.
-        """
+        """Return why a declared name has no value, `which is 1 and 2 (b.st:3:1)`; "" if not declared."""
         return self.reasons.get(name.casefold(), "")
 
     def _add(
@@ -199,7 +196,7 @@ class Constants:
     def _look_up(self, name: str, scope: str) -> _LookUpResult:
         key = name.casefold()
         if (key, scope) not in self.found:
-            self.found[key, scope] = _LookUpResult(None, (name,))  # a constant made of itself is unknown
+            self.found[key, scope] = _LookUpResult(None, (name,))  # found by itself: it has no value
             if len(self.path) < LONGEST_CHAIN:
                 self.found[key, scope] = self._evaluate_entries(name, self._find_entries(key, scope))
             else:
@@ -214,8 +211,8 @@ class Constants:
         names = [entry.name.casefold() for entry in self.path]
         if key in names:
             circle = self.path[names.index(key) :]
-            told = ", ".join(map(str, [*circle[:MOST_NAMES_SHOWN], circle[0].name]))
-            self.reasons.setdefault(key, f"which is made of itself: {told}")
+            names_text = ", ".join(map(str, [*circle[:MOST_NAMES_SHOWN], circle[0].name]))
+            self.reasons.setdefault(key, f"which is defined by itself: {names_text}")
 
     def _find_entries(self, key: str, scope: str) -> list[_Entry]:
         own = self.whole.get(f"{scope}.{key}".casefold()) if scope else None
@@ -223,10 +220,10 @@ class Constants:
         if exact:
             return _keep_first_layer(exact)
         parts = tuple(key.split("."))
-        like = self.by_end.get(parts[-1], [])
-        if len(like) > MOST_ALIKE:
+        alike = self.by_end.get(parts[-1], [])
+        if len(alike) > MOST_ALIKE:  # bounds the work for a hostile file
             return []
-        pairs = [(min(len(entry.parts), len(parts)), entry) for entry in like]
+        pairs = [(min(len(entry.parts), len(parts)), entry) for entry in alike]
         return _keep_first_layer([entry for size, entry in pairs if entry.parts[-size:] == parts[-size:]])
 
     def _evaluate_entries(self, name: str, entries: list[_Entry]) -> _LookUpResult:
@@ -238,7 +235,7 @@ class Constants:
                 value = self.value(entry.number, unknown, entry.scope)
             except UserError:
                 value = None
-                self.reasons.setdefault(name.casefold(), f"which does not work out: {entry}")
+                self.reasons.setdefault(name.casefold(), f"which cannot be calculated: {entry}")
             self.path.pop()
             if value is None:
                 return _LookUpResult(None, tuple(dict.fromkeys(unknown))[:MOST_ALIKE] or (name,))
@@ -251,12 +248,12 @@ class Constants:
 
 
 def _describe_values(name: str, values: Mapping[int, _Entry]) -> str:
-    told = []
+    texts = []
     for value, entry in list(values.items())[:MOST_NAMES_SHOWN]:
         own = "" if entry.name.casefold() == name.casefold() else entry.name
         at = ", ".join(part for part in (own, entry.where) if part)
-        told.append(f"{value} ({at})" if at else str(value))
-    return " and ".join(told)
+        texts.append(f"{value} ({at})" if at else str(value))
+    return " and ".join(texts)
 
 
 def _keep_first_layer(entries: list[_Entry]) -> list[_Entry]:

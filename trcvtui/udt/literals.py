@@ -1,6 +1,6 @@
-"""IEC names and literals both ways: durations, dates, times of day and whole numbers.
+"""IEC names and literals, read and written: durations, dates, times of day and whole numbers.
 
-Rule: whole nanoseconds throughout; no float touches a time, so every stored count comes back exactly.
+Rule: times are whole nanoseconds, never floats, so every stored count is read back exactly.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import Final
 from trcvtui.errors import mistake
 from trcvtui.udt.types import DAY, ELEMENTARY, MS, SECOND, WHOLE_KINDS, Elementary, ValueKind
 
-# `\w` knows no combining marks (Hindi vowels, Thai tones, decomposed accents); bidirectional and zero-width
-# characters and spaces, which stand between them, are left out.
+# `\w` has no combining marks (Hindi vowels, Thai tones, decomposed accents). The ranges leave out the
+# bidirectional and zero-width characters and the spaces between them.
 _COMBINING_MARKS: Final = (
     r"\u0300-\u036f\u0483-\u0489\u0591-\u05bd\u05bf\u05c1\u05c2\u05c4\u05c5\u05c7\u0610-\u061a\u064b-\u065f"
     r"\u0670\u06d6-\u06dc\u06df-\u06e4\u0711-\u074a\u07a6-\u07b0\u0900-\u0963\u0981-\u09e3\u0a01-\u0a51"
@@ -34,9 +34,9 @@ EXPECTED = {
     ValueKind.DATE_AND_TIME: "a date and time such as DT#2024-01-31-12:30:15",
 }
 
-_LONGEST_LITERAL = 64  # no literal of these types is longer; what is longer is refused unread
+_LONGEST_LITERAL = 64  # characters; a longer text is refused without a look at it
 
-# Patterns stay text: `re` compiles and keeps the ones that are used, and an import pays for none.
+# Patterns stay text: `re` compiles and caches those in use, so an import compiles none.
 _DURATION_PART = r"(?ai)(\d{1,20})(?:\.(\d{1,9}))?(ms|us|ns|d|h|m|s)_?"
 _DURATION = r"(?ai)(?:T|TIME|LT|LTIME)#(-?)((?:[\d.]+[a-z]+_?)+)"
 _S5TIME = r"(?ai)S5T(?:IME)?#(.*)"
@@ -49,7 +49,7 @@ _INTEGER = r"(?ai)(?:([a-z]+)#)?([+-]?)(?:(2|8|16)#)?([0-9a-f]+(?:_[0-9a-f]+)*)"
 
 
 def quote_text(text: str, mark: str = "'", digits: int = 2) -> str:
-    """Return a text in IEC quotes, codes 0 to 255 outside ASCII as $hh; it begins and ends no comment."""
+    """Return a text in IEC quotes, control codes and 127 to 255 as $hh; `(*` and `*)` are broken up too."""
     coded = []
     for one in text:
         is_code = ord(one) < 0x20 or 0x7F <= ord(one) <= 0xFF or 0xD800 <= ord(one) <= 0xDFFF
@@ -100,7 +100,7 @@ def date_and_time_text(prefix: str, ns: int) -> str:
 
 
 def parse_literal(row: Elementary, text: str) -> int | None:
-    """Return the count that a TIME-like type stores for a literal; None when it is no such literal."""
+    """Return the count that a TIME-like type stores for a literal; None if it is not a literal of it."""
     ns = _LITERAL_PARSERS[row.kind](text)
     if ns is None or (ns - row.epoch_ns) % row.unit_ns:
         return None
@@ -108,14 +108,14 @@ def parse_literal(row: Elementary, text: str) -> int | None:
 
 
 def parse_s5time(text: str) -> int | None:
-    """Return the nanoseconds of `S5T#1s500ms`, also written as TIME; None when it is none."""
-    found = _match(_S5TIME, text)
+    """Return the nanoseconds of `S5T#1s500ms` or of a TIME literal, else None."""
+    found = _match_literal(_S5TIME, text)
     return parse_duration(f"T#{found[1]}" if found else text)
 
 
 def parse_integer(text: str) -> int | None:
-    """Return the number of an IEC integer literal (`-5`, `16#FF`, `1_000`, `INT#5`), None when it is none."""
-    found = _match(_INTEGER, text)
+    """Return the number of an IEC integer literal (`-5`, `16#FF`, `1_000`, `INT#5`), else None."""
+    found = _match_literal(_INTEGER, text)
     if found is None:
         return None
     type_name, sign, base, digits = found.groups()
@@ -129,20 +129,20 @@ def parse_integer(text: str) -> int | None:
     return -number if sign == "-" else number
 
 
-def _match(pattern: str, text: str) -> re.Match[str] | None:
+def _match_literal(pattern: str, text: str) -> re.Match[str] | None:
     return re.fullmatch(pattern, text.strip()) if len(text) <= _LONGEST_LITERAL else None
 
 
 def parse_duration(text: str) -> int | None:
-    """Return the nanoseconds of an IEC duration, None when it is none."""
-    found = _match(_DURATION, text)
+    """Return the nanoseconds of an IEC duration such as `T#1s500ms`, else None."""
+    found = _match_literal(_DURATION, text)
     if found is None:
         return None
     sign, parts = found.group(1), found.group(2).lower()
     ns, at, ceiling = 0, 0, DAY + 1
     while at < len(parts):
         part = re.match(_DURATION_PART, parts[at:])
-        if part is None or UNIT_NS[part.group(3)] >= ceiling:
+        if part is None or UNIT_NS[part.group(3)] >= ceiling:  # units descend, each at most once
             return None
         whole, fraction, unit = part.groups()
         ceiling, at = UNIT_NS[unit], at + part.end()
@@ -159,18 +159,18 @@ def parse_duration(text: str) -> int | None:
 
 
 def _parse_date(text: str) -> int | None:
-    found = _match(_DATE, text)
+    found = _match_literal(_DATE, text)
     return None if found is None else date_ns(*map(int, found.groups()))
 
 
 def _parse_clock(text: str) -> int | None:
-    found = _match(_CLOCK, text)
+    found = _match_literal(_CLOCK, text)
     return None if found is None else _clock_ns(*found.groups())
 
 
 def parse_date_and_time(text: str) -> int | None:
-    """Return the nanoseconds since 1970 of a literal such as `DTL#2024-01-31-12:30:15`, None if none."""
-    found = _match(_DATE_CLOCK, text)
+    """Return the nanoseconds since 1970 of a literal such as `DTL#2024-01-31-12:30:15`, else None."""
+    found = _match_literal(_DATE_CLOCK, text)
     if found is None:
         return None
     day, clock = date_ns(*map(int, found.groups()[:3])), _clock_ns(*found.groups()[3:])
@@ -193,14 +193,14 @@ def _clock_ns(hour: str, minute: str, second: str | None, fraction: str | None) 
 
 
 def _clock_text(ns: int) -> str:
-    # A stored count past midnight is shown as it is (TOD#25:00:00): bytes from the wire never fail.
+    # A count past midnight is shown as it is (TOD#25:00:00): received bytes always have a text.
     seconds, fraction = divmod(ns, SECOND)
     text = f"{seconds // 3600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
     return text + (f".{fraction:09d}".rstrip("0") if fraction else "")
 
 
-# Days to dates by counting from 1 March of year 0 in eras of 400 years. Not `datetime`: it ends in the year
-# 9999, where an unsigned count of days does not, and its import is dear for one command line.
+# Dates are counted from 1 March of year 0 in eras of 400 years. Not `datetime`: it ends in the year 9999,
+# an unsigned count of days does not, and its import is slow for a single command line.
 _ERA_DAYS = 146_097
 _MARCH_0_TO_1970 = 719_468
 
@@ -221,7 +221,7 @@ def _date_text(days: int) -> str:
     return f"{year:04d}-{month:02d}-{date:02d}"
 
 
-def _days(year: int, month: int, date: int) -> int:
+def _days_since_1970(year: int, month: int, date: int) -> int:
     era, year = divmod(year - (month <= 2), 400)
     day = (153 * (month - 3 if month > 2 else month + 9) + 2) // 5 + date - 1
     return era * _ERA_DAYS + year * 365 + year // 4 - year // 100 + day - _MARCH_0_TO_1970
@@ -231,6 +231,6 @@ def date_ns(year: int, month: int, date: int) -> int | None:
     """Return the nanoseconds from 1970 to a date; None when the calendar has no such date."""
     if not 1 <= month <= 12:
         return None
-    days = _days(year, month, date)
-    # 31 April would come back as 1 May: a date that does not come back as itself is none.
+    days = _days_since_1970(year, month, date)
+    # 31 April converts back to 1 May: such a date does not exist.
     return days * DAY if to_date(days) == (year, month, date) else None

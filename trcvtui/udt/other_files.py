@@ -1,6 +1,6 @@
-"""Files that are not read, a row each: what they are, how they are known, and what to use in their place.
+"""Files of other tools, a row each: what they are, how to recognise them, what to use instead.
 
-Rule: the content tells first, then the name. Type files and captures are refused with the same words.
+Rule: the content decides first, then the suffix. Type files and captures are refused by the same rows.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from trcvtui.errors import mistake
 
-HEAD_BYTES: Final = 4096  # bytes in which a content shows
+HEAD_BYTES: Final = 4096  # bytes of a file that are searched
 _ST: Final = "its types as text: TYPE ... END_TYPE"
 _XML_EXPECTED: Final = "PLCopen XML (in CODESYS: Project, Export PLCopenXML)"
 _DUT: Final = "the .TcDUT file of each type"
@@ -49,13 +49,16 @@ _OTHER_FILES: Final = (
 
 
 def refuse_other_file(name: str, head: bytes, expected: str = "") -> None:
-    """Raise UserError for a file that has a row and begins so; `expected` in place of what is no capture."""
-    text, suffix = head[:HEAD_BYTES].replace(b"\0", b""), name.rpartition(".")[2]  # of UTF-16, too
-    is_xml = re.match(rb"[\xef\xbb\xbf\xfe\xff\s]*<", text)  # a comment may name what is in such a file
+    """Raise UserError for a file that matches a row; `expected` replaces the row's, except for captures."""
+    text, suffix = (
+        head[:HEAD_BYTES].replace(b"\0", b""),
+        name.rpartition(".")[2],
+    )  # without NULs also UTF-16 matches
+    is_xml = re.match(rb"[\xef\xbb\xbf\xfe\xff\s]*<", text)  # text that is not XML may quote such tags
     rows = [row for row in _OTHER_FILES if is_xml or row.content[:1] not in b"</"]
     found = [row for row in rows if re.search(row.content, text)]
     named = [row for row in _OTHER_FILES if re.fullmatch(row.suffix, suffix, re.IGNORECASE)]
-    for row in named + found if text.startswith(b"PK") else found + named:
+    for row in named + found if text.startswith(b"PK") else found + named:  # many formats are zip archives
         wanted = row.expected if not expected or row.expected is _CAPTURE_EXPECTED else expected
         what = f"{row.what}, which is not read" if head else "an empty file"
         raise mistake(name, what, wanted.format(shlex.quote(name)))

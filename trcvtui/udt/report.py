@@ -1,4 +1,4 @@
-"""What `trcvtui udt show | decode | encode` answers, as plain values and as text (contracts 4.1 and 4.4)."""
+"""The answers of `trcvtui udt show | decode | encode`, as plain values and as text (contracts 4.1, 4.4)."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def show_text(layout: Layout) -> str:
     """Return the table of `udt show`: every leaf and every gap in offset order."""
     head = f"{one_line(layout.name)}: {layout.size} bytes, align {layout.align}, {_layout_text(layout)}"
     table = format_columns([("offset", "size", "type", "path"), *_show_rows(layout)], "rrll")
-    return "\n".join([head, *table, *_notes(layout)])
+    return "\n".join([head, *table, *_unverified_notes(layout)])
 
 
 def _show_rows(layout: Layout) -> Iterator[Row]:
@@ -57,15 +57,15 @@ def _show_rows(layout: Layout) -> Iterator[Row]:
 
 
 def place_text(leaf: Leaf) -> str:
-    """Return the offset, of a bit such as `2.5`."""
+    """Return the offset; for a bit with its number in the byte, `2.5`."""
     return str(leaf.offset) if leaf.bit is None else f"{leaf.offset}.{leaf.bit}"
 
 
 def decode_json(layout: Layout, data: Data, name: str = "", most: int | None = None) -> str:
-    """Return the object of `udt decode`: values by path, null where the bytes ended; odd bytes as `marks`.
+    """Return the object of `udt decode`: values by path, null past the end of the bytes, oddities as `marks`.
 
     It has the first `most` members; `name` is the path of a lone value. `escaped` are the paths of texts with
-    code units that are no characters.
+    code units that are not characters.
     """
     leaves = layout.leaves(0, most)
     named = [(leaf.path or name, leaf) for leaf in leaves]
@@ -77,7 +77,7 @@ def decode_json(layout: Layout, data: Data, name: str = "", most: int | None = N
 def json_members(
     named: Sequence[tuple[str, Leaf]], values: LeafValues, data: Data
 ) -> tuple[dict[str, Value | None], dict[str, object]]:
-    """Return the values of leaves by name, and what is odd about them: `marks`, `escaped`."""
+    """Return the values of leaves by name, and what is odd in them: `marks`, `escaped`."""
     found = {name: value for (name, _), value in zip(named, values, strict=True)}
     marks = {name: mark for name, leaf in named if (mark := mark_text(leaf, own_bytes(leaf, data)))}
     escaped = [name for name, value in found.items() if isinstance(value, str) and SURROGATE.search(value)]
@@ -91,10 +91,10 @@ def own_bytes(leaf: Leaf, data: Data) -> bytes:
 
 def decode_text(layout: Layout, data: Data) -> str:
     """Return the table of `udt decode`: every leaf with its value, and how far the bytes go."""
-    head = f"{one_line(layout.name)}: {_extent(len(data), layout.size)}, {_layout_text(layout)}"
+    head = f"{one_line(layout.name)}: {_extent_text(len(data), layout.size)}, {_layout_text(layout)}"
     rows = member_rows(layout, data, layout.name)
     table = format_columns([("offset", "type", "path", "value"), *rows], "rlll")
-    return "\n".join([head, *table, *_notes(layout)])
+    return "\n".join([head, *table, *_unverified_notes(layout)])
 
 
 def member_rows(
@@ -108,7 +108,7 @@ def member_rows(
 
 
 def encode_values(layout: Layout, values: Mapping[str, object]) -> bytes:
-    """Return the bytes of values by path; what `udt decode` gave as JSON is taken as it is."""
+    """Return the bytes of values by path; also reads the whole JSON object that `udt decode` prints."""
     inner, paths = values.get("values"), values.get("escaped")
     escaped = set(map(str, paths)) if isinstance(paths, list) else ()
     inner = inner if isinstance(inner, Mapping) else values
@@ -116,7 +116,7 @@ def encode_values(layout: Layout, values: Mapping[str, object]) -> bytes:
 
 
 def json_value(value: Value | None) -> Value | None:
-    """Return the value as JSON can hold it: NaN and infinities as text, what is no character as `\\udc00`."""
+    """Return the value as JSON holds it: NaN and infinities as text, a lone surrogate as `\\udc00`."""
     if isinstance(value, str) and SURROGATE.search(value):
         return value.replace("\\", "\\\\").encode(errors="backslashreplace").decode()
     return special_text(value) if isinstance(value, float) and not math.isfinite(value) else value
@@ -130,7 +130,7 @@ def _unescape(value: object) -> object:
 
 
 def leaf_type_text(layout: Layout, leaf: Leaf) -> str:
-    """Return the type that decides the bytes: a STRING with its length, an enumeration as its base type."""
+    """Return the stored type: a STRING with its length, an enumeration as its base type."""
     if isinstance(leaf.type, StringType):
         return type_text(StringType(layout.rules.text.length(leaf.type), leaf.type.wide))
     if isinstance(leaf.type, Pointer):
@@ -139,7 +139,7 @@ def leaf_type_text(layout: Layout, leaf: Leaf) -> str:
 
 
 def unverified_types(layout: Layout) -> list[str]:
-    """Return the types in this layout whose bytes no page of the vendor describes, to be said beside them."""
+    """Return the types in this layout whose bytes no page of the vendor describes."""
     kinds = {id(leaf.type): leaf for leaf in layout.leaves()}.values()
     texts = {leaf_type_text(layout, leaf).partition("[")[0] for leaf in kinds}
     return sorted(texts & layout.rules.unverified)
@@ -149,25 +149,25 @@ def _layout_text(layout: Layout) -> str:
     return f"layout {layout.rules.name}, {layout.rules.byte_order}-endian"
 
 
-def _extent(have: int, size: int) -> str:
+def _extent_text(have: int, size: int) -> str:
     if have > size:
         return f"{size} bytes, {have - size} more after them"
     return f"{size} bytes" if have == size else f"{have} of {size} bytes"
 
 
-def _notes(layout: Layout) -> list[str]:
+def _unverified_notes(layout: Layout) -> list[str]:
     names = unverified_types(layout)
     return [f"unverified for this layout: {', '.join(names)}"] if names else []
 
 
 def json_lines(record: object) -> str:
     """Return an object as `json.dumps(..., indent=2)` does, which is slow for many members."""
-    import msgspec  # a table of members, which shells ask for in loops, does without it
+    import msgspec  # here, since the tables that shell loops ask for do not need it
 
     return msgspec.json.format(json_text(record), indent=2)
 
 
-# Rule: bytes are data; in Markdown no character of a value is markup.
+# Rule: bytes are data: no character of a value becomes Markdown markup.
 
 TABLE_HEAD: Final = ("offset", "type", "member", "value")
 
@@ -186,7 +186,7 @@ def _markdown_row(cells: Iterable[str]) -> str:
 
 
 def csv_lines(rows: Iterable[Sequence[str]]) -> Iterator[str]:
-    """Yield the lines of CSV, that of names first; nothing for no rows."""
+    """Yield the lines of CSV, the column names first; nothing for no rows."""
     import csv
     import io
 

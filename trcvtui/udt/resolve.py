@@ -1,6 +1,6 @@
-"""Specifications made into types: names looked up, formulas worked out, and all that is wrong kept.
+"""Specifications made into types: looks up names, evaluates formulas, and collects every problem.
 
-Rule: a bad type never hides a good one; each bad type knows everything that is wrong in it.
+Rule: a bad type never hides a good one; each bad type keeps all its problems.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ KNOWN_TYPE = f"{KNOWN}type"
 
 
 class Resolver:
-    """One set of files: what is declared, what became of it, what is wrong with it (ordered sets)."""
+    """One set of files: its declarations, the types made of them, and the problems (ordered sets)."""
 
     def __init__(
         self,
@@ -54,9 +54,9 @@ class Resolver:
         self.depths: dict[str, int] = {}
         self.bad: dict[str, dict[Problem, None]] = {}
         self.notes: dict[str, dict[str, None]] = {}
-        self.circles: dict[tuple[str, str], list[str]] = {}  # by user and used: names, from the user on
-        self.system_users: set[str] = set()  # those that may have members of system types
-        self.used_system: dict[str, str] = {}  # as they are written there
+        self.circles: dict[tuple[str, str], list[str]] = {}  # by user and used: names, the user first
+        self.system_users: set[str] = set()  # types that may have members of system types
+        self.used_system: dict[str, str] = {}  # the names as the user writes them
 
     def declare(self, declaration: ast.Declaration, uses_system: bool = False) -> None:
         key = declaration.name.casefold()
@@ -74,7 +74,7 @@ class Resolver:
     def refuse(self, key: str, *problems: Problem) -> None:
         bad = self.bad.setdefault(key, {})
         for problem in problems:
-            # What a type only inherits from the types it uses is bounded: a chain of bad types stays cheap.
+            # Problems inherited from used types are bounded: else a chain of bad types multiplies them.
             if len(bad) < 2 * MOST_PROBLEMS_SHOWN or len(problems) == 1:
                 bad[problem] = None
 
@@ -95,7 +95,7 @@ class Resolver:
                 self.types[key], self.depths[key] = type_, depth
 
     def order_keys(self) -> list[str]:
-        """Return all declared keys, each after the ones it uses, without recursion: chains may be long."""
+        """Return all declared keys, each after those it uses; no recursion, since chains may be long."""
         order: list[str] = []
         seen: set[str] = set()
         path: dict[str, Iterator[str]] = {}
@@ -122,7 +122,7 @@ class Resolver:
         return (name for name in names if name in self.declared)
 
     def key_of(self, reference: ast.Reference) -> str:
-        """Return what a name is looked up by: `Lib.T` whole, or where that is unknown, T."""
+        """Return the key of a name: `Lib.T` whole if that is declared, else T."""
         whole = reference.name.casefold()
         return whole if self.is_declared(whole) else whole.rpartition(".")[2]
 
@@ -132,7 +132,7 @@ class Resolver:
     # -- one specification -------------------------------------------------------------------------------
 
     def build(self, spec: ast.Spec, name: str, user: str) -> tuple[Type | None, int]:
-        """Return the type of a specification and how deep it nests; None when something in it is bad."""
+        """Return the type of a specification, None if something in it is bad, and how deep it nests."""
         match spec:
             case StringType() | Pointer() | Unplaced():
                 return spec, 0
@@ -171,8 +171,8 @@ class Resolver:
         if base is not None and unknown:
             bounds = [n.text if isinstance(n, ast.Formula) else str(n) for n in (spec.low, spec.high)]
             text = f"{base.name}({'..'.join(bounds)}) without a known {', '.join(unknown)}"
-            told = f"{spec.base.where}: {text} is laid out as {base.name}"
-            self.notes.setdefault(user, {})[told] = None
+            note = f"{spec.base.where}: {text} is laid out as {base.name}"
+            self.notes.setdefault(user, {})[note] = None
             return base
         if base is None or limits is None:
             return None
@@ -194,7 +194,9 @@ class Resolver:
                 continue
             first = firsts.setdefault(member.name.casefold(), member.where)
             if first is not member.where:
-                expected = f"a new name; the first is at {first}" if first else "a name that its base has not"
+                expected = (
+                    f"a new name; the first is at {first}" if first else "a name that its base does not have"
+                )
                 self.refuse(user, Problem(member.where, f"member '{member.name}' a second time", expected))
             type_, depth = self.build(member.spec, "", user)
             deepest = max(deepest, depth)
@@ -203,7 +205,7 @@ class Resolver:
         if len(members) + len(bits) < len(spec.members) or (spec.base is not None and base is None):
             return None, deepest + 1
         made = Union if spec.is_union else Struct
-        # A base is of its own kind.
+        # The base of a STRUCT is a STRUCT, of a UNION a UNION (`build_base`).
         type_ = made(name, tuple(members), base, spec.pack, tuple(bits))  # type: ignore[arg-type]
         return type_, deepest + 1
 
@@ -217,7 +219,7 @@ class Resolver:
         if isinstance(row, Elementary) and width <= 8 * row.size:
             yield BitField(at, row.size, width, bool(member.name))
         elif row is not None:
-            self.refuse(user, Problem(member.where, f"{width} bits", "an integer type that has them"))
+            self.refuse(user, Problem(member.where, f"{width} bits", "an integer type with that many bits"))
 
     def build_base(self, spec: ast.StructSpec, user: str) -> tuple[Struct | Union | None, int]:
         if spec.base is None:
@@ -239,13 +241,13 @@ class Resolver:
         return base and Enumeration(name, base, self.evaluate_enum(spec, name), spec.base is not None)
 
     def evaluate_enum(self, spec: ast.EnumSpec, name: str) -> tuple[tuple[str, int | None], ...]:
-        """Return names and numbers; None for what cannot be worked out: only the size is known."""
+        """Return names and numbers; None for a number that has no value: the size is known without it."""
         values: list[tuple[str, int | None]] = []
         number: int | None = -1
         for value, own in spec.values:
             if own is not None:
                 number = None
-                with suppress(UserError):
+                with suppress(UserError):  # a bad number does not change the layout
                     number = self.constants.value(own, [], name)
             elif number is not None:
                 number += 1
@@ -257,7 +259,7 @@ class Resolver:
     def look_up(self, reference: ast.Reference, user: str) -> tuple[Type | None, int]:
         row = ELEMENTARY.get(reference.name.upper())
         key = self.key_of(reference)
-        # A vendor's own name may be declared in a file of another vendor: then that is meant.
+        # A declared type replaces a type of the same name that only one vendor has.
         if row is not None and not (reference.name.upper() in VENDOR_NAMES and self.is_declared(key)):
             return row, 0
         if key in self.declared and self.declared[key].is_data:
@@ -265,7 +267,7 @@ class Resolver:
             return None, 0
         if key in self.types:
             type_ = self.types[key]
-            if not isinstance(type_, Struct | Union | Enumeration):  # no name of its own in the user's type
+            if not isinstance(type_, Struct | Union | Enumeration):  # an alias: its name is lost in the user
                 self.notes.setdefault(user, {}).update(self.notes.get(key, {}))
             return type_, self.depths[key]
         if key in self.known:
@@ -295,7 +297,7 @@ class Resolver:
         return None, 0
 
     def look_up_integer(self, reference: ast.Reference, user: str) -> Elementary | None:
-        """Return the integer type of this name, of a subrange its base."""
+        """Return the integer type of this name; for a subrange its base."""
         base = self.look_up(reference, user)[0]
         row = base.base if isinstance(base, Subrange) else base
         if isinstance(row, Elementary) and row.kind in WHOLE_KINDS:
@@ -305,7 +307,7 @@ class Resolver:
         return None
 
     def limits(self, low: ast.Number, high: ast.Number, user: str) -> tuple[int, int] | None:
-        """Return `low..high` worked out, None when that fails; the higher one is not below the lower one."""
+        """Return the numbers of `low..high`; None, with a problem, if one is unknown or they are reversed."""
         first, last = self.evaluate_number(low, user), self.evaluate_number(high, user)
         if first is None or last is None:
             return None
@@ -320,7 +322,7 @@ class Resolver:
         return first, last
 
     def evaluate_number(self, number: ast.Number, user: str) -> int | None:
-        """Return the value of a number; keep what is unknown in it."""
+        """Return the value of a number; None, with problems, if it has none."""
         if isinstance(number, int):
             return number
         unknown: list[str] = []
@@ -336,7 +338,7 @@ class Resolver:
         return value
 
     def find_unknown(self, *numbers: ast.Number) -> list[str]:
-        """Return the names in numbers that have no value; a number that is wrong in itself has none."""
+        """Return the names without a value in these numbers; none if a number is itself wrong."""
         unknown: list[str] = []
         for number in numbers:
             try:
@@ -347,7 +349,6 @@ class Resolver:
 
 
 def unknown_constant(name: str) -> str:
-    """Return what is expected in place of a constant that is not declared."""
     return f'{KNOWN}constant: "{name}" = VALUE in [constants] of the project, or --constant {name}=VALUE'
 
 

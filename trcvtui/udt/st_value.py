@@ -13,15 +13,15 @@ from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.literals import quote_text
 from trcvtui.udt.types import Elementary, LeafType, StringType, ValueKind
 
-FEWEST_REPEATED: Final = 4  # `4(16#00)`, and fewer one by one
+FEWEST_REPEATED: Final = 4  # equal elements in a row that become `4(16#00)`
 
 
-# What a date of Siemens is where nothing was written: eight or twelve bytes 0 are none.
+# The initial value of a Siemens date that was never written: 8 or 12 zero bytes are not a date.
 NO_DATES: Final = {"16#" + "00" * 8: "DT#1990-01-01-00:00:00", "16#" + "00" * 12: "DTL#1970-01-01-00:00:00"}
 
 
 def initial_value(layout: Layout, content: bytes, is_scl: bool = False) -> str:
-    """Return it in ST, or in SCL, where double quotes are for names."""
+    """Return the value in ST, or in SCL, where double quotes enclose names."""
 
     def text_of(node: Node, at: int, bit: int | None = None) -> str:
         if isinstance(node, PlacedLeaf):
@@ -30,16 +30,17 @@ def initial_value(layout: Layout, content: bytes, is_scl: bool = False) -> str:
             return _literal(node.type, node.size, value, is_scl)
         if isinstance(node, PlacedArray):
             places = map(node.place, range(node.count))
-            return f"[{', '.join(_group([text_of(node.element, at + place, bit) for place, bit in places]))}]"
+            texts = [text_of(node.element, at + place, bit) for place, bit in places]
+            return f"[{', '.join(_join_repeated(texts))}]"
         members = list(node.flat_members(at))
-        if isinstance(node, PlacedUnion):  # one member alone has a value
+        if isinstance(node, PlacedUnion):  # only one member may be initialised: the largest
             members = [max(members, key=lambda one: one.node.size)]
         return f"({', '.join(f'{one.name} := {text_of(one.node, one.offset, one.bit)}' for one in members)})"
 
     return text_of(layout.root, 0)
 
 
-def _group(values: list[str]) -> list[str]:
+def _join_repeated(values: list[str]) -> list[str]:
     found = [(value, len([*same])) for value, same in groupby(values)]
     each = ([f"{n}({value})"] if n >= FEWEST_REPEATED else [value] * n for value, n in found)
     return [value for some in each for value in some]

@@ -1,7 +1,6 @@
-"""Types as source text: names that a language can carry, IEC ST, and the TYPE of a TIA source (SCL).
+"""Types as source text: IEC ST, the TYPE of a TIA source (SCL), and names that are legal in them.
 
-Rules: what is legal stays. The text stands alone: every type that the written one uses is in it, before its
-first use.
+Rules: a legal name stays. The text is complete: every type that it uses is in it, before its first use.
 """
 
 from __future__ import annotations
@@ -40,9 +39,9 @@ def ascii_word(name: str) -> str:
 
 
 class NameScope:
-    """The names given so far in one scope; the second of its kind gets a number.
+    """The names given so far in one scope; a name that is taken gets a number.
 
-    `fold` makes the form in which two names are compared: a language may know no case.
+    Names are compared as `fold` returns them: a language may ignore case.
     """
 
     def __init__(self, escaped: Callable[[str], str], fold: Callable[[str], str] = str) -> None:
@@ -50,7 +49,6 @@ class NameScope:
         self._names: set[str] = set()
 
     def __call__(self, name: str) -> str:
-        """Return a name that is free in this scope."""
         word = start = self._escaped(name)
         number = 2
         while self._fold(word) in self._names:
@@ -76,9 +74,9 @@ ST_WORDS: Final = frozenset(KEYWORD_TEXT.upper().split()) | {name.upper() for na
 
 
 def st_word(name: str) -> str:
-    """Return the name as IEC ST can carry it: a keyword, in any case, gets `_` after it."""
+    """Return a name that is legal in IEC ST: a keyword, in any case, gets `_` after it."""
     word = ascii_word(name)
-    if word != name:  # CODESYS takes no two underscores in a row
+    if word != name:  # CODESYS refuses two underscores in a row
         word = re.sub("_+", "_", word)
     if not word or word[0].isdigit():
         word = "_" + word
@@ -91,15 +89,15 @@ def is_st_word(name: str) -> bool:
 
 
 def rename_for_st(type_: Type) -> Type:
-    return _Renaming().rename(type_)
+    return _StRenamer().rename(type_)
 
 
-class _Renaming:
-    """One renaming: each type is renamed once."""
+class _StRenamer:
+    """Renames a type and all types in it, each once."""
 
     def __init__(self) -> None:
         self.names = NameScope(st_word, str.casefold)  # of types
-        self._made: dict[int, tuple[Type, Type]] = {}  # the old one is kept, so that its id stays its own
+        self._made: dict[int, tuple[Type, Type]] = {}  # keeps the old one, so that its id is not reused
 
     def rename(self, type_: Type) -> Type:
         match type_:
@@ -120,7 +118,7 @@ class _Renaming:
             taken(member.name)
         members = tuple(Member(taken(member.name), self.rename(member.type)) for member in type_.members)
         name = self.names(type_.name) if type_.name else ""
-        # A base is of its own kind.
+        # The base of a STRUCT is a STRUCT, of a UNION a UNION.
         return replace(type_, name=name, members=members, base=base)  # type: ignore[arg-type]
 
     def enumeration(self, type_: Enumeration) -> Enumeration:
@@ -134,9 +132,9 @@ _PLAIN_NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 def st_text(type_: Type, name: str = "") -> str:
-    """Return `TYPE ... END_TYPE` of a type and of every type in it; `name` for one that has none.
+    """Return `TYPE ... END_TYPE` of a type and of every type in it; `name` is for one that has none.
 
-    A name that ST cannot carry is changed: `struct` becomes `struct_`, `a b` becomes `a_b`.
+    A name that is illegal in ST is changed: `struct` becomes `struct_`, `a b` becomes `a_b`.
     """
     return "\n".join(_st_type(each, st_word(name)) for each in named_types(rename_for_st(type_)))
 
@@ -144,10 +142,10 @@ def st_text(type_: Type, name: str = "") -> str:
 def scl_text(type_: Type, name: str, rules: LayoutRules) -> str:
     """Return the same for TIA: names in quotes, no enumerations and subranges, a UNION as its bytes.
 
-    The members lie under the rules where those of the type do, but for what a UNION aligned.
+    Under these rules the members have the same offsets, except where a UNION aligned them.
     """
     found = [each for each in named_types(type_) if isinstance(each, Struct)]
-    if not found:  # TIA has no type that is an ARRAY
+    if not found:  # in TIA only a STRUCT is a type: an ARRAY becomes a member of one
         found = [Struct(name, (Member("raw", type_),))]
     head, end = f"VERSION : 0.1\n{INDENT}STRUCT", f"{INDENT}END_STRUCT;\n\nEND_TYPE\n"
     return "\n".join(
@@ -184,7 +182,7 @@ def _st_body(type_: Struct | Union, indent: str) -> str:
 
 
 def _utf8_attribute(type_: Type, indent: str) -> str:
-    """Return the attribute before a member that is a STRING in UTF-8, or an ARRAY of such."""
+    """Return the attribute in front of a member that is a STRING in UTF-8, or an ARRAY of them."""
     if isinstance(type_, Array):
         return _utf8_attribute(type_.element, indent)
     is_utf8 = isinstance(type_, StringType) and type_.utf8
@@ -214,12 +212,12 @@ def _st_enumeration(type_: Enumeration) -> str:
 
 
 def scl_name(name: str) -> str:
-    """Return the name of a member as TIA takes it: in quotes where it is no plain word or a keyword."""
+    """Return the name of a member for TIA: in quotes unless it is a plain word and no keyword."""
     return name if _PLAIN_NAME.fullmatch(name) and not is_st_word(name) else _quote_scl(name)
 
 
 def _quote_scl(name: str) -> str:
-    # A character that nobody sees, or that a terminal obeys, is not handed on.
+    # Invisible characters and terminal control codes are replaced.
     return '"' + "".join(c if c.isprintable() and c != '"' else "_" for c in name) + '"'
 
 
@@ -231,7 +229,7 @@ def _scl_body(type_: Struct, indent: str, rules: LayoutRules) -> str:
 
 
 def join_arrays(type_: Array, rules: LayoutRules) -> Array:
-    """Return an ARRAY of ARRAYs as one of all their bounds, for SCL; as it is where that moves elements."""
+    """Return an ARRAY of ARRAYs as one with all their bounds, for SCL; unchanged if that moves elements."""
     if not isinstance(type_.element, Array):
         return type_
     inner = join_arrays(type_.element, rules)
@@ -265,7 +263,7 @@ def _ranges(bounds: tuple[tuple[int, int], ...], comma: str = ",") -> str:
 
 
 def named_types(type_: Type) -> list[Type]:
-    """Return the named types of a declaration, each once, before its first use; itself last."""
+    """Return the named types of a declaration, each once and before its first use; the type itself last."""
     found: dict[int, Type] = {}
     seen: set[int] = set()
 

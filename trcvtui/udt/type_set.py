@@ -1,4 +1,4 @@
-"""Declared types looked up and joined: the good ones as types, the bad ones with all that is wrong in them.
+"""The types of files joined: good ones as types, bad ones with all their problems.
 
 Rule: a bad type never hides a good one. Duplicates, recursion and unknown types are found together.
 """
@@ -24,9 +24,9 @@ from trcvtui.wording import count
 class TypeSet:
     """The types of one or more files; `types`, `broken`, `notes` and `senders` by casefolded name.
 
-    `problems` are those of all files in order. `unknown_constants` are the names to ask for, `notes` what is
-    to be shown beside a type, `senders` the layouts that the sources of types tell. `used_system` are the
-    system types of Siemens that are used; with `has_system_types` a new type may use all of them.
+    `problems` are those of all files in order. `unknown_constants` are the names to ask the user for, `notes`
+    are shown beside a type, `senders` are the layouts that the sources suggest. `used_system` are the system
+    types of Siemens in use; with `has_system_types` a new type may use all of them.
     """
 
     where: str
@@ -45,8 +45,8 @@ class TypeSet:
         return [name for name, _ in self.types.values()]
 
     def get_type(self, name: str, where: str = "type") -> Type:
-        """Return a type by name (in any case); raise UserError if it is bad, with all that is, or unknown."""
-        for known in _keys(name):
+        """Return a type by name, in any case; raise UserError if it is unknown, or with all its problems."""
+        for known in _lookup_keys(name):
             if known in self.types:
                 return self.types[known][1]
             if known in self.broken:
@@ -55,12 +55,12 @@ class TypeSet:
         raise mistake(where, f"'{name}'", f"a type of {self.where}: {known}")
 
     def source_layout(self, name: str) -> str:
-        """Return the layout that the source of a type stands for, "" for none."""
+        """Return the layout that the source of a type decides, "" for none."""
         return "" if self.sender(name).source else self.sender(name).layout
 
     def sender(self, name: str) -> SenderLayout:
-        """Return the layout that a sender of a type is likely to have: a first guess, never a certainty."""
-        known = (key for key in _keys(name) if key in self.types)
+        """Return the layout that a sender of a type probably has: always a guess."""
+        known = (key for key in _lookup_keys(name) if key in self.types)
         return self.senders.get(next(known, ""), SenderLayout())
 
     def only_name(self, files: Sequence[Declarations]) -> str:
@@ -80,7 +80,7 @@ class TypeSet:
         raise mistake(self.where, f"no type, only {others}" if others else "no type", "TYPE ... END_TYPE")
 
 
-def _keys(name: str) -> tuple[str, str]:
+def _lookup_keys(name: str) -> tuple[str, str]:
     key = name.casefold()
     return key, key.rpartition(".")[2]  # `A.B.T` of a NAMESPACE is declared as T
 
@@ -96,8 +96,8 @@ def join_files(
 ) -> TypeSet:
     """Return the types of all files together; they may use each other in any order.
 
-    `constants` are the user's own. The types of a Siemens source, with `has_system_types` all, may use the
-    system types of Siemens; a type that a file declares comes before one of these.
+    `constants` are the user's own. The types of a Siemens source, with `has_system_types` all types, may use
+    the system types of Siemens; a type that a file declares replaces the system type of its name.
     """
     files = tuple(files)
     known = Constants(constants, [constant for file in files for constant in file.constants])
@@ -105,7 +105,7 @@ def join_files(
     for file in files:
         for declaration in file.types:
             resolver.declare(declaration, has_system_types or file.sender.layout == S7.name)
-    copies: dict[object, Declaration] = {}  # each that says the same once
+    copies: dict[object, Declaration] = {}  # equal copies once
     for copy in [copy for file in files for copy in file.copies]:
         copies.setdefault(strip_places((copy.name, copy.spec)), copy)
     again = {key: copy for key, copy in copies.items() if copy.name.casefold() in resolver.declared}
@@ -124,7 +124,7 @@ def join_files(
         for declared in (*file.types, *file.copies)
         if resolver.declared[key := declared.name.casefold()] is declared
     }
-    first: dict[object, Problem] = {}  # what is unknown: one name, one line, at the first place
+    first: dict[object, Problem] = {}  # an unknown name is reported once, at its first place
     for problem in sorted(found, key=_reading_order):
         unknown = problem.found.casefold() + problem.expected.casefold()
         first.setdefault(unknown if problem.expected.startswith(KNOWN) else problem, problem)
@@ -151,7 +151,7 @@ def join_files(
 
 
 def _note_differences(resolver: Resolver, copies: Iterable[Declaration]) -> None:
-    """Note where a type is not the system type of its name, or not what a copy of it says."""
+    """Note each type that differs from the system type of its name, or from a copy of it in a file."""
     types, users = resolver.types, resolver.system_users & resolver.types.keys()
     rows = [(key, type_, "the system type") for key, type_ in system_types().items() if key in users]
     resolver.system_users.add("")
@@ -160,14 +160,14 @@ def _note_differences(resolver: Resolver, copies: Iterable[Declaration]) -> None
         rows += [(copy.name.casefold(), built, f"the copy at {copy.where}")] if built else []
     resolver.bad.pop("", None)
     for key, other, what in rows:
-        ours, theirs = _places(types[key]) if key in types else [], _places(other)
+        ours, theirs = _leaf_places(types[key]) if key in types else [], _leaf_places(other)
         if ours and theirs and ours != theirs:
             sizes = [f"{count(len(each) - 1, 'value')} in {each[0]} bytes" for each in (ours, theirs)]
             resolver.notes.setdefault(key, {})[f"{sizes[0]}, {what} has {sizes[1]}"] = None
 
 
-def _places(type_: Type) -> list[object]:
-    """Return the size of a type and where its members lie, nothing where it cannot be laid out."""
+def _leaf_places(type_: Type) -> list[object]:
+    """Return the size of a type and the places of its leaves; nothing if it cannot be laid out."""
     try:
         layout = lay_out(type_, S7)
     except UserError:
@@ -182,7 +182,7 @@ def _reading_order(problem: Problem) -> list[str | int]:
 
 
 def build_type(spec: Spec, types: TypeSet) -> Type:
-    """Return the type that a specification means among these types; raise UserError with all its problems."""
+    """Return the type of a specification that may name these types; raise UserError with all problems."""
     resolver = Resolver(types.constants, types.types, types.broken)
     resolver.system_users |= {""} if types.has_system_types else set()
     type_, _ = resolver.build(spec, "", "")

@@ -1,6 +1,6 @@
 """IEC types as frozen values: elementary types (one table row each), STRING, ARRAY, STRUCT, enumeration.
 
-Rule: a type says nothing about places: sizes, gaps and byte order come from its layout.
+Rule: a type knows no offsets: sizes, gaps and byte order come from its layout.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ WHOLE_KINDS = (ValueKind.INTEGER, ValueKind.BITS)
 
 @dataclass(frozen=True, slots=True)
 class Elementary:
-    """One elementary type: size and natural alignment in bytes, `struct` code, nanoseconds per count.
+    """Size and natural alignment in bytes, `struct` code, nanoseconds per count (`unit_ns`).
 
     `epoch_ns` is where the count of a date begins, in nanoseconds since 1970.
     """
@@ -50,12 +50,12 @@ class Elementary:
 
     @property
     def limits(self) -> tuple[int, int]:
-        """Return the smallest and the largest whole number that the type holds."""
+        """Return the smallest and the largest whole number that the type can hold."""
         bits = 8 * self.size
         return (-(1 << bits - 1), (1 << bits - 1) - 1) if self.code.islower() else (0, (1 << bits) - 1)
 
 
-# Signed TIME and LTIME and DATE in days are Baosky's. What no page of Baosky states (the epoch of DATE; TOD,
+# As Baosky: TIME and LTIME with a sign, DATE in days. What no page of Baosky states (the epoch of DATE; TOD,
 # DT and the L-forms) follows CODESYS and is shown as unverified.
 ELEMENTARY_ROWS = (
     Elementary("BOOL", 1, 1, "?", ValueKind.BOOL),
@@ -91,7 +91,7 @@ ELEMENTARY_ROWS = (
     Elementary("XINT", 8, 8, "Q", ValueKind.ADDRESS),
     Elementary("UXINT", 8, 8, "Q", ValueKind.ADDRESS),
 )
-# Names of one vendor: where a file declares a type of such a name, the declaration is what it means.
+# Names of a single vendor: a file of another vendor may declare its own type of such a name.
 VENDOR_NAMES = frozenset({"BIT", "S5TIME", "DTL", "PVOID", "XWORD", "XINT", "UXINT"})
 SYNONYMS = {
     "TIME_OF_DAY": "TOD",
@@ -113,7 +113,7 @@ ADDRESS = ELEMENTARY["PVOID"]  # how a pointer is stored
 class StringType:
     """STRING or WSTRING of `length` characters; None is the default length of the layout.
 
-    A STRING that is `utf8` (TwinCAT's attribute TcEncoding) has as many bytes, of UTF-8 and not of Latin-1.
+    `utf8` (TwinCAT's attribute TcEncoding): it has `length` bytes of UTF-8, not characters of Latin-1.
     """
 
     length: int | None = None
@@ -123,7 +123,7 @@ class StringType:
 
 @dataclass(frozen=True, slots=True)
 class Subrange:
-    """`INT(0..10)`: stored as its base type; what comes over the wire may lie outside of it."""
+    """`INT(0..10)`: stored as its base type; a received value may be outside its limits."""
 
     base: Elementary
     low: int
@@ -139,7 +139,7 @@ class Pointer:
 
 @dataclass(frozen=True, slots=True)
 class Unplaced:
-    """What the source declares and cannot be laid out (FB instance, interface, ANY): its name, and why."""
+    """A type of the source that has no layout (FB instance, interface, ANY): its name, and why."""
 
     name: str
     why: str
@@ -147,7 +147,7 @@ class Unplaced:
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """ARRAY with its declared bounds, first index first; the last index runs fastest."""
+    """ARRAY with its declared bounds, first index first; elements are stored with the last index fastest."""
 
     bounds: tuple[tuple[int, int], ...]
     element: Type
@@ -162,16 +162,14 @@ class Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Member:
-    """One member of a STRUCT or UNION."""
-
     name: str
     type: Type = field(repr=False)
 
 
 class BitField(NamedTuple):
-    """Bits of C before the member number `at`: no member, only room; their type has `size` bytes.
+    """A bit-field of C before the member number `at`: it only takes room; its type has `size` bytes.
 
-    With `element` it is an ARRAY of it without a length, which aligns the end of the type and has no bytes.
+    With `element` it is an ARRAY without a length: it has no bytes, but aligns the end of the type.
     """
 
     at: int
@@ -181,14 +179,14 @@ class BitField(NamedTuple):
     element: Type | None = None
 
 
-# eq=False: two UDTs are the same type when they are the same declaration, as in IEC 61131-3; and
-# comparing by value would walk a shared type once for each way that leads to it.
+# eq=False: two UDTs are the same type only if they are the same declaration, as in IEC 61131-3. Comparing
+# by value would also walk a shared type once for each path to it.
 @dataclass(frozen=True, slots=True, eq=False)
 class Struct:
-    """STRUCT with its own members in declared order; `name` is empty for one written in place.
+    """STRUCT with its own members in declared order; `name` is empty if it is written in place.
 
     `base` is the STRUCT that it EXTENDS: its members come first. `pack` is the pack_mode attribute in bytes
-    (0 and 1: no gaps), None where there is none.
+    (0 and 1: no gaps), None without one.
     """
 
     name: str
@@ -200,7 +198,7 @@ class Struct:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Union:
-    """UNION: all members at the same place; `base` and `pack` as in Struct."""
+    """UNION: all members at offset 0; `base` and `pack` as in Struct."""
 
     name: str
     members: tuple[Member, ...]
@@ -211,9 +209,9 @@ class Union:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Enumeration:
-    """Enumeration: base type and (name, number) pairs; None is a number the reader could not work out.
+    """Enumeration: base type and (name, number) pairs; None is a number that could not be evaluated.
 
-    `is_named` says whether the declaration names the base; one that does not takes the layout's own.
+    `is_named`: the declaration names the base; else the layout chooses it.
     """
 
     name: str
@@ -227,12 +225,12 @@ LeafType = Elementary | StringType | Subrange | Pointer | Enumeration
 
 
 def all_members(type_: Struct | Union | None) -> list[Member]:
-    """Return the members, before them those of what the type EXTENDS; none for None."""
+    """Return the members, those of the type that it EXTENDS first; none for None."""
     return [*all_members(type_.base), *type_.members] if type_ else []
 
 
 def parts_of(type_: Type) -> list[Type]:
-    """Return the types that stand directly in a type: its element, or its base and its members."""
+    """Return the direct parts of a type: its element, or its base and the types of its members."""
     match type_:
         case Array():
             return [type_.element]

@@ -166,7 +166,7 @@ def test_the_largest_type_and_the_longest_bytes_are_judged_by_a_part_that_is_nam
     best = json.loads(out)[0]
     assert (best["byte_order"], best["cause"], code) == ("big", None, 0 if members > 1 else 1)
     if members > 1:
-        assert f"+0.0 only the first 256 of {members} are judged" in best["reasons"]
+        assert f"+0.0 only the first 256 of {members} members are judged" in best["reasons"]
 
 
 def test_of_very_many_messages_the_last_ones_are_judged_and_that_is_said(run: Run) -> None:

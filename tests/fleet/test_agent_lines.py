@@ -33,7 +33,7 @@ def written(folder: Path, text: str, name: str = "line.toml") -> Path:
 
 def found(cause: str, instance: str = "", connect: str = "C1") -> Finding:
     mend = (Remedy("LEN 8", "set R LEN=8", "instance.R.LEN=8"),)
-    evidence = (f"before it stands {HEX}",)
+    evidence = (f"before it: {HEX}",)
     return Finding(0.9, evidence, instance=instance, mend=mend, cause=cause, scan=7, connect=connect)
 
 
@@ -58,7 +58,7 @@ def test_a_cause_is_one_event_of_each_instance_until_it_is_gone(tmp_path: Path) 
     again = told(4, found("frame-short", "R"), found("loss"), found("loss", "OTHER", "C2"))
     assert [one["cause"] for one in again] == ["frame-short", "loss"]
     assert "evidence" not in told(5, found("padding"))[0]
-    assert told(6, found("header"), with_payload=True)[0]["evidence"] == f"before it stands {HEX}"
+    assert told(6, found("header"), with_payload=True)[0]["evidence"] == f"before it: {HEX}"
 
 
 def test_a_line_of_a_watch_or_tap_row_has_the_name_of_the_row(tmp_path: Path) -> None:

@@ -171,7 +171,7 @@ def test_of_a_struct_that_cannot_be_there_the_members_stand_in_its_place() -> No
     text += "TYPE T : STRUCT a : BYTE; s : S; s_k : INT; END_STRUCT END_TYPE"
     found = padded_type(lay_out(types_of(text).get_type("T"), rules_for("packed")), rules_for("baosky"))
     assert isinstance(found.type, Struct) and found.type.name == "T_flat"
-    assert list_notes(found) == ["s: its members stand here by themselves, as s_.."]
+    assert list_notes(found) == ["s: its members are listed here one by one, as s_.."]
     assert places(found.layout) == {
         "a": (0, 1, None), "s_k_": (1, 1, None), "s_i": (2, 2, None), "s_d": (4, 4, None),
         "s_k": (8, 2, None),

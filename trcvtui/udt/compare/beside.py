@@ -1,6 +1,6 @@
-"""What the bytes before and after the members are: a length field, STX .. ETX, a check, CR LF; or not known.
+"""Judges the bytes before and after the members: a length field, STX .. ETX, a checksum, CR LF, or unknown.
 
-Rule: bytes that nothing explains are a doubt: what has some before and after is found, and never called sure.
+Rule: a reading with unexplained bytes is listed, but it is never called sure.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from trcvtui.udt.compare.causes import BYTE_TOO_FEW, BYTE_TOO_MANY, HEADER, MOST
 from trcvtui.udt.compare.checksums import CHECKSUMS
 from trcvtui.udt.compare.likelihood import chance
 
-# What stands after a message, with how likely; and marks at its begin.
+# Endings of a message with their likelihood; below, marks at its begin.
 END_MARKS: Final = {
     b"\r\n": ("CR LF", 0.4), b"\n": ("LF", 0.1), b"\r": ("CR", 0.1), b"\x03": ("ETX", 0.05),
     b"\x04": ("EOT", 0.02), b"\n\r": ("LF CR", 0.01), b"\r\n\0": ("CR LF NUL", 0.02),
@@ -22,56 +22,56 @@ END_MARKS: Final = {
 }  # fmt: skip
 START_MARKS: Final = {b"\x02": "STX", b"\x01": "SOH"}
 CHECKSUM_SHARE: Final = 0.02
-MOST_CHECKSUM_BYTES: Final = 2048  # bytes of a message of which checksums are made
-OWN_ENDING: Final = 0.15  # anything else of two or more bytes
+MOST_CHECKSUM_BYTES: Final = 2048  # of longer messages no checksum is calculated
+OWN_ENDING: Final = 0.15  # any other ending of two or more bytes
 ZEROS_BEFORE_SHARE: Final = 0.05
 ZEROS_AFTER: Final = 0.002  # zeros are padding more often than a trailer
-BLOCK_CHECK_NAME: Final = "xor8"  # as devices call it
+BLOCK_CHECK_NAME: Final = "xor8"  # devices call it BCC
 INT_BYTE_ORDERS: Final[tuple[Literal["big", "little"], ...]] = ("big", "little")
-LENGTH_FIELD_SHARE: Final = 0.5  # how often a header has the length
-BOTH_SIDES_POINTS: Final = -5.0  # points of bytes before and after
+LENGTH_FIELD_SHARE: Final = 0.5  # of headers that have a length
+BOTH_SIDES_POINTS: Final = -5.0  # points of a cause with bytes before and after
 
 
 class ExtraEvidence(NamedTuple):
-    """Points of the bytes beside one message, what they are, whether that is known; the name of each side."""
+    """Points and text of the bytes beside one message, whether they are known, and a name for each side."""
 
     points: float
     text: str
     has_meaning: bool = True
     before: str = ""
     after: str = ""
-    of_after: float = 0.0  # of the points
+    of_after: float = 0.0  # the part of `points` that the bytes after it have
 
 
 def usual_length(lengths: Sequence[int]) -> int:
-    """Return the length that half of the messages have; 0: there is none."""
+    """Return the length that at least half of the messages have; 0 if there is none."""
     (length, often), *_ = Counter(lengths).most_common(1) or [(0, 0)]
     return length if often * 2 >= len(lengths) else 0
 
 
 def surrounding_causes(size: int, length: int) -> Iterator[FitCause]:
-    """Yield the ways in which a type lies in a longer message, with bytes before and after it."""
+    """Yield each place of a type in a longer message with bytes both before and after it."""
     extra = length - size
-    if size and 1 < extra <= MOST_EXTRA_BYTES and extra % size:  # else several of the same type
+    if size and 1 < extra <= MOST_EXTRA_BYTES and extra % size:  # else it is several values of the type
         for front in range(1, extra):
             yield FitCause(HEADER, front, front=front, back=extra - front, cost=BOTH_SIDES_POINTS)
 
 
 def extra_evidence(cause: FitCause, before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | None:
-    """Return what the bytes before and after one message say; None where it is not so."""
+    """Return the evidence of the bytes before and after one message; None if they contradict the cause."""
     if cause.kind == BYTE_TOO_MANY:
-        is_known = _judge_trailer(before, unit, after) is not None  # then it is no byte too many
-        said = f"one byte too many: {_hex_text(after)}"
-        return None if is_known else ExtraEvidence(-0.5, said, has_meaning=False, of_after=-0.5)
+        is_known = _judge_trailer(before, unit, after) is not None  # a known ending is a trailer
+        text = f"one byte too many: {_hex_text(after)}"
+        return None if is_known else ExtraEvidence(-0.5, text, has_meaning=False, of_after=-0.5)
     if cause.kind == BYTE_TOO_FEW:
         return ExtraEvidence(0.0, f"one byte too few: {cause.about}")
     tail = _judge_trailer(before, unit, after) if after else None
     if after and before and not cause.is_guess and (tail is None or not tail.has_meaning):
-        return None
+        return None  # bytes on both sides are likely only with a known ending
     if after and tail is None:
         if not before:
             return None
-        tail = ExtraEvidence(math.log(OWN_ENDING), f"after it stands {_hex_text(after)}", has_meaning=False)
+        tail = ExtraEvidence(math.log(OWN_ENDING), f"after it: {_hex_text(after)}", has_meaning=False)
     head = _judge_header(before, len(unit), after) if before else None
     if head and tail:
         is_known = head.has_meaning and tail.has_meaning
@@ -81,36 +81,36 @@ def extra_evidence(cause: FitCause, before: bytes, unit: bytes, after: bytes) ->
 
 
 def _judge_header(before: bytes, size: int, after: bytes) -> ExtraEvidence:
-    said = f"before it stands {_hex_text(before)}"
+    text = f"before it: {_hex_text(before)}"
     mark = next((mark for mark in START_MARKS if before.startswith(mark) and b"\x03" in after), b"")
     name = START_MARKS.get(mark, "")
     field = find_length_field(before, size + len(after)) or find_length_field(before, size)
-    known = f"{said}, {name}" if mark else said
+    known = f"{text}, {name}" if mark else text
     if field is None:
-        left = before[len(mark) :]
+        rest = before[len(mark) :]
         likely = 1 - LENGTH_FIELD_SHARE if any(before) else ZEROS_BEFORE_SHARE
-        return ExtraEvidence(math.log(likely), known, not left, "" if left else name)
+        return ExtraEvidence(math.log(likely), known, not rest, "" if rest else name)
     part, words = field
     points = math.log(LENGTH_FIELD_SHARE / 8 / len(before)) - chance(part)
-    is_meant = (len(mark) + len(part)) * 2 >= len(before)  # else it may be one by chance
+    is_meant = (len(mark) + len(part)) * 2 >= len(before)  # else it may be a length by chance
     named = ", ".join(filter(None, (name, f"with {words}")))
     return ExtraEvidence(points, f"{known}, {words}", is_meant, named if is_meant else "")
 
 
 def _judge_trailer(before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | None:
-    said = f"after it stands {_hex_text(after)}"
+    text = f"after it: {_hex_text(after)}"
     name, share = END_MARKS.get(after) or _find_checksum(before, unit, after)
     if name:
-        return ExtraEvidence(math.log(share) - chance(after), f"{said}, {name}", after=name)
+        return ExtraEvidence(math.log(share) - chance(after), f"{text}, {name}", after=name)
     if len(after) == 1:
-        return None  # then it is a byte too many
+        return None  # BYTE_TOO_MANY explains it
     if not any(after):
-        return ExtraEvidence(math.log(ZEROS_AFTER), f"after it stand {len(after)} zeros", has_meaning=False)
-    return ExtraEvidence(math.log(OWN_ENDING), said, has_meaning=False)
+        return ExtraEvidence(math.log(ZEROS_AFTER), f"after it: {len(after)} zeros", has_meaning=False)
+    return ExtraEvidence(math.log(OWN_ENDING), text, has_meaning=False)
 
 
 def _find_checksum(before: bytes, unit: bytes, after: bytes) -> tuple[str, float]:
-    """Return the name of a checksum after a message, alone or beside a mark; "": it is none that is known."""
+    """Return the name and share of a checksum after a message, alone or beside a mark; "" if unknown."""
     if name := _checksum((before + unit, unit), after):
         return name, CHECKSUM_SHARE
     for mark, (ending, share) in END_MARKS.items():
@@ -139,13 +139,13 @@ def _hex_text(raw: bytes) -> str:
 
 
 def has_length_field(cause: FitCause, messages: Sequence[bytes], size: int) -> bool:
-    """Return whether each message begins with the length of what follows it; one byte may be it by chance."""
+    """Return whether each message begins with a length field of at least half the header (else chance)."""
     found = [find_length_field(one[: cause.n], size) for one in messages]
     return cause.kind == HEADER and all(one is not None and len(one[0]) * 2 >= cause.n for one in found)
 
 
 def find_length_field(extra: bytes, size: int) -> tuple[bytes, str] | None:
-    """Return the bytes of a header that are a length, and what it counts; None where there are none."""
+    """Return the bytes of a header that are a length, and what it counts; None if there is none."""
     for width in (4, 2, 1):
         for at in range(len(extra) - width + 1):
             part = extra[at : at + width]

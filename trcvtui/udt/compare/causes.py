@@ -1,6 +1,6 @@
-"""What else may be wrong with messages: bytes beside the type, exchanged bytes, blanks; each with its points.
+"""Causes of a mismatch beside the layout: extra bytes, exchanged bytes, blanks; each with its points.
 
-A cause is tried only where the lengths of the messages allow it, and says how rare it is.
+A cause is tried only if the lengths of the messages allow it; its points say how rare it is.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from trcvtui.udt.compare.likelihood import exchange_pairs, exchange_words
 
 HEADER, TRAILER, BYTE_TOO_MANY, BYTE_TOO_FEW = "header", "trailer", "long", "short"
 WORD_SWAP, BYTE_SWAP, BLANKS = "word-swap", "byte-swap", "blanks"
-MEMBER_MORE, FEWER, WIDTH = "more", "fewer", "width"  # of a member of the sender's type
+MEMBER_MORE, FEWER, WIDTH = "more", "fewer", "width"  # the sender's type differs in a member
 DRIFTS: Final = (MEMBER_MORE, FEWER, WIDTH)
 MOST_EXTRA_BYTES: Final = 64  # bytes of a header or a trailer
-MOST_EXTRA_IN_STREAM: Final = 8  # the same where no message ends, or several are one
+MOST_EXTRA_IN_STREAM: Final = 8  # the same in a stream, or if one message has several values of the type
 
 BytesChange = Callable[[bytes], bytes]
 
 
 class FitCause(NamedTuple):
-    """One cause: its kind, its number of bytes, how it is undone, and the points that it costs.
+    """One cause: its kind, its number of bytes, how to undo it, and the points that it costs.
 
-    `front`: bytes before the members that are no members, below 0 bytes that are missing there; `back` the
-    same after them. `of_member` changes the bytes of a number by size, `of_text` those of a text, `of_all`
-    those of a whole message. `member` is where the sender's type differs from ours, `theirs` its type there.
+    `front` is the number of extra bytes before the members, below 0 of missing ones; `back` the same after
+    them. `of_member` undoes it in the bytes of a number (by size), `of_text` in those of a text, `of_all` in
+    a whole message. `member` is where the sender's type differs from ours, `theirs` the type of it there.
     """
 
     kind: str | None = None
@@ -40,10 +40,10 @@ class FitCause(NamedTuple):
     of_text: BytesChange | None = None
     member: str = ""
     theirs: str = ""
-    is_guess: bool = False  # its bytes before and after need no meaning
+    is_guess: bool = False  # the bytes before and after need no known meaning
 
     def __str__(self) -> str:
-        """Return the cause as it stands after a profile: "" for none."""
+        """Return the cause as text after a profile, "" for none."""
         count, more = (
             "1 bit" if self.kind == MEMBER_MORE and not self.n else _bytes_text(self.n),
             _bytes_text(self.back),
@@ -54,10 +54,12 @@ class FitCause(NamedTuple):
         return f"{words} and {more} after it" if self.kind == HEADER and self.back else words
 
     def can_fit(self, size: int, framed: bool, lengths: Collection[int]) -> bool:
-        """Return whether a message of one of these lengths can be the type of this size with this cause."""
+        """Return whether a message of one of these lengths can have a type of this size with this cause."""
         period = size + self.front + self.back
         if max(self.front, self.back) > MOST_EXTRA_IN_STREAM:
-            is_several = not (self.front + self.back) % max(size, 1)  # of the same type
+            is_several = not (self.front + self.back) % max(
+                size, 1
+            )  # several values of the type are likelier
             return framed and period in lengths and not is_several
         if not framed:
             return period > 0
@@ -71,8 +73,8 @@ def _bytes_text(number: int) -> str:
 _CAUSE_TEXTS: Final = {
     HEADER: "{} before it",
     TRAILER: "{} after it",
-    BYTE_TOO_MANY: "one byte long",
-    BYTE_TOO_FEW: "one byte short",
+    BYTE_TOO_MANY: "one byte too long",
+    BYTE_TOO_FEW: "one byte too short",
     WORD_SWAP: "words exchanged (CDAB)",
     BYTE_SWAP: "bytes exchanged in 16 bits (BADC)",
     BLANKS: "texts filled with blanks",
@@ -93,8 +95,8 @@ def _swap_words(raw: bytes) -> bytes:
 NONE: Final = FitCause()
 _WORD_CHANGES: Final[dict[int, BytesChange]] = {4: exchange_words, 8: exchange_words}
 _BYTE_CHANGES: Final[dict[int, BytesChange]] = dict.fromkeys((2, 4, 8), exchange_pairs)
-# A swap of words in one byte order and a swap of bytes in the other one are often the same bytes: they cost
-# the same, and the one in our own byte order comes first.
+# Swapped words in one byte order and swapped bytes in the other one are often the same bytes: they cost the
+# same, and the one in our own byte order comes first.
 SWAP_CAUSES: Final = (
     FitCause(WORD_SWAP, cost=-3.5, about="of each number of 4 and 8 bytes", of_member=_WORD_CHANGES),
     FitCause(WORD_SWAP, cost=-3.5, about="of each number of 4 bytes", of_member={4: exchange_words}),
@@ -122,7 +124,7 @@ CAUSES: Final = (NONE, *SWAP_CAUSES, BLANKS_CAUSE, *EXTRA_CAUSES)
 
 
 def cut(cause: FitCause, size: int, messages: Sequence[bytes], framed: bool, most: int) -> CutMessages:
-    """Return the messages cut for a type of `size` bytes, the last ones, what is over stays out."""
+    """Return the last `most` values of a type of `size` bytes in the messages; the rest is left out."""
     period = size + cause.front + cause.back
     if period <= 0 or not size:
         return CutMessages((), (), 0, 0)
@@ -132,7 +134,7 @@ def cut(cause: FitCause, size: int, messages: Sequence[bytes], framed: bool, mos
     fitting, several = 0, 1
     for message in messages:
         count, over = divmod(len(message), period)
-        if framed and (over or not count):
+        if framed and (over or not count):  # a message is whole values, nothing is left over
             continue
         fitting += 1
         several = max(several, count)
@@ -150,7 +152,7 @@ def cut(cause: FitCause, size: int, messages: Sequence[bytes], framed: bool, mos
 
 
 class CutMessages(NamedTuple):
-    """Messages of the type's size, what stood before and after each, how many fit, how many are in one."""
+    """Bytes of the type's size, the bytes before and after each, messages that fit, most values in one."""
 
     units: tuple[bytes, ...]
     extras: tuple[tuple[bytes, bytes], ...]

@@ -1,7 +1,6 @@
-"""Two profiles, or two declarations, side by side on the same bytes: ours and theirs, member by member.
+"""Compares two profiles, or two declarations, on the same bytes: ours and theirs, member by member.
 
-Rules: members are the same when their paths are, in any case; table, summary and exit code come from the same
-rows.
+Rules: members with the same path, in any case, are the same; table, summary and exit code use the same rows.
 """
 
 from __future__ import annotations
@@ -20,11 +19,11 @@ from trcvtui.udt.report import json_value, leaf_type_text, place_text
 from trcvtui.udt.types import StringType
 from trcvtui.wording import format_columns, json_text
 
-LeafPair = tuple[int | None, int | None]  # numbers of a leaf on both sides; None where a side has none
+LeafPair = tuple[int | None, int | None]  # the number of a leaf on each side; None if a side lacks it
 
 
 def pair_leaves(ours: Node, theirs: Node, a: int = 0, b: int = 0) -> Iterator[LeafPair]:
-    """Yield every leaf of both: what only theirs has stands after its siblings; `a`, `b`: the first ones."""
+    """Yield the leaves of both, those of theirs alone after their siblings; numbers start at `a` and `b`."""
     if isinstance(ours, PlacedLeaf) and isinstance(theirs, PlacedLeaf):
         yield a, b
         return
@@ -66,7 +65,7 @@ class MemberDifference(NamedTuple):
 
 
 def describe_difference(a: Layout, b: Layout) -> str:
-    """Return in what two layouts of one type differ; of the elements of an ARRAY the first is named."""
+    """Return how two layouts of one type differ; of the elements of an ARRAY only the first is named."""
     parts = []
     if a.size != b.size:
         parts.append(f"the size, {a.size} and {b.size} bytes")
@@ -86,7 +85,7 @@ def describe_difference(a: Layout, b: Layout) -> str:
 
 
 def _find_differences(a: Layout, b: Layout, with_texts: bool) -> Iterator[MemberDifference]:
-    named: dict[str, str] = {}  # path of an ARRAY -> index of the element that is named
+    named: dict[str, str] = {}  # by path of an ARRAY: the index of its first element that differs
     for ours, theirs in zip(a.leaves(), b.leaves(), strict=True):
         places = place_text(ours), place_text(theirs)
         counts = with_texts or not isinstance(ours.type, StringType)
@@ -110,7 +109,7 @@ VALUE: Final = "value"
 
 
 class ComparedLeaf(NamedTuple):
-    """One side of a row: the leaf, the type that decides its bytes, how it is stored, its value as text."""
+    """One side of a row: the leaf, its stored type, its stored form, its value as text."""
 
     leaf: Leaf
     type: str
@@ -124,7 +123,7 @@ class ComparedLeaf(NamedTuple):
 
 
 class ComparedRow(NamedTuple):
-    """One member on both sides; None where a side has none of that path. `differs` says in what."""
+    """One member on both sides; None if a side has no such path. `differs` has the kinds of difference."""
 
     path: str
     ours: ComparedLeaf | None
@@ -133,7 +132,7 @@ class ComparedRow(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """Both sizes, how many rows differ, and the first byte on either side of one that does; None: of none."""
+    """Both sizes, how many rows differ, and the first byte of one on either side, None if none differs."""
 
     our_size: int
     their_size: int
@@ -151,9 +150,7 @@ class Summary(NamedTuple):
 
 
 class Comparison:
-    """Two layouts, of the same declaration or of two. Rows stand in our order, what only theirs has at the
-    end of the STRUCT that it is in.
-    """
+    """Two layouts; the rows are in our order, members of theirs alone at the end of their STRUCT."""
 
     def __init__(self, ours: Layout, theirs: Layout) -> None:
         self.ours, self.theirs = ours, theirs
@@ -165,7 +162,7 @@ class Comparison:
         return len(self._pairs)
 
     def rows(self, data: Data, start: int = 0, stop: int | None = None) -> Iterator[ComparedRow]:
-        """Yield the rows of number start..stop-1 (default: all); the bytes may end anywhere."""
+        """Yield the rows of number start..stop-1 (default: all); `data` may be shorter than the types."""
         for ours, theirs in self._pairs[start:stop]:
             our, their = self._compare(self.ours, ours, data), self._compare(self.theirs, theirs, data)
             shown = our or their
@@ -192,13 +189,13 @@ class Comparison:
 def _list_differences(ours: ComparedLeaf | None, theirs: ComparedLeaf | None) -> tuple[str, ...]:
     if ours is None or theirs is None:
         return ("only theirs" if ours is None else "only ours",)
-    same_type = ours.type == theirs.type  # another type has a form of its own
-    told = (
+    same_type = ours.type == theirs.type  # types that differ have different forms anyway
+    kinds = (
         (PLACE, ours.place != theirs.place),
         (TYPE, not same_type),
         (FORM, same_type and ours.form != theirs.form),
     )
-    found = [word for word, is_so in told if is_so]
+    found = [word for word, is_so in kinds if is_so]
     return (*found, VALUE) if ours.value != theirs.value else tuple(found)
 
 
@@ -207,17 +204,14 @@ MISSING_TEXT: Final = "-"
 
 
 def is_equal(comparison: Comparison, rows: Iterable[ComparedRow]) -> bool:
-    """Return whether both store every member alike at the same place, and read the same value there."""
+    """Return whether both have every member in the same place and form, and with the same value."""
     ours, theirs = comparison.ours, comparison.theirs
     same = ours.size == theirs.size and ours.rules.byte_order == theirs.rules.byte_order
     return same and not any(row.differs for row in rows)
 
 
 def compare_json(comparison: Comparison, rows: Sequence[ComparedRow], data: bytes) -> str:
-    """Return the object of `udt compare`, a row in each line.
-
-    Rows stand in our order, null where a side has no such member.
-    """
+    """Return the object of `udt compare`, one row a line; null if a side has no such member."""
     ours, theirs = comparison.ours, comparison.theirs
     records = [
         {
@@ -230,8 +224,8 @@ def compare_json(comparison: Comparison, rows: Sequence[ComparedRow], data: byte
     ]
     lines = ",\n".join(f"    {json_text(record)}" for record in records)
     sides = f'  "ours": {json_text(_side_json(ours))},\n  "theirs": {json_text(_side_json(theirs))},\n'
-    told = f'  "rows": [\n{lines}\n  ],\n' if lines else '  "rows": [],\n'
-    return f'{{\n{sides}{told}  "equal": {json_text(is_equal(comparison, rows))}\n}}'
+    listed = f'  "rows": [\n{lines}\n  ],\n' if lines else '  "rows": [],\n'
+    return f'{{\n{sides}{listed}  "equal": {json_text(is_equal(comparison, rows))}\n}}'
 
 
 def compare_text(comparison: Comparison, rows: Sequence[ComparedRow], data: bytes) -> str:
@@ -239,22 +233,27 @@ def compare_text(comparison: Comparison, rows: Sequence[ComparedRow], data: byte
     ours, theirs = comparison.ours, comparison.theirs
     values = ("value",) if data else ()
     head = ("", "path", "ours", *values, "theirs", *values, "differs")
-    told = [(*_texts_of(row, ours.name, bool(data)), ", ".join(row.differs)) for row in rows]
-    table = format_columns([head, *told], "llrlrll" if data else "llrrl")
-    lines = [f"ours    {_header(ours)}", f"theirs  {_header(theirs)}", *table, str(comparison.summary(rows))]
+    texts = [(*_row_texts(row, ours.name, bool(data)), ", ".join(row.differs)) for row in rows]
+    table = format_columns([head, *texts], "llrlrll" if data else "llrrl")
+    lines = [
+        f"ours    {_side_text(ours)}",
+        f"theirs  {_side_text(theirs)}",
+        *table,
+        str(comparison.summary(rows)),
+    ]
     if ours.rules.byte_order != theirs.rules.byte_order:
         lines.append(f"byte order: ours {ours.rules.byte_order}, theirs {theirs.rules.byte_order}")
     return "\n".join(lines)
 
 
-def _texts_of(row: ComparedRow, name: str, with_values: bool) -> tuple[str, ...]:
+def _row_texts(row: ComparedRow, name: str, with_values: bool) -> tuple[str, ...]:
     texts = [DIFFERS_MARK if row.differs else "", row.path or name]
     for cell in (row.ours, row.theirs):
         texts += [place_text(cell.leaf), cell.value] if cell else [MISSING_TEXT, ""]
     return tuple(texts if with_values else texts[:3] + texts[4:5])
 
 
-def _header(layout: Layout) -> str:
+def _side_text(layout: Layout) -> str:
     rules = layout.rules
     return f"{one_line(layout.name)}: {layout.size} bytes, layout {rules.name}, {rules.byte_order}-endian"
 

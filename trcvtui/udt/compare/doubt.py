@@ -1,4 +1,4 @@
-"""Doubt: why the best reading of bytes is not called best. What may be otherwise is said, not hidden."""
+"""Doubt: why the best reading of bytes is not sure. Rule: another possible reading is named, not hidden."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from trcvtui.udt.compare.causes import BYTE_TOO_FEW, DRIFTS, FEWER
 from trcvtui.udt.compare.reading import Reading, is_number
 
 CLEAR_LEAD: Final = 5.0  # points ahead of the next other reading
-CLEAR_OF_DRIFT: Final = 7.4  # of one that reads the same but for a member or two: padding may hide them
-CLEAR_LEAD_OF_FEWER: Final = 10.0  # where the sender may lack a member: those after it are in its place then
-CLEAR_LEAD_IN_ORDER: Final = 3.0  # of one in the same byte order, numbers that are round in another one aside
-LEAD_LESS_WHERE_ODD: Final = 2.0  # points fewer where the other one has a value that machines do not send
-CLEAR_OWN_LEAD: Final = 3.0  # points of the members; nearer, a cause that is rare is no evidence against it
+CLEAR_OF_DRIFT: Final = 7.4  # ahead of a drift: padding may hide that a member or two differ
+CLEAR_LEAD_OF_FEWER: Final = 10.0  # ahead of a type with a member fewer: the next ones may fit its place
+CLEAR_LEAD_IN_ORDER: Final = 3.0  # ahead of one in the same byte order, by `fair_score`
+LEAD_LESS_WHERE_ODD: Final = 2.0  # points less if the other one has a value that machines do not send
+CLEAR_OWN_LEAD: Final = 3.0  # of the members' points; below it a rare cause is no evidence against the other
 LEAST_OWN_POINTS: Final = 4.0  # of the members
 
 
 def find_doubt(ranked: Sequence[Reading], messages: Sequence[bytes]) -> str:
-    """Return why the first reading is not called best; "" where it is."""
+    """Return why the first reading is not sure, "" if it is."""
     if not ranked or not messages:
         return "there are no bytes"
     best = ranked[0]
@@ -26,7 +26,7 @@ def find_doubt(ranked: Sequence[Reading], messages: Sequence[bytes]) -> str:
 
 
 def _own_doubt(best: Reading, messages: Sequence[bytes]) -> str:
-    """Return why a reading is not sure, whatever the others are."""
+    """Return why a reading is not sure in itself; "" if nothing speaks against it."""
     if not best.has_length:
         return "no message has the length of the type"
     others = len(messages) - best.cutting.fitting
@@ -37,15 +37,15 @@ def _own_doubt(best: Reading, messages: Sequence[bytes]) -> str:
     if best.cause.kind == BYTE_TOO_FEW and any(
         is_number(member) and not parts for member, parts in best.read
     ):
-        return "the byte that is missing is one of a number"
+        return "the missing byte belongs to a number"
     ending = {message[-2:] for message in messages}
     last = best.read[-1][0] if best.read else None
     if best.cause.kind is None and last and last.leaf.size > 1 and is_number(last) and ending <= {b"\r\n"}:
-        return "every message ends in CR LF, here a number"
+        return "every message ends in CR LF, which is read as a number"
     if best.cause.kind in DRIFTS:
-        return "that the sender's type differs, and where, is a guess"
+        return "it is a guess that the sender's type differs, and where"
     if not best.has_meaning:
-        return "what the bytes beside the members mean is not known"
+        return "the meaning of the bytes beside the members is unknown"
     if best.filled:
         return f"{best.filled}: a member may lie there"
     if best.narrow:
@@ -53,14 +53,14 @@ def _own_doubt(best: Reading, messages: Sequence[bytes]) -> str:
     if number := best.find_exchanged():
         return f"{number} is likelier with its bytes exchanged"
     if best.own_points < LEAST_OWN_POINTS:
-        return "the members themselves say too little"
+        return "the members themselves are too little evidence"
     if len(set(b"".join(messages))) == 1:
         return "all bytes are the same"
     return ""
 
 
 def _contest(best: Reading, other: Reading) -> str:
-    """Return why another reading may be right instead."""
+    """Return why another reading may be right instead, "" if it cannot."""
     is_one_way = other.order == best.order or (best.cause.kind is None and best.widest_number <= 2)
     if is_one_way and best.cause.kind in (None, other.cause.kind) and reads_same_values(best, other):
         return ""
@@ -75,15 +75,15 @@ def _contest(best: Reading, other: Reading) -> str:
         if reads_same_values(best, other):
             return f"{reading_name(other)} ({other.score:+.1f}) reads the same values at the same places"
         if abs(other.own_points - best.own_points) < 0.01 and other.order != best.order:
-            return f"{reading_name(other)} ({other.score:+.1f}) reads values that are as good"
-        return f"{reading_name(other)} ({other.score:+.1f}) is near"
+            return f"{reading_name(other)} ({other.score:+.1f}) reads values that are as likely"
+        return f"{reading_name(other)} ({other.score:+.1f}) is close"
     if best.cause.kind is None and other.cause.kind is not None:
-        return ""  # numbers that are all round, and a cause: two rare things at once
+        return ""  # it needs two rare things: a cause, and numbers that are all round
     ahead = CLEAR_LEAD - best.order_points if other.order != best.order else CLEAR_LEAD_IN_ORDER
     if other.fair_score > (best.score if other.has_plain else best.fair_score) - ahead:
         return (
-            f"{reading_name(other)} may be right: without numbers that are round in a byte order "
-            "(multiples of 256) it is as good"
+            f"{reading_name(other)} may be right: it is as likely if numbers that are round in a byte order "
+            "(multiples of 256) are left out"
         )
     return ""
 

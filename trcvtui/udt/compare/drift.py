@@ -1,4 +1,4 @@
-"""Drift: our type with one member more, one fewer, or one of another width, as the sender may have it."""
+"""Drift: our type with one member more, one fewer, or one of another width, as a sender may have it."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ from trcvtui.udt.types import (
 )
 
 MOST_MEMBERS: Final = 64  # of a STRUCT whose drifts are tried
-MOST_LEAVES: Final = 256  # that are looked at
+MOST_LEAVES: Final = 256  # that are judged
 MOST_DRIFTS: Final = 24  # that are returned
-MOST_DRIFTS_TRIED: Final = 4000  # of one layout that have the right size
-MOST_FIRST_MESSAGES: Final = 3  # messages, the last ones, by which those are chosen
-MOST_ADDED_BYTES: Final = 256  # bytes of a member more
+MOST_DRIFTS_TRIED: Final = 4000  # of the right size, in one layout
+MOST_FIRST_MESSAGES: Final = 3  # the last messages, which choose the drifts to return
+MOST_ADDED_BYTES: Final = 256  # of an added member
 LARGEST_ALIGN: Final = 8
-GAP_SLACK: Final = 7  # bytes that gaps can take or give
+GAP_SLACK: Final = 7  # bytes by which gaps can grow or shrink
 COST: Final = -8.0  # points of a drift
-SAME_WIDTH_COST: Final = -9.5  # of a member of the same width, as REAL for DINT
-ADDED_BYTE_COST: Final = -0.4  # of a member more, up to 8
-UNKNOWN: Final = "\0"  # the name of a member that our type does not have: no source can have it
+SAME_WIDTH_COST: Final = -9.5  # of another type of the same width, as REAL for DINT
+ADDED_BYTE_COST: Final = -0.4  # for each byte of an added member, up to 8
+UNKNOWN: Final = "\0"  # the name of a member that our type lacks: no source can declare it
 FILLER_TYPES: Final = tuple(ELEMENTARY[name] for name in ("LWORD", "DWORD", "WORD", "BYTE", "BOOL"))
 TYPE_FAMILIES: Final = (
     ("SINT", "INT", "DINT", "LINT"),
@@ -57,7 +57,7 @@ _StructPart = tuple[str, Type, Node | Span]
 
 
 class _Drift(NamedTuple):
-    """One drift: what it is, how the type lies then, and the type, which is made of the likeliest ones."""
+    """One drift: its cause, the placed type, and a function that makes the type if it is likely."""
 
     cause: FitCause
     lying: Node | Span
@@ -65,21 +65,21 @@ class _Drift(NamedTuple):
 
 
 def is_unknown_member(leaf: Leaf) -> bool:
-    """Return whether a leaf is of a member that our type does not have."""
+    """Return whether a leaf belongs to a member that our type lacks."""
     return UNKNOWN in leaf.path
 
 
 def find_drifted_layouts(
     layouts: Sequence[tuple[Sequence[Profile], Layout]], messages: Sequence[bytes], own: LayoutRules
 ) -> Iterator[tuple[tuple[Profile, ...], Layout, FitCause]]:
-    """Yield the likeliest ways in which a drifted type has the size of the messages, each once."""
+    """Yield the likeliest drifts whose size is that of the newest message, each once."""
     size = len(messages[-1])
-    asked = [(profile, layout) for profiles, layout in layouts for profile in profiles]
-    known: dict[LayoutRules, list[_Drift]] = {}  # the same in both byte orders
+    pairs = [(profile, layout) for profiles, layout in layouts for profile in profiles]
+    known: dict[LayoutRules, list[_Drift]] = {}  # both byte orders share them
     found: dict[object, tuple[float, Profile, _Drift]] = {}
     judge = _PlaceScores(messages)
-    for profile, layout in asked:
-        is_several = size > layout.size and not size % max(layout.size, 1)  # messages in one
+    for profile, layout in pairs:
+        is_several = size > layout.size and not size % max(layout.size, 1)  # several values in one message
         if is_several or not 0 < layout.leaf_count <= MOST_LEAVES:
             continue
         rules = merge_own_rules(profile.rules, own)
@@ -93,7 +93,7 @@ def find_drifted_layouts(
             points = round(cause.cost + judge.score_node(drift.lying, 0, rules), 6)
             key = rules.byte_order, profile.text, cause.member, cause.theirs, points
             found.setdefault(key, (points, profile, drift))
-    seen = {_own_places(layout, shift) for _, layout in asked for shift in (0, size - layout.size)}
+    seen = {_own_places(layout, shift) for _, layout in pairs for shift in (0, size - layout.size)}
     for _, profile, drift in nlargest(MOST_DRIFTS, found.values(), key=itemgetter(0)):
         layout = lay_out(drift.type(), merge_own_rules(profile.rules, own), layouts[0][1].name)
         places = _own_places(layout)
@@ -103,7 +103,7 @@ def find_drifted_layouts(
 
 
 class _PlaceScores:
-    """What the messages say for members at given places: at first sight, each place looked at once."""
+    """Quick points of the messages for members at given places; each place is judged once."""
 
     def __init__(self, messages: Sequence[bytes]) -> None:
         self.messages = messages[-MOST_FIRST_MESSAGES:]
@@ -121,7 +121,7 @@ class _PlaceScores:
         return self.at_place[key][0]
 
     def score_leaf(self, node: PlacedLeaf, offset: int, rules: LayoutRules) -> float:
-        told: dict[bytes, float] = {}
+        points_by_bytes: dict[bytes, float] = {}
         for part in {message[offset : offset + node.size] for message in self.messages}:
             key = node.type, stored_form(node.type, rules), rules.byte_order, node.is_bit, part
             if key not in self.of_bytes:
@@ -129,11 +129,11 @@ class _PlaceScores:
                 self.of_bytes[key] = evidence(leaf, part, rules) if len(part) == node.size else None
             found = self.of_bytes[key]
             if found is not None:
-                told[part] = found.points
-        if not told:
+                points_by_bytes[part] = found.points
+        if not points_by_bytes:
             return 0.0
-        points: float = sum(told.values()) * len(told) ** (REPEAT_EXPONENT - 1)
-        return points + repeated_zero_points(node.type, told)
+        points: float = sum(points_by_bytes.values()) * len(points_by_bytes) ** (REPEAT_EXPONENT - 1)
+        return points + repeated_zero_points(node.type, points_by_bytes)
 
 
 def _parts(node: PlacedArray | PlacedStruct | Span) -> Iterable[tuple[int, Node | Span]]:
@@ -145,7 +145,7 @@ def _parts(node: PlacedArray | PlacedStruct | Span) -> Iterable[tuple[int, Node 
 
 
 def _own_places(layout: Layout, shift: int = 0) -> tuple[object, ...]:
-    """Return where the members of our own type lie, and in which form."""
+    """Return the places and stored forms of the members of our own type."""
     rules = layout.rules
     return rules.byte_order, *(
         (leaf.path, leaf.offset + shift, leaf.bit, leaf.size, stored_form(leaf.type, rules))
@@ -155,7 +155,7 @@ def _own_places(layout: Layout, shift: int = 0) -> tuple[object, ...]:
 
 
 class _StructVariants:
-    """A STRUCT with others in place of some parts: what follows lies alike at like remainders."""
+    """A STRUCT with some parts replaced; the parts after them depend only on the end modulo LARGEST_ALIGN."""
 
     def __init__(self, placing: Placing, type_: Struct, parts: Sequence[_StructPart]) -> None:
         self.placing, self.type, self.parts = placing, type_, parts
@@ -170,15 +170,15 @@ class _StructVariants:
         self.tails: dict[tuple[int, int], Span] = {}
 
     def place_part(self, part: _StructPart, end: int) -> tuple[int, int, int]:
-        """Return where a part begins and ends that follows `end`, and its alignment."""
+        """Return where a part that follows `end` begins and ends, and its alignment."""
         _, inner, node = part
         step = self.placing.step(node, self.cap)
         start = round_up(end, step)
         return start, round_up(start + node.size, self.placing.end_floor(inner)), step
 
     def replace_parts(self, at: int, stop: int, new: _StructPart | None = None) -> tuple[Span, int]:
-        """Return the STRUCT with one part, or none, for those from `at` to `stop`; how far the next moves."""
-        if self.has_bits or (new and _has_bit([new])):  # where the next one lies tells no remainder
+        """Return the STRUCT with `new`, or nothing, for parts `at` to `stop`, and the shift of the next."""
+        if self.has_bits or (new and _has_bit([new])):  # with bits a place needs more than the remainder
             parts = [*self.parts[:at], *([new] if new else []), *self.parts[stop:]]
             spots, end, align = self.placing.member_spots(self.type, parts)
             places = zip(spots, parts, strict=True)
@@ -196,7 +196,7 @@ class _StructVariants:
         return Span(size, align, tuple(lying)), (starts[0] if starts else size) - self.starts[stop]
 
     def place_tail(self, stop: int, filled: int) -> Span:
-        """Return the parts from `stop` on after so many bytes."""
+        """Return the parts from `stop` on after `filled` bytes."""
         if stop == len(self.parts):
             return Span(filled, 1)
         if (stop, filled) not in self.tails:
@@ -209,7 +209,7 @@ class _StructVariants:
 
 
 def _known_place(start: int, part: _StructPart) -> list[tuple[int, Node | Span]]:
-    """Return where a part lies; nothing for one that our type does not have."""
+    """Return a part with its place; nothing if our type lacks it."""
     name, _, lying = part
     return [] if name == UNKNOWN else [(start, lying)]
 
@@ -219,13 +219,13 @@ def _has_bit(parts: Sequence[_StructPart]) -> bool:
 
 
 class _DriftSearch:
-    """The drifts of a type in one layout, each as it lies: few have the size of the messages."""
+    """The drifts of a type in one layout, placed but not made: few have the size of the messages."""
 
     def __init__(self, rules: LayoutRules) -> None:
         self.placing = Placing(rules)
 
     def find_drifts(self, type_: Type, spare: int, path: str) -> Iterator[_Drift]:
-        """Yield the drifts that can make the type about `spare` bytes larger."""
+        """Yield the drifts that may make the type about `spare` bytes larger."""
         match type_:
             case Array(element=element, count=count):
                 for drift in self.find_drifts(element, spare // count, path):
@@ -240,7 +240,7 @@ class _DriftSearch:
                 for other in _other_width_types(type_, spare):
                     try:
                         node = self.placing.place(other, path)
-                    except UserError:  # a text that this layout cannot hold
+                    except UserError:  # a text too long for this layout
                         continue
                     cost = COST if node.size != size else SAME_WIDTH_COST
                     cause = FitCause(WIDTH, cost=cost, about=about, member=path, theirs=type_text(other))
@@ -283,7 +283,7 @@ def _array_with_element(type_: Array, element: Callable[[], Type]) -> Type:
 def _splice(
     type_: Struct, at: int, stop: int, first: int, name: str = "", new: Callable[[], Type] | None = None
 ) -> Type:
-    """Return the STRUCT with one member, or none, in place of those from `at` to `stop`."""
+    """Return the STRUCT with parts `at` to `stop` replaced by one member, or removed."""
     if new is not None and at < first:
         base = new()
         assert isinstance(base, Struct)

@@ -1,7 +1,7 @@
-"""Which reading fits? Profiles, with or without another cause, ranked by what the bytes at hand say.
+"""Ranks the readings of bytes: every profile, with or without another cause, by the evidence of the bytes.
 
-Rule: a tie is a tie, and is told with what the tied readings differ in. "Fits best" is said only where the
-members themselves speak for a reading, and clearly more than for any other one.
+Rule: a tie is reported as a tie, with the difference of the tied readings. A reading "fits best" only if the
+members themselves are evidence for it, and clearly more than for any other one.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from trcvtui.udt.layout.layout import (
 )
 from trcvtui.udt.types import Type
 
-MOST_LENGTHS: Final = 256  # messages, the last ones, of which the lengths are looked at
-MOST_FITS: Final = 64  # that are returned; those without a cause all
-FAR_BEHIND: Final = 40.0  # points that a reading with a cause may be worse than the best one, and be returned
-MOST_NAMED: Final = 3  # members that a sentence names
-TIE_POINTS: Final = 1.0  # points: less is no evidence
-# Where members lie in longer messages is looked for with so many members and messages, and given up below.
+MOST_LENGTHS: Final = 256  # the last messages, whose lengths are judged
+MOST_FITS: Final = 64  # readings returned
+FAR_BEHIND: Final = 40.0  # points behind the best one at which a reading with a cause is dropped
+MOST_NAMED: Final = 3  # readings that a sentence names
+TIE_POINTS: Final = 1.0  # a smaller lead is no evidence
+# The place of the type in longer messages is sought with so many members and messages; a place with fewer
+# points is given up.
 MOST_PLACED_AND_MESSAGES: Final = (32, 4)
 MISPLACED_POINTS: Final = -30.0
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """One way to read the bytes: all profiles that mean it, the cause beside them, the points and why.
+    """One way to read the bytes: all profiles with this reading, the cause beside them, the points and why.
 
-    `members` are the members' own points, part of `score`. `reasons` have the weightiest first. `fits_best`
-    is said of one reading at most; `doubt` says why it is not said of the first one, which `is_ahead` where
-    one odd value is all that speaks against it. `same` are the readings
-    that find the same value at the same place for every member: they share one `rank` (1, 1, 3), for no
-    byte speaks for one of them, and differ at most in how rare their causes are.
+    `members` are the members' own points, part of `score`. `reasons` begin with the weightiest. At most the
+    first reading `fits_best`; if it does not, `doubt` says why, and it still `is_ahead` if one odd value is
+    the only objection. `same` are the readings with the same value at the same place for every member: they
+    share one `rank` (1, 1, 3), as no byte prefers one of them; they differ only in how rare their causes are.
     """
 
     profiles: tuple[Profile, ...]
@@ -67,11 +67,9 @@ class Fit:
 
     @property
     def name(self) -> str:
-        """Return the first profile and the cause."""
         return f"{self.profile}, {self.cause}" if self.cause.kind else str(self.profile)
 
     def __str__(self) -> str:
-        """Return the profiles by name, with their points."""
         also = ", ".join(str(profile) for profile in self.profiles[1:])
         return f"{self.name} ({self.score:+.1f})" + (f", the same for these bytes: {also}" if also else "")
 
@@ -89,43 +87,45 @@ def rank(
     """Return every reading of the bytes, the best first.
 
     `messages` are what the sender sent at once, each from its first byte, one telegram or several; not
-    `framed`: they are pieces of one stream that begins with a message, and their lengths say nothing. `own`
-    are the rules of our own side: it is named first where several mean the same, after the layout that the
-    source of the type is likely to have, `sender`.
+    `framed`: they are pieces of one stream that begins with a message, and their lengths mean nothing. Of
+    equal readings the one with the layout `sender` (probable for the source of the type) comes first, then
+    the one with `own`, the rules of our side.
     """
-    seen = messages[-MOST_LENGTHS:] if framed else [b"".join(messages)] if messages else []
-    asked = profiles_for(type_) if profiles is None else tuple(profiles)
+    judged = messages[-MOST_LENGTHS:] if framed else [b"".join(messages)] if messages else []
+    tried_profiles = profiles_for(type_) if profiles is None else tuple(profiles)
     own = own or LAYOUTS[DEFAULT_LAYOUT]
-    asked = tuple(sorted(asked, key=lambda one: (one.layout != sender, _strangeness(one, own))))
-    lengths = [len(message) for message in seen]
+    tried_profiles = tuple(
+        sorted(tried_profiles, key=lambda one: (one.layout != sender, _strangeness(one, own)))
+    )
+    lengths = [len(message) for message in judged]
     different = set(lengths)
     known: EvidenceCache = {}
-    layouts = group_same_layouts(type_, asked, name, own)
+    layouts = group_same_layouts(type_, tried_profiles, name, own)
     tried: list[tuple[tuple[Profile, ...], Layout, Iterable[FitCause]]] = []
     for same, layout in layouts:
         size = layout.size
         fitting = [cause for cause in CAUSES if cause is NONE or cause.can_fit(size, framed, different)]
         fitting += surrounding_causes(size, usual_length(lengths)) if framed else ()
         tried.append((same, layout, fitting))
-    if framed and seen:
-        drifted = find_drifted_layouts(layouts, seen, own)
+    if framed and judged:
+        drifted = find_drifted_layouts(layouts, judged, own)
         tried += [(same, layout, (cause,)) for same, layout, cause in drifted]
     found = []
     for same, layout, causes in tried:
         look = LayoutView(layout, known)
-        ways = [*causes, *_find_likeliest_place(look, seen)] if framed else causes
-        readings = (Reading.judge(same, look, cause, seen, framed) for cause in ways)
+        ways = [*causes, *_find_likeliest_place(look, judged)] if framed else causes
+        readings = (Reading.judge(same, look, cause, judged, framed) for cause in ways)
         found += [reading for reading in readings if reading is not None]
-    if framed and len(messages) > len(seen):
-        said = Reason(0.0, "", f"only the last {len(seen)} of {len(messages)} messages are judged")
+    if framed and len(messages) > len(judged):
+        limit = Reason(0.0, "", f"only the last {len(judged)} of {len(messages)} messages are judged")
         for reading in found:
-            reading.others.append(said)
+            reading.others.append(limit)
     found.sort(key=lambda one: (not one.has_length, -one.score, *one.strangeness(sender, own)))
-    return tuple(_merge_readings(found, seen))
+    return tuple(_merge_readings(found, judged))
 
 
 def _find_likeliest_place(look: LayoutView, messages: Sequence[bytes]) -> tuple[FitCause, ...]:
-    """Return the likeliest place of the members in longer messages, whatever the bytes beside them are."""
+    """Return the likeliest place of the type in longer messages, with any bytes beside it; () if none."""
     size, length = look.layout.size, usual_length([len(message) for message in messages])
     members, most = look.members[: MOST_PLACED_AND_MESSAGES[0]], MOST_PLACED_AND_MESSAGES[1]
     some = list(dict.fromkeys(message for message in messages if len(message) == length))[-most:]
@@ -135,8 +135,8 @@ def _find_likeliest_place(look: LayoutView, messages: Sequence[bytes]) -> tuple[
         points = 0.0
         for member in members:
             start, stop = member.start + cause.front, member.stop + cause.front
-            said = [look.evidence(member, message[start:stop]) for message in some]
-            points += sum(one.points for one in said if one is not None)
+            known = [look.evidence(member, message[start:stop]) for message in some]
+            points += sum(one.points for one in known if one is not None)
             if points < MISPLACED_POINTS:
                 break
         if points > best:
@@ -145,25 +145,25 @@ def _find_likeliest_place(look: LayoutView, messages: Sequence[bytes]) -> tuple[
 
 
 def _strangeness(profile: Profile, own: LayoutRules) -> int:
-    """Return the lower the usual: our own profile, our own layout, a vendor's byte order, others."""
+    """Return 0 for our own profile, 1 for our layout, 2 for the usual byte order of a layout, else 3."""
     if profile.layout == own.name:
         return int(profile.byte_order != own.byte_order)
     return 2 if profile.byte_order == LAYOUTS[profile.layout].byte_order else 3
 
 
 def leaders(fits: Sequence[Fit]) -> tuple[Fit, ...]:
-    """Return the best one and those that are tied with it by their points."""
+    """Return the best reading and those whose points tie with it."""
     return tuple(fit for fit in fits if fit.score > fits[0].score - TIE_POINTS)
 
 
 def drop_near_drifts(fits: Sequence[Fit]) -> list[Fit]:
-    """Return the readings, but the drifts only where they are clearly ahead: of many some are, by chance."""
+    """Return the readings without drifts that are not clearly ahead: of many, some lead by chance."""
     ahead = max((fit.score for fit in fits if fit.cause.kind not in DRIFTS), default=0.0) + CLEAR_OF_DRIFT
     return [fit for fit in fits if fit.cause.kind not in DRIFTS or fit.score > ahead]
 
 
 def verdict(fits: Sequence[Fit]) -> str:
-    """Return what the ranking says, in one sentence."""
+    """Return the result of the ranking in one sentence."""
     if not fits:
         return "this type cannot be laid out"
     best, tied = fits[0], leaders(fits)
@@ -210,10 +210,10 @@ def _merge_readings(found: list[Reading], messages: Sequence[bytes]) -> Iterator
 
 
 def _group_same_rows(rows: list[list[Reading]]) -> Iterator[list[list[Reading]]]:
-    """Yield the rows, those that read the same together, each of them less than `CLEAR` below their best."""
-    left = rows
-    while left:
-        best = left[0][0]
-        near = [row for row in left if any(reads_same_values(best, one) for one in row)]
+    """Yield groups of rows with the same values, each less than `CLEAR_LEAD` below the best of its group."""
+    rest = rows
+    while rest:
+        best = rest[0][0]
+        near = [row for row in rest if any(reads_same_values(best, one) for one in row)]
         yield near
-        left = [row for row in left if row not in near]
+        rest = [row for row in rest if row not in near]

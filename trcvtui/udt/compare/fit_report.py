@@ -1,4 +1,4 @@
-"""The readings of `udt fit` as text and as JSON: names from a file reach the terminal as one plain line."""
+"""The readings of `udt fit` as text and as JSON. Rule: names from a file are printed as one plain line."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Final
 from trcvtui.errors import one_line
 from trcvtui.udt.compare.fit import MOST_LENGTHS, MOST_NAMED, Fit, verdict
 
-MOST_READINGS_SHOWN: Final = 10  # of the text; JSON has all
+MOST_READINGS_SHOWN: Final = 10  # in the text; JSON has all
 MOST_PRINTED: Final = 12
 
 
 def fit_json(fits: Sequence[Fit], lengths: Sequence[int]) -> list[dict[str, object]]:
-    """Return every reading, the best first, as `udt fit --format json` prints it.
+    """Return the rows of `udt fit --format json`, the best first.
 
-    The first one has what is said of all: the verdict, the lengths of the messages (the last ones of many).
+    The first row also has the verdict and the lengths of the last messages.
     """
     rows: list[dict[str, object]] = [
         {
@@ -39,9 +39,9 @@ def fit_json(fits: Sequence[Fit], lengths: Sequence[int]) -> list[dict[str, obje
     return rows
 
 
-def fit_text(fits: Sequence[Fit], came: str) -> str:
-    """Return the verdict, the first readings, and the reasons of the best one; `came` names the bytes."""
-    lines = [one_line(f"{came}: {verdict(fits)}")]
+def fit_text(fits: Sequence[Fit], title: str) -> str:
+    """Return the verdict, the first readings, and the reasons of the best one; `title` names the bytes."""
+    lines = [one_line(f"{title}: {verdict(fits)}")]
     rows = [
         found
         for found, before in zip(fits, (None, *fits), strict=False)
@@ -50,10 +50,10 @@ def fit_text(fits: Sequence[Fit], came: str) -> str:
     for found in rows[:MOST_READINGS_SHOWN]:
         lines.append(f"{found.rank:>2} {found.score:+8.1f}  {reading_title(found)}")
         if found is fits[0]:
-            told = list(reason_lines(found))
-            lines += [f"             {line}" for line in told[:MOST_PRINTED]]
-            if len(told) > MOST_PRINTED:
-                lines.append(f"             and {len(told) - MOST_PRINTED} more reasons (--format json)")
+            reasons = list(reason_lines(found))
+            lines += [f"             {line}" for line in reasons[:MOST_PRINTED]]
+            if len(reasons) > MOST_PRINTED:
+                lines.append(f"             and {len(reasons) - MOST_PRINTED} more reasons (--format json)")
         elif found.same:
             lines.append(f"             no byte tells it from {same_readings_text(found)}")
     if len(rows) > MOST_READINGS_SHOWN:
@@ -62,13 +62,13 @@ def fit_text(fits: Sequence[Fit], came: str) -> str:
 
 
 def reading_title(found: Fit) -> str:
-    """Return the first profile with the cause, and how many mean the same."""
+    """Return the first profile with the cause, and the number of profiles that mean the same."""
     more = len(found.profiles) - 1
     return found.name + (f" (and {more} the same)" if more else "")
 
 
 def reason_lines(found: Fit) -> Iterator[str]:
-    """Yield what speaks for and against a reading, the profiles that mean the same first."""
+    """Yield the reasons for and against a reading: doubt, equal readings and profiles, then points."""
     if found.doubt:
         yield one_line(f"not sure: {found.doubt}")
     if found.same:
@@ -82,6 +82,6 @@ def reason_lines(found: Fit) -> Iterator[str]:
 
 
 def same_readings_text(found: Fit) -> str:
-    """Return the other readings that find the same values at the same places."""
+    """Return the other readings with the same values at the same places."""
     more = len(found.same) - MOST_NAMED
     return "; ".join(found.same[:MOST_NAMED]) + (f"; and {more} more" if more > 0 else "")

@@ -1,8 +1,8 @@
-"""How likely bytes are as a value: what those of a member say for a reading.
+"""How likely the bytes of a member are as a value of its type: the evidence for a reading.
 
 Points are natural logarithms: how much likelier the bytes are as a value that machines send than as bytes by
-chance. Of the bytes of telegrams about half are 0, so a 0 says little wherever it stands; a value without
-meaning costs at most `log(DOUBT)`, for machines do send such.
+chance. About half of the bytes of telegrams are 0, so a 0 is little evidence anywhere; a value without
+meaning costs at most `log(UNFORESEEN)`, since machines do send such values.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from trcvtui.udt.types import (
 )
 
 _ByteOrder = Literal["little", "big"]
-_Likelihood = tuple[float, str]  # the logarithm of how likely the bytes are as a value, and what they are
+_Likelihood = tuple[float, str]  # the logarithm of the likelihood of the bytes as a value, and its name
 
 
 class LeafEvidence(NamedTuple):
     """Points for (above 0) or against a reading, and the reason in words.
 
-    `fair` are the points where the byte order is in doubt: a number that is round in one of the orders has
-    those of its best order. `order` is what it says for this order against the other one. `is_plain`: it is
-    a number that is round in no way (no multiple of 256, nor one less); `is_odd`: machines send none such.
+    `fair` are the points in a comparison of byte orders: those of the best order of its bytes. `order` are
+    the points for this byte order against the other one. `is_plain`: the number is not round (its low byte is
+    neither 0 nor 255); `is_odd`: machines do not send such a value.
     """
 
     points: float
@@ -49,40 +49,40 @@ class LeafEvidence(NamedTuple):
 
 
 ZERO: Final = math.log(0.5)  # a byte 0 by chance
-LOG_OTHER_BYTE: Final = math.log(0.5 / 255)  # any other one
+LOG_OTHER_BYTE: Final = math.log(0.5 / 255)  # each other byte by chance
 MOST_MESSAGES: Final = 16  # the last ones
-REPEAT_EXPONENT: Final = 0.6  # k messages of other bytes say k**REPEATED times as much as one
-UNFORESEEN: Final = 0.02  # how often a value is none that is foreseen here
+REPEAT_EXPONENT: Final = 0.6  # k different messages count k**REPEAT_EXPONENT times as much as one
+UNFORESEEN: Final = 0.02  # the share of values that these rules do not foresee
 LOG_NEVER: Final = -math.inf
-ORDER_RATIO: Final = 8.0  # a number says something of the byte order when it is so many times smaller in one
+ORDER_RATIO: Final = 8.0  # a number is evidence for the byte order in which it is so many times smaller
 FIRST_DAY, LAST_DAY = 7305, 47482  # 1990-01-01 and 2100-01-01 since 1970
 NEAR_DAYS: Final = (10_957, 25_568)  # 2000 to 2039
 
-# How often a number is 0, all ones, anything; of a few bits, of any size; and the share of negative ones.
+# Shares of numbers: 0, all ones, anything, of a few bits, of any size; below, of negative ones.
 NUMBER_SHARES: Final = (0.12, 0.01, 0.08, 0.5, 0.29)
 NEGATIVE_SHARE: Final = 0.2
 FEW_BITS: Final = 16
-# REAL: decades from, to, and their share; the share of each count of digits, and of a number of any digits.
+# REAL: decades from, to, and their share; `DIGITS`: the share of each count of digits, and of any digits.
 REAL_DECADES: Final = ((-3, 7, 0.85), (-7, -3, 0.06), (7, 12, 0.04), (-30, -7, 0.0002), (12, 30, 0.0002))
 REAL_ZERO: Final = 0.08
-MINUS_ZERO: Final = 0.0005  # of rounding
+MINUS_ZERO: Final = 0.0005  # a result of rounding
 DIGITS: Final = {4: (0.12, 6, 0.25), 8: (0.07, 12, 0.12)}  # by size: each count, the most digits, any digits
-MANTISSA_BITS: Final = {4: 23, 8: 52}  # of the mantissa
-FORMER_REAL_SHARE: Final = 0.04  # an LREAL that was a REAL before
-# A byte of padding is 0 or, rarely, rubbish. Many zeros in a row are one fact.
+MANTISSA_BITS: Final = {4: 23, 8: 52}
+FORMER_REAL_SHARE: Final = 0.04  # LREALs converted from a REAL
+# A byte of padding is 0 or, rarely, rubbish. Many zeros in a row count as one fact.
 GAP_BYTE_POINTS: Final = (0.6, 0.05, -2.8)  # each of the first four, each more, rubbish
-MOST_TEXT_POINTS: Final = 12.0  # points of the letters: those of a long text are one fact
-BITS_OFF_SHARES: Final = (0.3, 0.25)  # all BOOLs of a byte FALSE, and more the fewer they are
+MOST_TEXT_POINTS: Final = 12.0  # of the letters: a long text counts as one fact
+BITS_OFF_SHARES: Final = (0.3, 0.25)  # all BOOLs of a byte FALSE: a base, plus more the fewer they are
 
 
 def chance(raw: bytes) -> float:
-    """Return the logarithm of how likely the bytes are by chance."""
+    """Return the logarithm of the likelihood of the bytes by chance."""
     zeros = raw.count(0)
     return zeros * ZERO + (len(raw) - zeros) * LOG_OTHER_BYTE
 
 
 def repeated_zero_points(type_: LeafType, parts: Collection[bytes]) -> float:
-    """Return what the bytes of numbers say too much that are 0 in each message: one fact, as padding is."""
+    """Return the correction for bytes of numbers that are 0 in every message: one fact, as padding is."""
     if isinstance(type_, StringType):
         return 0.0
     share: float = len(parts) ** REPEAT_EXPONENT
@@ -90,7 +90,7 @@ def repeated_zero_points(type_: LeafType, parts: Collection[bytes]) -> float:
 
 
 def evidence(leaf: Leaf, raw: bytes, rules: LayoutRules) -> LeafEvidence | None:
-    """Return what the bytes of a leaf say, of a bit nothing; None is nothing."""
+    """Return the evidence of the bytes of a leaf; None for a bit, a pointer, or a type without rules."""
     if leaf.bit is not None or isinstance(leaf.type, Pointer):
         return None
     if isinstance(leaf.type, StringType):
@@ -102,22 +102,22 @@ def evidence(leaf: Leaf, raw: bytes, rules: LayoutRules) -> LeafEvidence | None:
     if judge is None:
         return None
     if row.kind not in COUNT_KINDS:
-        return _evidence(judge(leaf, row, raw, _order(rules)), raw)
-    return _judge_number(leaf, row, raw, _order(rules), judge)
+        return _evidence(judge(leaf, row, raw, _byte_order(rules)), raw)
+    return _judge_number(leaf, row, raw, _byte_order(rules), judge)
 
 
 def value_bytes(leaf: Leaf, raw: bytes, rules: LayoutRules) -> bytes:
-    """Return the bytes of a leaf that make its value: of a text without what stands after its end."""
+    """Return the bytes of a leaf that make its value: those of a text up to its end."""
     if not isinstance(leaf.type, StringType):
         return raw
     unit = 2 if leaf.type.wide else 1
     if rules.text.header:
-        return raw[: unit * (2 + int.from_bytes(raw[unit : 2 * unit], _order(rules)))]
+        return raw[: unit * (2 + int.from_bytes(raw[unit : 2 * unit], _byte_order(rules)))]
     return raw[: next((at for at in range(0, len(raw), unit) if not any(raw[at : at + unit])), len(raw))]
 
 
 def bits_evidence(used: int, raw: bytes) -> LeafEvidence:
-    """Return what a byte of BOOLs says of which the first `used` bits are some."""
+    """Return the evidence of a byte whose first `used` bits are BOOLs."""
     if raw[0] >> used:
         return _evidence((LOG_NEVER, f"bits after them are set: 16#{raw[0]:02X}"), raw)
     off = BITS_OFF_SHARES[0] + BITS_OFF_SHARES[1] / used
@@ -131,7 +131,7 @@ def gap_points(raw: bytes) -> float:
 
 
 def judge_step(leaf: Leaf, before: bytes, after: bytes, rules: LayoutRules) -> tuple[float, str]:
-    """Return what the change of a REAL, or of a number that is round in no order, says; 0 is nothing."""
+    """Return points and words for the change of a REAL, or of a number not round in any order; 0: none."""
     if isinstance(leaf.type, StringType | Pointer | Enumeration) or leaf.bit is not None:
         return 0.0, ""
     row = rules.storage(leaf.type)
@@ -153,10 +153,10 @@ def judge_step(leaf: Leaf, before: bytes, after: bytes, rules: LayoutRules) -> t
     return (-1.0, f"jumps from {_format_number(a)} to {_format_number(b)}") if is_jump else (0.0, "")
 
 
-# -- from how likely to points -----------------------------------------------------------------------------
+# -- from likelihood to points -----------------------------------------------------------------------------
 
 
-def _points(likely: float, raw: bytes) -> float:
+def _to_points(likely: float, raw: bytes) -> float:
     more = likely - chance(raw)
     if more > 30:
         return more
@@ -166,16 +166,16 @@ def _points(likely: float, raw: bytes) -> float:
 
 
 def _evidence(found: _Likelihood, raw: bytes) -> LeafEvidence:
-    points = _points(found[0], raw)
+    points = _to_points(found[0], raw)
     return LeafEvidence(points, found[1], points, is_odd=found[0] == LOG_NEVER)
 
 
 def _judge_number(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder, judge: _Judge) -> LeafEvidence:
-    """Return what a number says; of the byte order only where it is round in none of them."""
+    """Return the evidence of a number; for the byte order only if it is not round in any order."""
     likely, why = judge(leaf, row, raw, order)
-    points = _points(likely, raw)
+    points = _to_points(likely, raw)
     ways = {raw, raw[::-1], exchange_pairs(raw), exchange_words(raw)}
-    fair = max(_points(judge(leaf, row, way, order)[0], way) for way in ways)
+    fair = max(_to_points(judge(leaf, row, way, order)[0], way) for way in ways)
     if isinstance(leaf.type, Enumeration | Subrange):
         fair = max(fair, 0.0)
     is_plain = raw[0 if order == "little" else -1] not in (0, 255)
@@ -187,17 +187,17 @@ def _judge_number(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder, ju
     there = abs(int.from_bytes(raw[::-1], order, signed=is_signed))
     if max(here, there) < ORDER_RATIO * min(here, there):
         return found
-    swapped = _points(judge(leaf, row, raw[::-1], order)[0], raw)
+    swapped = _to_points(judge(leaf, row, raw[::-1], order)[0], raw)
     return found._replace(order=points - swapped)
 
 
 def _is_round(raw: bytes) -> bool:
-    """Return whether a number is, in some order, a multiple of 256, or one less."""
+    """Return whether a number is, in some byte order, a multiple of 256 or one less."""
     return 0 in raw or 255 in raw
 
 
 def exchange_pairs(raw: bytes) -> bytes:
-    """Return bytes with those of each 16 bits exchanged: BADC."""
+    """Return the bytes of each 16 bits exchanged: BADC."""
     out = bytearray(raw)
     even = len(raw) & ~1
     out[:even:2], out[1:even:2] = raw[1:even:2], raw[:even:2]
@@ -205,12 +205,12 @@ def exchange_pairs(raw: bytes) -> bytes:
 
 
 def exchange_words(raw: bytes) -> bytes:
-    """Return bytes with their 16-bit words in reverse order: CDAB, or GHEFCDAB; an odd last one stays."""
+    """Return the 16-bit words in reverse order: CDAB, or GHEFCDAB; an odd last byte stays."""
     end = len(raw) & ~1
     return b"".join(raw[at : at + 2] for at in range(end - 2, -1, -2)) + raw[end:]
 
 
-# -- how likely values are -----------------------------------------------------------------------------------
+# -- the likelihood of values --------------------------------------------------------------------------------
 
 
 def _judge_whole(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder) -> _Likelihood:
@@ -252,7 +252,7 @@ def _score_number(number: int, raw: bytes, any_of_them: float) -> float:
 
 
 def _judge_duration(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder) -> _Likelihood:
-    """Judge a duration: most are whole seconds, or at least whole milliseconds."""
+    """Judge a duration: most are whole seconds or milliseconds."""
     count, bits = int.from_bytes(raw, order, signed=row.code.islower()), 2.0 ** (-8 * len(raw))
     likely = 0.0
     for step, share in ((SECOND, 0.3), (100 * MS, 0.3), (MS, 0.3), (row.unit_ns or MS, 0.1)):
@@ -346,18 +346,20 @@ def _judge_bcd(leaf: Leaf, row: Elementary, raw: bytes) -> _Likelihood:
 
 def _judge_headed(type_: StringType, raw: bytes, rules: LayoutRules) -> _Likelihood:
     unit = 2 if type_.wide else 1
-    longest, actual = (int.from_bytes(raw[at : at + unit], _order(rules)) for at in range(0, 2 * unit, unit))
+    longest, actual = (
+        int.from_bytes(raw[at : at + unit], _byte_order(rules)) for at in range(0, 2 * unit, unit)
+    )
     declared = rules.text.length(type_)
     if not any(raw):
         return math.log(0.08) + _rest_likelihood(raw, 0), "empty, without a header"
     if longest != declared:
         return LOG_NEVER, f"its header says at most {longest} characters, declared are {declared}"
-    said = f"its header says {actual} of at most {longest} characters"
+    text = f"its header says {actual} of at most {longest} characters"
     if actual > longest:
-        return LOG_NEVER, said
+        return LOG_NEVER, text
     likely = math.log(0.9 * _score_length(actual, declared))
     likely += _score_letters(raw[2 * unit : (2 + actual) * unit], unit, rules)
-    return likely + _rest_likelihood(raw, (2 + actual) * unit), said
+    return likely + _rest_likelihood(raw, (2 + actual) * unit), text
 
 
 def _judge_ended(type_: StringType, raw: bytes, rules: LayoutRules) -> _Likelihood:
@@ -381,13 +383,13 @@ def _score_length(actual: int, declared: int) -> float:
 
 
 def _rest_likelihood(raw: bytes, start: int) -> float:
-    """Return how likely the bytes after a text are: zeros, or what an older text has left."""
+    """Return the likelihood of the bytes after a text: zeros, or the rest of an older text."""
     rest = raw[start:]
     return chance(rest) + (min(GAP_BYTE_POINTS[0] * len(rest), 2.4) if not any(rest) else -0.7)
 
 
 def _score_letters(raw: bytes, unit: int, rules: LayoutRules) -> float:
-    order = _order(rules)
+    order = _byte_order(rules)
     codes = [int.from_bytes(raw[at : at + unit], order) for at in range(0, len(raw), unit)]
     gains = [_score_letter(code) - chance(raw[at * unit : (at + 1) * unit]) for at, code in enumerate(codes)]
     if any(code < 0x20 and code not in (9, 10, 13) for code in codes):
@@ -407,7 +409,7 @@ def _score_letter(code: int) -> float:
     return LETTERS[2] if 0xA0 <= code < 0x180 else LETTERS[3] if code < 256 else LETTERS[4]
 
 
-# Usual ones, others of ASCII, letters of Europe, control codes, any script.
+# Usual letters, other ASCII, European letters, control codes, any script.
 LETTERS: Final = tuple(map(math.log, (0.9 / len(USUAL), 0.05 / 30, 0.04 / 200, 0.002 / 60, 0.008 / 60_000)))
 
 _Judge = Callable[[Leaf, Elementary, bytes, _ByteOrder], _Likelihood]
@@ -425,7 +427,7 @@ JUDGE_BY_KIND: Final[dict[ValueKind, _Judge]] = {
 COUNT_KINDS: Final = (ValueKind.INTEGER, ValueKind.BITS, ValueKind.DURATION, ValueKind.TIME_OF_DAY)
 
 
-def _order(rules: LayoutRules) -> _ByteOrder:
+def _byte_order(rules: LayoutRules) -> _ByteOrder:
     return "little" if rules.byte_order == "little" else "big"
 
 

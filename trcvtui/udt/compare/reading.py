@@ -1,4 +1,4 @@
-"""One reading: a layout and a cause held against bytes, with the points of members, length and padding."""
+"""One reading: judges a layout and a cause by the bytes, with points for members, length and padding."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ from trcvtui.udt.layout.value_text import stored_form, value_text
 from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.types import Elementary, StringType, ValueKind, all_parts
 
-MOST_GAPS: Final = 16  # that are looked at
-MOST_VALUE_CHARACTERS: Final = 32  # characters of a value
+MOST_GAPS: Final = 16  # that are judged
+MOST_VALUE_CHARACTERS: Final = 32  # of a value in a reason
 MOST_REASONS: Final = 64
 
-# The points of what is no member; those of members and causes stand in likelihood.py.
-LENGTH: Final = (8.0, -30.0)  # the message has the size of the type
-MULTIPLE_POINTS: Final = -1.0  # less, when it is several times that size
+# The points of length and padding; those of members are in likelihood.py, those of causes in causes.py.
+LENGTH: Final = (8.0, -30.0)  # the message has the size of the type, or not
+MULTIPLE_POINTS: Final = -1.0  # added if it is several times that size
 MOST_ORDER_POINTS: Final = 8.0  # points of numbers for a byte order
-MOST_ROUND_POINTS: Final = 6.0  # points of numbers that are round in a byte order, beside some that are not
-UNLIKELY_POINTS: Final = -3.0  # points of a number
-EXCHANGED_LEAD: Final = (6.0, 4.5)  # how much likelier with other bytes a number of 2 bytes is, and of more
-CONTRARY_WEIGHT: Final = 3.0  # how much more a number counts that speaks for the other order
+MOST_ROUND_POINTS: Final = 6.0  # points of numbers that are round in a byte order, if some others are not
+UNLIKELY_POINTS: Final = -3.0  # below it a number is unlikely
+EXCHANGED_LEAD: Final = (6.0, 4.5)  # points that exchanged bytes must add, for 2 bytes and for more
+CONTRARY_WEIGHT: Final = 3.0  # the weight of a number that is evidence for the other byte order
 
 
 class Reason(NamedTuple):
@@ -60,17 +60,17 @@ class ReadMember(NamedTuple):
     stop: int
     known: dict[bytes, LeafEvidence | None]  # of the same type, in the same form and byte order
     bits: int  # BOOLs in this byte, at the last of them
-    can_narrow: bool  # what follows would lie where it does if this one were half as wide
+    can_narrow: bool  # the next member would stay in place if this one were half as wide
 
 
 class LayoutView:
-    """The leaves and the gaps of a layout that are looked at, what is known of bytes shared with others."""
+    """The leaves and gaps of a layout that are judged; it shares known evidence with other layouts."""
 
     def __init__(self, layout: Layout, known: EvidenceCache) -> None:
         self.layout, self.members = layout, []
         self.stop = min(layout.leaf_count, MOST_LEAVES)
         has_bit_fields = any(getattr(part, "bit_fields", ()) for part in all_parts(layout.type))
-        self.gaps = [] if has_bit_fields else layout.padding()[:MOST_GAPS]  # the room of those is no padding
+        self.gaps = [] if has_bit_fields else layout.padding()[:MOST_GAPS]  # their room is not padding
         leaves = layout.leaves(0, self.stop)
         for number, leaf in enumerate(leaves):
             is_last = number + 1 == self.stop or leaves[number + 1].offset != leaf.offset
@@ -96,7 +96,7 @@ class LayoutView:
 
 
 class MemberPoints(NamedTuple):
-    """What one member says, with its bytes that say the nearest to it."""
+    """The points of one member over all messages, with the bytes whose own points are nearest to them."""
 
     member: ReadMember
     points: float
@@ -104,29 +104,27 @@ class MemberPoints(NamedTuple):
     order: float
     raw: bytes
     why: str
-    parts: tuple[bytes, ...]  # all of its bytes, each once
+    parts: tuple[bytes, ...]  # its bytes in all messages, equal ones once
 
 
 # -- one reading ---------------------------------------------------------------------------------------------
 
 
 class Reading:
-    """A layout and a cause held against the bytes."""
-
     def __init__(
         self, profiles: tuple[Profile, ...], look: LayoutView, cause: FitCause, cutting: CutMessages
     ) -> None:
         self.profiles, self.look, self.cause, self.cutting = profiles, look, cause, cutting
-        self.others: list[Reason] = []  # all reasons but the members'
-        self.said: list[MemberPoints] = []
+        self.others: list[Reason] = []  # all reasons but those of members
+        self.member_points: list[MemberPoints] = []
         self.steps: list[Reason] = []
-        self.read: list[tuple[ReadMember, list[bytes]]] = []  # each member, its bytes as the reading has them
+        self.read: list[tuple[ReadMember, list[bytes]]] = []  # each member, its bytes with the cause undone
         self.has_length = True
-        self.has_meaning = True  # what stands beside the members is known
+        self.has_meaning = True  # the bytes beside the members are known
         self.odd = ""  # a value that machines do not send
         self.filled = ""  # padding that is not 0
-        self.narrow = ""  # a number that would be another one if it were half as wide
-        self.has_plain = False  # a number that is round in no way
+        self.narrow = ""  # a number that would have another value if it were half as wide
+        self.has_plain = False  # whether a number is not round
 
     @classmethod
     def judge(
@@ -137,7 +135,7 @@ class Reading:
         messages: Sequence[bytes],
         framed: bool,
     ) -> Reading | None:
-        """Return the reading; None where the cause cannot be."""
+        """Return the reading; None if the cause does not apply to these bytes."""
         cutting = cut(cause, look.layout.size, messages, framed, MOST_MESSAGES)
         is_cut = bool(cutting.units) and (cutting.fitting * 2 >= len(messages) or not framed)
         if cause.kind is not None and not is_cut:
@@ -157,24 +155,28 @@ class Reading:
         if cause.kind is None:
             return True
         if cause.of_all and all(cause.of_all(unit) == unit for unit in units):
-            return False
-        told = {}
+            return False  # it changes nothing
+        evidence_of = {}
         for unit, (before, after) in zip(units, self.cutting.extras, strict=True):
-            if (before, after) not in told:
+            if (before, after) not in evidence_of:
                 extra = extra_evidence(cause, before, unit, after)
                 if extra is None:
                     return False
-                told[before, after] = extra
-        self.has_meaning = all(extra.has_meaning for extra in told.values())
-        befores = {before: extra.points - extra.of_after for (before, _), extra in told.items()}
-        if len({extra.has_meaning for extra in told.values()}) > 1:  # a length in some of them is chance
+                evidence_of[before, after] = extra
+        self.has_meaning = all(extra.has_meaning for extra in evidence_of.values())
+        befores = {before: extra.points - extra.of_after for (before, _), extra in evidence_of.items()}
+        if (
+            len({extra.has_meaning for extra in evidence_of.values()}) > 1
+        ):  # a length in only some of them is chance
             befores = dict.fromkeys(befores, min(befores.values()))
-        afters = {after: extra.of_after for (_, after), extra in told.items()}
+        afters = {after: extra.of_after for (_, after), extra in evidence_of.items()}
         points = sum(sum(one.values()) * len(one) ** (REPEAT_EXPONENT - 1) for one in (befores, afters))
-        said = next(iter(told.values())).text or (f"{cause}: {cause.about}" if cause.about else str(cause))
-        if len(told) == 1 and len(units) > 1 and cause.n and not cause.member:
-            said += " in each message"
-        self.others.append(Reason(round(cause.cost + points, 2), "", said))
+        text = next(iter(evidence_of.values())).text or (
+            f"{cause}: {cause.about}" if cause.about else str(cause)
+        )
+        if len(evidence_of) == 1 and len(units) > 1 and cause.n and not cause.member:
+            text += " in each message"
+        self.others.append(Reason(round(cause.cost + points, 2), "", text))
         return True
 
     def judge_members(self) -> bool:
@@ -182,7 +184,9 @@ class Reading:
         has_changed = not changes and not of_text
         for member in look.members:
             parts = [unit[member.start : member.stop] for unit in self.cutting.units]
-            if self.cause.back < 0 and isinstance(member.leaf.type, StringType):  # it may have ended before
+            if self.cause.back < 0 and isinstance(
+                member.leaf.type, StringType
+            ):  # the missing byte may follow its end
                 parts = [part.ljust(member.leaf.size, b"\0") for part in parts]
             parts = [part for part in parts if len(part) == member.leaf.size]
             if self.cause.front < 0 and member.start < -self.cause.front:
@@ -200,34 +204,34 @@ class Reading:
         return has_changed
 
     def weaken_equals(self) -> None:
-        """Let equal bytes in several members, as in an ARRAY, say less than others would."""
-        count = Counter(one.parts for one in self.said)
-        for number, one in enumerate(self.said):
+        """Reduce the points of members with equal bytes, as in an ARRAY: they are partly one fact."""
+        count = Counter(one.parts for one in self.member_points)
+        for number, one in enumerate(self.member_points):
             share = count[one.parts] ** (REPEAT_EXPONENT - 1)
             points, fair, order = one.points * share, one.fair * share, one.order * share
-            self.said[number] = one._replace(points=points, fair=fair, order=order)
+            self.member_points[number] = one._replace(points=points, fair=fair, order=order)
 
     def judge_member(self, member: ReadMember, parts: list[bytes]) -> None:
         rules = self.look.layout.rules
         distinct = {value_bytes(member.leaf, part, rules): part for part in parts}.values()
-        told = [(found, part) for part in distinct if (found := self.look.evidence(member, part))]
-        if not told:
+        known = [(found, part) for part in distinct if (found := self.look.evidence(member, part))]
+        if not known:
             return
-        self.has_plain = self.has_plain or any(found.is_plain and member.leaf.size > 1 for found, _ in told)
-        is_shared = self.look.layout.root.overlaps  # a UNION: what is none here may be another member
-        odd = "" if is_shared else next((found.why for found, _ in told if found.is_odd), "")
+        self.has_plain = self.has_plain or any(found.is_plain and member.leaf.size > 1 for found, _ in known)
+        is_shared = self.look.layout.root.overlaps  # in a UNION the bytes may be another member
+        odd = "" if is_shared else next((found.why for found, _ in known if found.is_odd), "")
         self.odd = self.odd or (f"{self.path(member)}: {odd}" if odd else "")
-        share = len(told) ** REPEAT_EXPONENT / len(told)
-        points = sum(found.points for found, _ in told)
-        values = tuple(part for _, part in told)
+        share = len(known) ** REPEAT_EXPONENT / len(known)
+        points = sum(found.points for found, _ in known)
+        values = tuple(part for _, part in known)
         constant = repeated_zero_points(member.leaf.type, values)
-        nearest, raw = min(told, key=lambda one: abs(one[0].points - points / len(told)))
-        self.said.append(
+        nearest, raw = min(known, key=lambda one: abs(one[0].points - points / len(known)))
+        self.member_points.append(
             MemberPoints(
                 member,
                 points * share + constant,
-                sum(found.fair for found, _ in told) * share + constant,
-                sum(found.order for found, _ in told) * share,
+                sum(found.fair for found, _ in known) * share + constant,
+                sum(found.order for found, _ in known) * share,
                 raw,
                 nearest.why,
                 values,
@@ -238,7 +242,7 @@ class Reading:
             self.judge_steps(member, parts)
 
     def judge_sign(self, member: ReadMember, parts: Sequence[bytes]) -> None:
-        """Note a number whose values all are negative ones of half its width, with padding after it."""
+        """Note a number whose values would all be negative at half its width."""
         type_ = member.leaf.type
         if not member.can_narrow or not isinstance(type_, Elementary) or type_.kind is not ValueKind.INTEGER:
             return
@@ -251,10 +255,10 @@ class Reading:
     def judge_steps(self, member: ReadMember, parts: list[bytes]) -> None:
         pairs = [(before, after) for before, after in pairwise(parts) if before != after]
         steps = [judge_step(member.leaf, before, after, self.look.layout.rules) for before, after in pairs]
-        told = [step for step in steps if step[0]]
-        if told:
-            mean = sum(points for points, _ in told) / len(told)
-            words = min(told, key=lambda step: abs(step[0] - mean))[1]
+        weighed = [step for step in steps if step[0]]
+        if weighed:
+            mean = sum(points for points, _ in weighed) / len(weighed)
+            words = min(weighed, key=lambda step: abs(step[0] - mean))[1]
             path = self.path(member)
             self.steps.append(Reason(round(mean, 2), member.leaf.path, f"{path} {words}"))
 
@@ -274,8 +278,8 @@ class Reading:
             (cause.front + cause.back > 0) - (cause.front + cause.back < 0), ""
         )
         count = f", {several} times the {size} of the type" if several > 1 else f", and the type has {size}"
-        said = f"{have} bytes came{count}" + (f"{beside} {cause}" if beside else "")
-        self.others.append(Reason(round(points + (MULTIPLE_POINTS if several > 1 else 0), 2), "", said))
+        text = f"{have} bytes came{count}" + (f"{beside} {cause}" if beside else "")
+        self.others.append(Reason(round(points + (MULTIPLE_POINTS if several > 1 else 0), 2), "", text))
 
     def judge_gaps(self) -> None:
         for offset, size in self.look.gaps:
@@ -285,21 +289,21 @@ class Reading:
                 continue
             place = f"byte {offset}" if size == 1 else f"bytes {offset} to {offset + size - 1}"
             filled = next((part for part in there if any(part)), b"")
-            said = f"padding at {place} is 0" if not filled else f"padding at {place} holds {filled.hex(' ')}"
-            self.filled = self.filled or (said if filled else "")
+            text = f"padding at {place} is 0" if not filled else f"padding at {place} holds {filled.hex(' ')}"
+            self.filled = self.filled or (text if filled else "")
             points = min(gap_points(part) for part in there)
-            if filled:  # what differs from message to message is a value more likely
+            if filled:  # bytes that change between messages are rather a value
                 points *= len(there) ** REPEAT_EXPONENT
-            self.others.append(Reason(round(points, 2), "", said))
+            self.others.append(Reason(round(points, 2), "", text))
 
-    # -- what follows -------------------------------------------------------------------------------------
+    # -- the result ---------------------------------------------------------------------------------------
 
     @property
     def own_points(self) -> float:
-        return sum(one.points for one in self.said) + sum(step.points for step in self.steps)
+        return sum(one.points for one in self.member_points) + sum(step.points for step in self.steps)
 
     def strangeness(self, sender: str, own: LayoutRules) -> tuple[bool, bool]:
-        """Return what puts this one after others of the same points."""
+        """Return a sort key for readings with equal points: the layout of the sender, our byte order."""
         return self.profiles[0].layout != sender, self.profiles[0].byte_order != own.byte_order
 
     @cached_property
@@ -308,20 +312,22 @@ class Reading:
 
     @cached_property
     def fair_score(self) -> float:
-        """Return the points in a comparison of byte orders: all numbers of a sender may be round."""
-        more = sum(one.fair - one.points for one in self.said)
+        """Return the score in a comparison of byte orders, since all numbers of a sender may be round."""
+        more = sum(one.fair - one.points for one in self.member_points)
         return self.score + (min(more, MOST_ROUND_POINTS) if self.has_plain else more)
 
     @property
     def order_points(self) -> float:
-        """Return what the numbers say for the byte order: what speaks against it counts more."""
-        told = [one.order for one in self.said]
-        for_it = sum(points for points in told if points > 0)
-        return min(for_it + CONTRARY_WEIGHT * sum(points for points in told if points < 0), MOST_ORDER_POINTS)
+        """Return the points of the numbers for the byte order; those against it weigh more."""
+        orders = [one.order for one in self.member_points]
+        for_it = sum(points for points in orders if points > 0)
+        return min(
+            for_it + CONTRARY_WEIGHT * sum(points for points in orders if points < 0), MOST_ORDER_POINTS
+        )
 
     @property
     def order(self) -> object:
-        """Return in which order the bytes of numbers are read."""
+        """Return a value that is equal for readings with the same order of bytes in numbers."""
         cause = self.cause
         return self.profiles[0].byte_order, cause.kind if cause.of_member or cause.of_all else None
 
@@ -329,7 +335,7 @@ class Reading:
     def meaning(self) -> object:
         """Return a value that is equal for readings in which these bytes mean the same."""
         look = self.look
-        is_seen = look.stop == look.layout.leaf_count and not any(map(self.is_negative, self.said))
+        is_seen = look.stop == look.layout.leaf_count and not any(map(self.is_negative, self.member_points))
         cause = self.cause
         return (cause.kind, cause.front, cause.back, cause.member, cause.theirs), layout_shape(
             look.layout, by_bytes=is_seen
@@ -340,14 +346,14 @@ class Reading:
         size, front, rules = self.look.layout.size, self.cause.front, self.look.layout.rules
         members = []
         for member, parts in self.read:
-            bits = max(member.bits, 1)  # a BOOL alone in its byte is read alike as a bit and as a byte
+            bits = max(member.bits, 1)  # a BOOL alone in its byte reads the same as bit 0 of it
             form = stored_form(member.leaf.type, rules)
             members.append((member.start + front, bits, form, *self.plain_values(member, parts)))
         return size + front + self.cause.back, tuple(members)
 
     @cached_property
     def places(self) -> object:
-        """Return where the members begin, and which of them are bits."""
+        """Return a value that is equal for readings with the members, and bits, at the same places."""
         front = self.cause.front
         return (
             self.order,
@@ -356,7 +362,7 @@ class Reading:
         )
 
     def find_exchanged(self) -> str:
-        """Return a number that would be far likelier with its bytes exchanged; "" where there is none."""
+        """Return a number that would be far likelier with its bytes exchanged; "" if there is none."""
         for member, parts in self.read:
             if not is_number(member) or member.leaf.size == 1 or member.bits:
                 continue
@@ -373,12 +379,11 @@ class Reading:
 
     @property
     def widest_number(self) -> int:
-        """Return the size of the largest number: up to 2, words exchanged are nothing, bytes the order."""
+        """Return the size of the largest number; up to 2 bytes an exchange is only the other byte order."""
         return max((member.leaf.size for member, _ in self.read if is_number(member)), default=0)
 
     @cached_property
     def by_path(self) -> dict[str, list[object]]:
-        """Return the values of each member."""
         layout = self.look.layout
         return {
             member.leaf.path: [decode_leaf(layout, member.leaf, part) for part in parts]
@@ -386,14 +391,14 @@ class Reading:
         }
 
     def plain_values(self, member: ReadMember, parts: list[bytes]) -> Iterator[object]:
-        """Yield what makes the value of a member, as it would be in big-endian."""
+        """Yield the bytes that make the value of a member in each message, as in big-endian."""
         rules = self.look.layout.rules
         is_little = rules.byte_order == "little"
         if isinstance(member.leaf.type, StringType) and member.leaf.type.wide:
             yield is_little
         for part in parts:
-            said = value_bytes(member.leaf, part, rules)
-            yield said[::-1] if is_little and is_number(member) else said
+            value = value_bytes(member.leaf, part, rules)
+            yield value[::-1] if is_little and is_number(member) else value
 
     def is_negative(self, one: MemberPoints) -> bool:
         type_ = one.member.leaf.type
@@ -408,15 +413,15 @@ class Reading:
 
     def reasons(self) -> tuple[Reason, ...]:
         look = self.look
-        said: list[tuple[float, Reason | MemberPoints]] = [
+        rows: list[tuple[float, Reason | MemberPoints]] = [
             (one.points, one) for one in self.others + self.steps
         ]
-        said += [(one.points, one) for one in self.said]
-        said.sort(key=lambda one: -abs(one[0]))
-        shown = [self.word_reason(one) for _, one in said[:MOST_REASONS]]
+        rows += [(one.points, one) for one in self.member_points]
+        rows.sort(key=lambda one: -abs(one[0]))
+        shown = [self.word_reason(one) for _, one in rows[:MOST_REASONS]]
         if look.layout.leaf_count > look.stop:
             shown.append(
-                Reason(0.0, "", f"only the first {look.stop} of {look.layout.leaf_count} are judged")
+                Reason(0.0, "", f"only the first {look.stop} of {look.layout.leaf_count} members are judged")
             )
         return tuple(reason for reason in shown if reason.points or not reason.path)
 

@@ -1,8 +1,8 @@
-"""The padded type: a declaration that under one layout lies as a type does under another.
+"""The padded type: a declaration with the same offsets under one layout as a type has under another.
 
-Gaps become members of their own, and what is stored in another way bit strings of its size. What cannot be
-reached becomes raw bytes, and is told with the reason; the result is laid out again and every member
-compared, so that what is called possible is proved. The whole may be longer than is sent: LEN ends it.
+Gaps become members, and a value that is stored differently becomes a bit string of its size. A member that
+cannot be reached becomes raw bytes, with a reason. Rule: the result is laid out and every member compared, so
+a type that is called possible is proved. It may be longer than what is sent: LEN limits it.
 """
 
 from __future__ import annotations
@@ -39,19 +39,19 @@ from trcvtui.udt.types import (
     type_text,
 )
 
-Replacement = tuple[LeafType | None, str]  # a type in place of another, and a note or why there is none
+Replacement = tuple[LeafType | None, str]  # the type to use and a note, or None and the reason
 BIT_STRINGS = {1: "BYTE", 2: "WORD", 4: "DWORD", 8: "LWORD"}
 
 
 class MemberNote(NamedTuple):
-    """What is to be known of a member, "" is all; of the elements of an ARRAY the first is named."""
+    """A note on a member, or on all if `path` is ""; it names the first element of an ARRAY."""
 
     path: str
     text: str
 
 
 def substitute(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
-    """Return the type under our rules for a leaf under theirs."""
+    """Return a type that under our rules has the bytes of a leaf under theirs."""
     if node.is_bit:
         if "BOOL" in ours.bits or ours.takes_pack:  # only CODESYS has BIT
             return ELEMENTARY["BOOL" if "BOOL" in ours.bits else "BIT"], ""
@@ -59,7 +59,7 @@ def substitute(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Repl
     if isinstance(node.type, StringType):
         return _substitute_text(node.type, node.size, theirs, ours)
     stored, own = theirs.storage(node.type), ours.storage(node.type)
-    if own.name in ours.bits:
+    if own.name in ours.bits:  # their BOOL has a byte, ours would be a bit
         return ELEMENTARY["BYTE"], f"a BOOL of one byte in {theirs.name}, a bit in {ours.name}: here a BYTE"
     if stored_form(node.type, theirs) == stored_form(node.type, ours):
         return node.type, ""
@@ -68,8 +68,8 @@ def substitute(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Repl
         return ELEMENTARY[stored.name], f"{name} has {stored.size} bytes in {theirs.name}: here {stored.name}"
     bits = BIT_STRINGS.get(node.size)
     if bits is None:
-        return None, f"{stored.name} is stored in its own way in {theirs.name}"
-    note = f"{stored.name} is stored in its own way in {theirs.name}: here {bits}, to convert"
+        return None, f"{stored.name} is stored differently in {theirs.name}"
+    note = f"{stored.name} is stored differently in {theirs.name}: here {bits}; convert it"
     return ELEMENTARY[bits], note
 
 
@@ -87,13 +87,13 @@ def _substitute_text(type_: StringType, size: int, theirs: LayoutRules, ours: La
     return (type_ if ours.text.length(type_) == length else found), ""
 
 
-RawMember = tuple[int, str]  # the wanted node of its STRUCT (`id`), its name
+RawMember = tuple[int, str]  # `id` of the wanted node of its STRUCT, its name
 
 
 def prove_places(
     wanted: Node, found: Node, raw: Collection[RawMember], path: str = "", proved: set[object] | None = None
 ) -> None:
-    """Raise Unreachable unless every member lies as wanted, those in `raw` as bytes (or in padding)."""
+    """Raise Unreachable unless every member has its wanted place, those in `raw` as bytes or in padding."""
     proved = set() if proved is None else proved
     if found.size < wanted.size:
         raise Unreachable(path, f"{found.size} bytes in place of {wanted.size}")
@@ -104,21 +104,21 @@ def prove_places(
         for name, offset, bit, node, _ in wanted.flat_members():
             one = own.get(name.casefold())
             is_raw = (id(wanted), name) in raw
-            if is_raw and (bit is not None or one is None):
+            if is_raw and (bit is not None or one is None):  # a bit, or covered by padding
                 continue
             if one is None or one.offset != offset or (is_raw and one.node.size != node.size):
-                raise Unreachable(_join_path(path, name), "it comes to lie elsewhere")
+                raise Unreachable(_join_path(path, name), "its place would differ")
             if not is_raw:
                 if one.bit != bit:
-                    raise Unreachable(_join_path(path, name), "it comes to lie at another bit")
+                    raise Unreachable(_join_path(path, name), "its bit would differ")
                 prove_places(node, one.node, raw, _join_path(path, name), proved)
-    elif isinstance(wanted, PlacedUnion) and isinstance(found, PlacedArray):  # its bytes
+    elif isinstance(wanted, PlacedUnion) and isinstance(found, PlacedArray):  # as bytes
         if found.size != wanted.size:
             raise Unreachable(path, "it has another size")
     elif isinstance(wanted, PlacedArray) and isinstance(found, PlacedArray):
         ours, theirs = found, wanted
         if (ours.bounds, ours.pitch, ours.row_size) != (theirs.bounds, theirs.pitch, theirs.row_size):
-            raise Unreachable(path, "its elements come to lie elsewhere")
+            raise Unreachable(path, "the places of its elements would differ")
         prove_places(wanted.element, found.element, raw, path + "[]", proved)
     elif not (isinstance(wanted, PlacedLeaf) and isinstance(found, PlacedLeaf)) or (
         (wanted.size, wanted.is_bit) != (found.size, found.is_bit)
@@ -127,14 +127,14 @@ def prove_places(
     proved.add(key)
 
 
-MOST_NOTES: Final = 1024  # raw members that are named; a type of theirs may be used again and again
+MOST_NOTES: Final = 1024  # raw members that are named; a type with some may be used many times
 
 
 class PaddedType(NamedTuple):
-    """A type that lies as wanted, but for what is `unreached`; `notes` are members that need a conversion.
+    """A type with the wanted offsets, except for `unreached`; `notes` are members that need a conversion.
 
-    What is unreached is raw bytes or is not in it (a bit): its reason names the part that is why. The type
-    may be longer than is wanted: then LEN of the block is the wanted size.
+    An unreached member is raw bytes, or missing if it is a bit; its reason names the part that causes it. The
+    type may be longer than wanted: then LEN of the block is the wanted size.
     """
 
     type: Type
@@ -144,20 +144,19 @@ class PaddedType(NamedTuple):
 
     @property
     def is_possible(self) -> bool:
-        """Return whether every member lies at the wanted place."""
         return not self.unreached
 
 
 def padded_type(wanted: Layout, rules: LayoutRules, is_scl: bool = False) -> PaddedType:
-    """Return the type that under `rules` lies as `wanted` does; its byte order is that of `rules`.
+    """Return the type that has the offsets of `wanted` under `rules`, and their byte order.
 
     For the receiver `wanted` is the sender's layout and `rules` are the receiver's own; for the sender the
-    other way round. Of a STRUCT in it that cannot be, the members stand in its place. SCL has no pack_mode,
-    and a UNION is its bytes there.
+    reverse. A STRUCT that cannot be reached is replaced by its members. SCL has no pack_mode, and a UNION
+    becomes its bytes.
     """
     rules = replace(rules, takes_pack=False) if is_scl else rules
     found, apart = _find_nearest(wanted, rules, is_scl), []
-    while parts := _flatten_structs(wanted, {one.path for one in found.unreached}):
+    while parts := _flatten_structs(wanted, {one.path for one in found.unreached}):  # inner STRUCTs next
         wanted, notes = parts
         apart += notes
         found = _find_nearest(wanted, rules, is_scl)
@@ -165,7 +164,7 @@ def padded_type(wanted: Layout, rules: LayoutRules, is_scl: bool = False) -> Pad
 
 
 def _flatten_structs(wanted: Layout, names: Collection[str]) -> tuple[Layout, list[MemberNote]] | None:
-    """Return the layout with the members of the STRUCTs of these names in their place; None without one."""
+    """Return the layout with the STRUCTs of these names replaced by their members; None if there is none."""
     type_, root = wanted.type, wanted.root
     if not (isinstance(type_, Struct) and isinstance(root, PlacedStruct)) or root.leaves > MOST_NOTES:
         return None
@@ -177,7 +176,7 @@ def _flatten_structs(wanted: Layout, names: Collection[str]) -> tuple[Layout, li
         parts = [("", 0, bit, node, inner)]
         if isinstance(inner, Struct) and isinstance(node, PlacedStruct) and name in names:
             parts = list(members_of(inner, node))
-            notes.append(MemberNote(name, f"its members stand here by themselves, as {name}_.."))
+            notes.append(MemberNote(name, f"its members are listed here one by one, as {name}_.."))
         for below, at, own_bit, part, part_type in parts:
             own = claim_name(f"{name}_{below}", taken) if below else name
             members.append(Member(own, part_type))
@@ -190,19 +189,19 @@ def _flatten_structs(wanted: Layout, names: Collection[str]) -> tuple[Layout, li
 
 def _find_nearest(wanted: Layout, rules: LayoutRules, is_scl: bool) -> PaddedType:
     packs = (None, 1) if rules.takes_pack else (None,)
-    rebuilt = [_Rebuild(wanted, rules, pack, longer, is_scl) for longer in (False, True) for pack in packs]
+    rebuilt = [_Rebuilder(wanted, rules, pack, longer, is_scl) for longer in (False, True) for pack in packs]
     tries = [_try_rebuild(wanted, rules, rebuild) for rebuild in rebuilt]
     return min(tries, key=lambda found: (any(not one.path for one in found.unreached), len(found.unreached)))
 
 
-def _try_rebuild(wanted: Layout, rules: LayoutRules, rebuild: _Rebuild) -> PaddedType:
+def _try_rebuild(wanted: Layout, rules: LayoutRules, rebuild: _Rebuilder) -> PaddedType:
     try:
         type_ = rebuild.rebuild_type(wanted.type, wanted.root, "")
         layout = lay_out(type_, rules, f"{wanted.name}_{rebuild.suffix}")
         prove_places(wanted.root, layout.root, rebuild.raw)
         unreached = tuple(MemberNote(one.path, one.reason) for one in rebuild.unreached)
         return PaddedType(type_, layout, unreached, tuple(rebuild.notes))
-    except Unreachable as failed:  # bytes and nothing else, which every layout can hold
+    except Unreachable as failed:  # only bytes are left: every layout can hold them
         raw = Array(((0, max(wanted.size, 1) - 1),), BYTE)
         layout = lay_out(raw, rules, f"{wanted.name}_{rebuild.suffix}")
         why = f"{failed.path}: {failed.why}" if failed.path else failed.why
@@ -210,7 +209,7 @@ def _try_rebuild(wanted: Layout, rules: LayoutRules, rebuild: _Rebuild) -> Padde
 
 
 class _RawMemberNote(NamedTuple):
-    """A member that became raw: its path, the path after it of what is why, and the words."""
+    """A member that became raw: its path, the path inside it of the part that causes it, and why."""
 
     path: str
     inner: str
@@ -222,21 +221,21 @@ class _RawMemberNote(NamedTuple):
 
 
 class _RebuiltStruct(NamedTuple):
-    """A STRUCT that was rebuilt; paths are those after its own."""
+    """A rebuilt STRUCT; paths are relative to it."""
 
     type: Struct | Union
     unreached: list[_RawMemberNote]
     notes: list[MemberNote]
 
 
-class _Rebuild:
-    """One rebuilding of a declaration; each STRUCT is rebuilt once, however many members have its type."""
+class _Rebuilder:
+    """Rebuilds a declaration; each STRUCT once, even if many members have its type."""
 
     def __init__(
         self, wanted: Layout, rules: LayoutRules, pack: int | None, is_longer: bool, is_scl: bool
     ) -> None:
         self.theirs, self.rules, self.pack, self.is_scl = wanted.rules, rules, pack, is_scl
-        self.longer = wanted.root if is_longer else None  # what may be longer than is sent: only the whole
+        self.longer = wanted.root if is_longer else None  # only the whole type may be longer than is sent
         self.name = wanted.name
         self.suffix = wanted.rules.name.replace("-", "_")
         self.placing = Placing(rules)
@@ -246,14 +245,14 @@ class _Rebuild:
         self._built: dict[int, _RebuiltStruct | Unreachable] = {}
 
     def rebuild_type(self, type_: Type, node: Node, path: str) -> Type:
-        """Return the type in place of this one; raise Unreachable."""
+        """Return the type to use instead of this one; raise Unreachable."""
         match type_:
             case Array():
                 assert isinstance(node, PlacedArray)
                 return self.array(type_, node, path)
             case Union() if self.is_scl:
                 if not node.size:
-                    raise Unreachable(path, "a UNION without a byte")
+                    raise Unreachable(path, "an empty UNION")
                 return Array(((0, node.size - 1),), BYTE)
             case Struct() | Union():
                 assert isinstance(node, PlacedStruct)
@@ -301,12 +300,12 @@ class _Rebuild:
         placed = self.placing.place(found, path)
         assert isinstance(placed, PlacedArray)
         if (placed.pitch, placed.row_size) != (node.pitch, node.row_size):
-            why = f"its elements are {node.pitch} bytes apart, under {self.rules.name} {placed.pitch}"
+            why = f"its elements are {node.pitch} bytes apart, but {placed.pitch} under {self.rules.name}"
             raise Unreachable(path, why)
         return found
 
     def lay_struct(self, type_: Struct, node: PlacedStruct) -> Builder:
-        # No multiple of more is the size: no member may be aligned to it.
+        # A larger alignment of a member would round up the size of the STRUCT.
         limit = None if node is self.longer else max(node.size & -node.size or 1, self.rules.struct_floor)
         fill = self.make_builder(type_, node, limit)
         for name, offset, bit, child, inner in members_of(type_, node):
@@ -317,7 +316,7 @@ class _Rebuild:
                 del self.unreached[mark[0] :], self.notes[mark[1] :]
                 self.unreached.append(_RawMemberNote(name, failed.path[len(name) :], failed.why))
                 self.raw.add((id(node), name))
-                with suppress(Unreachable):  # where no bytes can begin either, padding covers it
+                with suppress(Unreachable):  # if bytes cannot begin there either, padding covers it
                     fill.put_raw(name, offset, child.size, bit is not None, name)
         fill.pad_to_size(self.size(node, fill), "")
         return fill
@@ -343,7 +342,7 @@ class _Rebuild:
             return type_
         pack = type_.pack if self.pack is None else self.pack
         name = type_.name
-        if pack is not None and not name:  # only a type of its own can have a pack_mode
+        if pack is not None and not name:  # only a named type can have a pack_mode
             without_indices = re.sub(r"\[[^\]]*\]", "", path)
             name = re.sub(r"\W+", "_", f"{self.name}.{without_indices}")
         name = f"{name}_{self.suffix}" if name else ""

@@ -1,7 +1,7 @@
-"""Swap code for the sender's side: every number of a type, its bytes turned round, in ST or in SCL.
+"""Swap code for the sender: reverses the bytes of every number of a type, in ST or in SCL.
 
-Rule: the swapped telegram is a type of its own in which each number is a bit string of its size: a REAL whose
-bytes are turned round is no number, and must not pass through one.
+Rule: the swapped telegram is a type in which each number is a bit string of its size. The reversed bytes of
+a REAL are not a number and must not pass through a REAL variable.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from trcvtui.udt.types import (
 
 Language = Literal["st", "scl"]
 BITS: Final = {2: "WORD", 4: "DWORD", 8: "LWORD"}
-# TIA converts these by way of a number.
+# In TIA these are converted to a bit string by way of a number.
 SCL_INTERMEDIATE_TYPES: Final = {
     "TIME": "DINT",
     "LTIME": "LINT",
@@ -57,7 +57,7 @@ SWAP8 := (ROL(x, 8) AND 16#000000FF000000FF) OR (ROL(x, 24) AND 16#0000FF000000F
     OR (ROR(x, 24) AND 16#00FF000000FF0000) OR (ROR(x, 8) AND 16#FF000000FF000000);
 END_FUNCTION
 """,
-    # REAL_TO_DWORD rounds to a whole number in CODESYS; the bits come through a UNION.
+    # REAL_TO_DWORD rounds to a whole number in CODESYS; a UNION keeps the bits.
     **{
         f"{real}_BITS": f"""TYPE U_{real}_BITS :
 UNION
@@ -78,12 +78,12 @@ END_FUNCTION
 
 
 def language_of(rules: LayoutRules) -> Language:
-    """Return the language of a side: an S7 is programmed in SCL."""
+    """Return SCL for an S7, else ST."""
     return "scl" if rules.name == S7.name else "st"
 
 
 class SwapCode(NamedTuple):
-    """The swapped telegram as a type and as text, helper functions, statements; `left_out` is not swapped."""
+    """The swapped telegram as a type and as text, helper functions, statements, and what is not swapped."""
 
     type: Type
     types: str
@@ -97,12 +97,12 @@ class SwapCode(NamedTuple):
 
 
 def swap_code(sent: Layout, language: Language = "st") -> SwapCode:
-    """Return what turns round the bytes of every number of the variable `msg`, into `wire`."""
+    """Return the code that copies the variable `msg` to `wire` with the bytes of every number reversed."""
     return _SwapWriter(sent.rules, language).swap(sent)
 
 
 class _SwapPosition(NamedTuple):
-    """Where the statements are: the type as declared, target, source, the path as declared."""
+    """The place of a statement: the type as declared, target, source, the path as declared."""
 
     plain: Type
     to: str
@@ -138,7 +138,7 @@ class _SwapWriter:
         return SwapCode(made, types, helpers, f"{head}\n{body}\n", tuple(self.left_out))
 
     def swap_type(self, type_: Type) -> Type:
-        """Return the type with a bit string for every number."""
+        """Return the type with every number as a bit string."""
         match type_:
             case Array(bounds=bounds, element=element):
                 made = self.swap_type(element)
@@ -170,7 +170,7 @@ class _SwapWriter:
         return row
 
     def keeps_bytes(self, type_: Type) -> bool:
-        """Return whether no byte of the type has another place after the swap."""
+        """Return whether the swap leaves all bytes of the type where they are."""
         match type_:
             case Array() | Struct() | Union():
                 return all(map(self.keeps_bytes, parts_of(type_)))
@@ -203,7 +203,7 @@ class _SwapWriter:
 
     def loops(self, type_: Array, at: _SwapPosition) -> Iterator[str]:
         depth, indent, plain = at.depth, at.indent, at.plain
-        if self.language == "scl":  # here the type is as declared
+        if self.language == "scl":  # the written type has its nested ARRAYs joined, too
             type_ = plain = join_arrays(type_, self.rules)
         names = [f"i{depth + number}" for number in range(1, len(type_.bounds) + 1)]
         self.deepest = max(self.deepest, depth + len(names))
@@ -221,7 +221,7 @@ class _SwapWriter:
             yield f"{inner}END_FOR;"
 
     def swap_expression(self, row: Elementary, value: str) -> str:
-        """Return the expression of a number whose bytes are turned round."""
+        """Return the expression that reverses the bytes of a number."""
         bits = BITS[row.size]
         if self.language == "scl":
             via = SCL_INTERMEDIATE_TYPES.get(row.name)

@@ -1,4 +1,4 @@
-"""A laid-out type in the language of another tool: what it writes has the very offsets of the layout."""
+"""A type exported to the language of another tool, with exactly the offsets of its layout."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Final
 from trcvtui.errors import mistake
 from trcvtui.udt.layout.layout import Layout
 
-LANGUAGES: Final = {"lua": "Wireshark dissector"}  # name, which is the files' extension too -> title
+LANGUAGES: Final = {"lua": "Wireshark dissector"}  # by name, which is also the extension of the file: title
 
 
 def check_arguments(to: str, port: int | None = None) -> None:
-    """Raise UserError for an unknown language, or a port that is none."""
+    """Raise UserError for an unknown language or port."""
     if to not in LANGUAGES:
         raise mistake("--to", f"'{to}'", "one of " + ", ".join(LANGUAGES))
     if port is not None and port not in range(1, 65_536):
@@ -19,7 +19,7 @@ def check_arguments(to: str, port: int | None = None) -> None:
 
 
 def export(layout: Layout, to: str, port: int | None = None) -> str:
-    """Return the type in that language; raise UserError as `check` does, or for a type without a value."""
+    """Return the type in that language; raise UserError as `check_arguments`, or for one without a value."""
     check_arguments(to, port)
     from trcvtui.udt.exports.lua import write_dissector
 

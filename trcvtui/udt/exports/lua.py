@@ -1,6 +1,6 @@
-"""A Wireshark dissector in Lua: a ProtoField for each member, TCP segments put together to whole values.
+"""A Wireshark dissector in Lua: a ProtoField for each member; it joins TCP segments to whole values.
 
-Rule: each STRUCT is written once, however many members have its type, and an array holds its element once.
+Rule: each STRUCT is written once, even if many members have its type, and an array has its element once.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from trcvtui.udt.st_write import NameScope, ascii_word
 from trcvtui.udt.types import DAY, Array, Elementary, Enumeration, StringType, Struct, Type, Union, ValueKind
 
 MOST_FIELDS = 20_000
-FILTER_PREFIX = "plc_"  # of the protocol's filter name, so that it is none that Wireshark has
-LARGEST_EXACT = 1 << 53  # a number of Lua 5.2 is a double
+FILTER_PREFIX = "plc_"  # keeps the filter name apart from the protocols that Wireshark has
+LARGEST_EXACT = 1 << 53  # numbers in Lua 5.2 are doubles
 CLOCKS = {
     ValueKind.DURATION: "duration",
     ValueKind.DATE: "date",
@@ -40,7 +40,7 @@ def write_dissector(layout: Layout, port: int | None = None) -> str:
         raise mistake(layout.name, f"{count} members", f"at most {MOST_FIELDS} for a dissector")
     writer = _LuaWriter(layout)
     root = writer.node(layout.type, layout.root, 0, None, "FILTER", 0)
-    # Finds out what else is needed.
+    # Also collects the readers and enumerations that are written below.
     structs = [writer.struct(type_, node) for type_, node in structs_of(layout.type, layout.root)]
     rules, name = layout.rules, one_line(layout.name)
     form = f"layout {rules.name}, {rules.byte_order}-endian, {layout.size} bytes"
@@ -79,12 +79,11 @@ def _read_parts() -> dict[str, _LuaPart]:
 
 
 def filter_name(name: str) -> str:
-    """Return the name of the protocol in a display filter."""
     return FILTER_PREFIX + ascii_word(name).lower()
 
 
 def quote(text: str) -> str:
-    """Return the text as a Lua string; what is not plain ASCII as its UTF-8 bytes."""
+    """Return the text as a Lua string, everything but plain ASCII as escaped UTF-8 bytes."""
     written = []
     for byte in text.encode("utf-8", "replace"):
         plain = 0x20 <= byte < 0x7F and byte not in b'"\\'
@@ -93,7 +92,7 @@ def quote(text: str) -> str:
 
 
 class _LuaWriter:
-    """Writes nodes, and remembers the readers and the enumerations that they need."""
+    """Writes nodes, and collects the readers and the enumerations that they need."""
 
     def __init__(self, layout: Layout) -> None:
         self.layout, self.rules = layout, layout.rules
@@ -190,10 +189,10 @@ class _LuaWriter:
         if type_ not in self.enumerations:
             name = self.taken_values("e_" + (type_.name or row.name))
             lines = [f"values.{name} = {{"]
-            told: set[int] = set()
+            known: set[int] = set()
             for word, number in type_.values:
-                if number is not None and abs(number) < LARGEST_EXACT and number not in told:
-                    told.add(number)
+                if number is not None and abs(number) < LARGEST_EXACT and number not in known:
+                    known.add(number)
                     lines.append(f"  [{number}] = {quote(word)},")
             self.enumerations[type_] = "\n".join([*lines, "}", ""])
             self.value_names[type_] = name
@@ -208,7 +207,7 @@ def _integer_type(row: Elementary) -> str:
 
 
 def structs_of(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, PlacedStruct]]:
-    """Yield every structure and union with leaves in it once, those that others use before these."""
+    """Yield every structure and union that has leaves, once, each after those that it uses."""
     seen: set[Struct | Union] = set()
 
     def walk(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, PlacedStruct]]:
@@ -225,7 +224,7 @@ def structs_of(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, Placed
 
 
 def count_fields(type_: Type, node: Node) -> int:
-    """Return how many paths without indices lead to a leaf; it may grow as 2 to the depth."""
+    """Return the number of paths to leaves, indices aside; it may grow as 2 to the depth."""
     counts: dict[Type, int] = {}
 
     def count_paths(type_: Type, node: Node) -> int:

@@ -1,6 +1,6 @@
-"""One leaf's bytes and its value: which coding a leaf has under a layout's rules; texts, S7's own times.
+"""The coding of one leaf: its bytes to a value and back, for every type, with the texts and times of S7.
 
-Rule: to_value never fails, whatever the bytes are; to_raw raises Refused for every value that does not fit.
+Rule: `to_value` never fails, whatever the bytes are; `to_raw` raises ValueRefused if a value does not fit.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ class ValueRefused(Exception):
 
 
 class Coding(NamedTuple):
-    """How one leaf is stored: `struct` code without byte order, and both changes (None: as it is).
+    """How one leaf is stored: `struct` code without byte order, both conversions (None: unchanged).
 
-    `odd` says what is strange about the bytes of the leaf, such as `16#05` of a BOOL; "" is nothing.
+    `odd` describes what is odd in the bytes of the leaf, such as `16#05` for a BOOL; "" for nothing.
     """
 
     code: str
@@ -48,12 +48,12 @@ class Coding(NamedTuple):
 
 
 def hex_text(raw: bytes) -> str:
-    """Return bytes as they lie in memory, such as `16#9912130706058881`."""
+    """Return bytes in memory order, such as `16#9912130706058881`."""
     return f"16#{raw.hex().upper()}"
 
 
 def parse_hex_text(value: object, size: int) -> bytes | None:
-    """Return the bytes of `16#...` with all its digits; None when it is none of that size."""
+    """Return the bytes of `16#...` with all digits of that size, else None."""
     if not isinstance(value, str) or not value.startswith("16#") or len(value) != 3 + 2 * size:
         return None
     try:
@@ -63,35 +63,34 @@ def parse_hex_text(value: object, size: int) -> bytes | None:
     return raw if len(raw) == size else None
 
 
-# The bytes after the text have any value; encode writes zeros. WSTRING is UTF-16 in the data's byte order.
+# The bytes after a text may have any value; encode writes zeros. WSTRING is UTF-16 in the data's byte order.
 
-# What is no text in the encoding becomes codes that nothing else has, and comes back as the same bytes.
+# Bytes that are not text in the encoding become surrogates, which no text contains, and are written back.
 ENCODING_ERRORS = {
     "latin-1": "strict",
     "utf-8": "surrogateescape",
     "utf-16-le": "surrogatepass",
     "utf-16-be": "surrogatepass",
 }
-SURROGATE = re.compile("[\ud800-\udfff]")  # a code that is no character by itself
+SURROGATE = re.compile("[\ud800-\udfff]")  # a code that is not a character by itself
 
 
 def _mark_odd_codes(coding: Coding, rules: LayoutRules, digits: int = 4) -> Coding:
-    """Return a coding of text that marks codes that are no characters: `no text: 16#DC00 and 2 more`."""
+    """Return a coding that also marks codes that are not characters: `no text: 16#DC00 and 2 more`."""
 
     def describe_odd(raw: bytes) -> str:
         assert coding.to_value is not None
         (stored,) = struct.unpack(BYTE_ORDERS[rules.byte_order] + coding.code, raw)
         found = SURROGATE.findall(str(coding.to_value(stored)))
-        told = coding.odd(raw) if coding.odd else ""
+        own_mark = coding.odd(raw) if coding.odd else ""
         more = f" and {len(found) - 1} more" if found[1:] else ""
         mark = f"no text: 16#{f'{ord(found[0]):04X}'[-digits:]}{more}" if found else ""
-        return ", ".join(filter(None, (told, mark)))
+        return ", ".join(filter(None, (own_mark, mark)))
 
     return coding._replace(odd=describe_odd)
 
 
 def text_coding(type_: StringType, rules: LayoutRules) -> Coding:
-    """Return how a text is stored under these rules."""
     charset = "utf-8" if type_.utf8 else "latin-1"
     if type_.wide:
         charset = "utf-16-le" if rules.byte_order == "little" else "utf-16-be"
@@ -106,7 +105,7 @@ def _headed_coding(type_: StringType, rules: LayoutRules, charset: str) -> Codin
     characters_of = _make_encoder(type_, longest, charset, has_nul=True)
 
     def to_value(raw: bytes) -> str:
-        # An actual length beyond the field ends at the field.
+        # The slice ends at the field even if the actual length is larger.
         actual: int = lengths.unpack_from(raw)[1]
         return raw[lengths.size :][: actual * unit].decode(charset, ENCODING_ERRORS[charset])
 
@@ -128,7 +127,7 @@ def _ended_coding(type_: StringType, rules: LayoutRules, charset: str) -> Coding
     longest = rules.text.length(type_)
 
     def to_value(raw: bytes) -> str:
-        # Without a NUL the text ends with the last character that may be one.
+        # Without a NUL the text ends at its longest length.
         return raw[: min(_find_end(raw, unit), longest * unit)].decode(charset, ENCODING_ERRORS[charset])
 
     def describe_odd(raw: bytes) -> str:
@@ -170,19 +169,19 @@ def _make_encoder(type_: StringType, longest: int, charset: str, has_nul: bool) 
     return encode_checked
 
 
-# Bytes that are no such value are shown as hex, and that hex is taken back: nothing is lost on the way.
+# Bytes that are not a date or time are shown as hex, and encode accepts that hex: nothing is lost.
 
 FIRST_BCD_YEAR, LAST_BCD_YEAR = 1990, 2089
 HOUR, MINUTE = 3600 * SECOND, 60 * SECOND
 
 
 def _weekday(ns: int) -> int:
-    """Return the day of the week as an S7 counts it: 1 is Sunday. 1970 began on a Thursday."""
+    """Return the day of the week as in S7: 1 is Sunday. 1 January 1970 was a Thursday, 5."""
     return (ns // DAY + 4) % 7 + 1
 
 
 def _moment_ns(year: int, month: int, day: int, hour: int, minute: int, second: int, ns: int) -> int | None:
-    """Return the nanoseconds since 1970; None when it is no date or no time of day."""
+    """Return the nanoseconds since 1970; None if there is no such date or time of day."""
     date = date_ns(year, month, day)
     if date is None or hour > 23 or minute > 59 or second > 59 or ns >= SECOND:
         return None
@@ -190,7 +189,7 @@ def _moment_ns(year: int, month: int, day: int, hour: int, minute: int, second: 
 
 
 def _split_moment(ns: int) -> tuple[int, int, int, int, int, int, int]:
-    """Return the parts of a moment, as `_moment_ns` takes them."""
+    """Return the arguments of `_moment_ns` for nanoseconds since 1970."""
     clock = ns % DAY
     return *to_date(ns // DAY), clock // HOUR, clock // MINUTE % 60, clock // SECOND % 60, clock % SECOND
 
@@ -205,7 +204,7 @@ def _packed_date_coding(
     read: Callable[[bytes], tuple[int | None, int]],
     bytes_of: Callable[[int], bytes | None],
 ) -> Coding:
-    """Return how a date of so many bytes is stored; `read` has nanoseconds, None of no date, and weekday."""
+    """Return the coding of a date; `read` returns nanoseconds since 1970 (None: no date) and weekday."""
 
     def to_value(raw: bytes) -> Value:
         ns, _ = read(raw)
@@ -239,7 +238,7 @@ def _parse_bcd(raw: bytes) -> tuple[int | None, int]:
     if not digits[:15].isdecimal():
         return None, 0
     year, month, day, hour, minute, second = (int(digits[at : at + 2]) for at in range(0, 12, 2))
-    year += 1900 if year >= 90 else 2000
+    year += 1900 if year >= 90 else 2000  # STEP 7: 90 to 99 are 1990 to 1999
     return _moment_ns(year, month, day, hour, minute, second, int(digits[12:15]) * MS), raw[7] & 15
 
 
@@ -272,17 +271,14 @@ S5_BASES_MS = (10, 100, 1000, 10_000)
 
 
 def s5time_coding(rules: LayoutRules) -> Coding:
-    """Return S5TIME of 2 bytes: the time base in bits 12 and 13, three digits in BCD below.
-
-    Bits 14 and 15 say nothing.
-    """
+    """Return S5TIME of 2 bytes: 3 BCD digits, above them the time base in bits 12 and 13; 14, 15 unused."""
     order = BYTE_ORDERS[rules.byte_order]
 
     def to_value(raw: int) -> Value:
         ms = _s5_word_to_ms(raw)
         if ms is None:
             return f"16#{raw:04X}"
-        # Another time base, or bits that say nothing: the word stands beside, so that it comes back.
+        # The word is not the usual one for this time: it follows in brackets, so that encode restores it.
         return format_time(ms * MS, "S5T#") + ("" if _ms_to_s5_word(ms) == raw else f" (16#{raw:04X})")
 
     def to_raw(value: object) -> int:
@@ -317,19 +313,18 @@ def _s5_word_to_ms(raw: int) -> int | None:
 
 
 def _ms_to_s5_word(ms: int) -> int | None:
-    """Return the word with the smallest time base that holds it exactly; None when there is none."""
+    """Return the word with the smallest time base that is exact; None if there is none."""
     for number, base in enumerate(S5_BASES_MS):
         if ms % base == 0 and 0 <= ms <= 999 * base:
             return number << 12 | int(str(ms // base), 16)
     return None
 
 
-LARGEST_REAL = 3.4028235677973366e38  # the first number that rounds to no REAL (24 bits, 2**127)
+LARGEST_REAL = 3.4028235677973366e38  # from here on a number rounds beyond REAL (24 bits, 2**127)
 BOOL_TEXTS = {"TRUE": True, "FALSE": False, "1": True, "0": False}
 
 
 def coding_of(type_: LeafType, rules: LayoutRules) -> Coding:
-    """Return how a leaf of this type is stored under these rules."""
     if isinstance(type_, StringType):
         return text_coding(type_, rules)
     row = rules.storage(type_)
@@ -367,7 +362,7 @@ def _whole_coding(row: Elementary, _: LayoutRules | None = None) -> Coding:
 
 def _real_coding(row: Elementary, _: LayoutRules) -> Coding:
     def to_raw(value: object) -> float:
-        number = _float(value)
+        number = _to_float(value)
         if number is None or (row.size == 4 and LARGEST_REAL <= abs(number) < math.inf):
             raise ValueRefused(f"{row.name}, a number in its range, NaN, Infinity or -Infinity")
         return number
@@ -375,14 +370,14 @@ def _real_coding(row: Elementary, _: LayoutRules) -> Coding:
     return Coding(row.code, None, to_raw)
 
 
-def _float(value: object) -> float | None:
+def _to_float(value: object) -> float | None:
     if not isinstance(value, int | float | str) or isinstance(value, bool):
         return None
     try:
         number = float(value)
     except (ValueError, OverflowError):
         return None
-    # Digits without end (`1e400`) are no infinity.
+    # `1e400` is too large, not infinity: infinity must be named.
     is_named = not isinstance(value, str) or "inf" in value.lower()
     return number if is_named or not math.isinf(number) else None
 
@@ -399,7 +394,7 @@ def _character_coding(row: Elementary, rules: LayoutRules) -> Coding:
     return _mark_odd_codes(coding, rules) if row.size > 1 else coding
 
 
-def _literal(row: Elementary, _: LayoutRules) -> Coding:
+def _literal_coding(row: Elementary, _: LayoutRules) -> Coding:
     return _count_coding(row, partial(format_literal, row), partial(parse_literal, row))
 
 
@@ -410,7 +405,9 @@ def _date_coding(row: Elementary, rules: LayoutRules) -> Coding:
         rest = count % a_day * row.unit_ns
         return format_literal(row, count) + (f" (and {format_time(rest)})" if rest else "")
 
-    return _literal(row, rules) if a_day == 1 else _count_coding(row, to_value, partial(_parse_day, row))
+    return (
+        _literal_coding(row, rules) if a_day == 1 else _count_coding(row, to_value, partial(_parse_day, row))
+    )
 
 
 def _count_coding(
@@ -428,7 +425,7 @@ def _count_coding(
 
 
 def _parse_day(row: Elementary, text: str) -> int | None:
-    """Return the count of `D#1970-01-02 (and T#1s)`, or of the day alone; None when it is neither."""
+    """Return the count of `D#1970-01-02 (and T#1s)`, or of the day alone, else None."""
     day, and_, rest = text.partition(" (and ")
     count = parse_literal(row, day)
     if count is None or not and_:
@@ -465,13 +462,13 @@ CODING_BY_KIND: dict[ValueKind, Callable[[Elementary, LayoutRules], Coding]] = {
     ValueKind.BITS: _whole_coding,
     ValueKind.REAL: _real_coding,
     ValueKind.CHARACTER: _character_coding,
-    ValueKind.DURATION: _literal,
+    ValueKind.DURATION: _literal_coding,
     ValueKind.DATE: _date_coding,
-    ValueKind.TIME_OF_DAY: _literal,
-    ValueKind.DATE_AND_TIME: _literal,
+    ValueKind.TIME_OF_DAY: _literal_coding,
+    ValueKind.DATE_AND_TIME: _literal_coding,
     ValueKind.ADDRESS: _address_coding,
 }
-# By name and `struct` code: the same name may be a plain count elsewhere.
+# By name and `struct` code: under other layouts the same name may be a plain count.
 OWN_CODINGS: dict[tuple[str, str], Callable[[LayoutRules], Coding]] = {
     ("DT", "8s"): bcd_coding,
     ("DTL", "12s"): dtl_coding,

@@ -1,6 +1,6 @@
-"""A type laid out in memory: its leaves and gaps, and which profiles lay a type out alike.
+"""A type laid out in memory: its leaves and gaps, and the profiles that give it the same layout.
 
-Rule: two profiles are one when every leaf lies at the same place and is stored in the same way.
+Rule: two profiles are one if every leaf has the same place and the same stored form.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ __all__ = [
 ]
 
 
-# No slots: codec and leaves are kept on the layout, made when first asked for.
+# No slots: codec and leaves are cached properties.
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """A type laid out; leaves are numbered from 0 in declared order, offsets and sizes are in bytes.
+    """A type laid out; offsets and sizes are in bytes, leaves are numbered from 0 in declared order.
 
-    That is offset order, but for the members of a UNION.
+    That is offset order, except for the members of a UNION.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Layout:
 
     @property
     def size(self) -> int:
-        """Return the size in bytes, the gap at the end included."""
+        """Return the size with the gap at the end."""
         return self.root.size
 
     @property
@@ -69,7 +69,7 @@ class Layout:
 
     @cached_property
     def codec(self) -> Codec | None:
-        """Return the codec of the whole layout, compiled once; None where leaves share bytes."""
+        """Return the codec of the whole layout, compiled once; None if leaves share bytes."""
         return codec_of(self._leaves, BYTE_ORDERS[self.rules.byte_order])
 
     @cached_property
@@ -77,7 +77,7 @@ class Layout:
         return tuple(leaves_of(self.root))
 
     def leaves(self, start: int = 0, stop: int | None = None) -> tuple[Leaf, ...]:
-        """Return the leaves of number start..stop-1 (default: all); they are made once."""
+        """Return the leaves of number start..stop-1 (default: all)."""
         return self._leaves[max(start, 0) : None if stop is None else max(stop, 0)]
 
     def leaf(self, number: int) -> Leaf:
@@ -85,7 +85,7 @@ class Layout:
 
     @cached_property
     def _owners(self) -> array[int]:
-        # Of every byte the number of the first leaf that covers it, -1 in a gap.
+        # For each byte the number of the first leaf that covers it, -1 in a gap.
         owners = array("i", [-1]) * self.size
         for number in range(self.leaf_count - 1, -1, -1):
             leaf = self._leaves[number]
@@ -98,7 +98,7 @@ class Layout:
         return None if number < 0 else number
 
     def count_leaves_within(self, length: int) -> int:
-        """Return how many leaves lie wholly in the first `length` bytes."""
+        """Return how many leaves are complete in the first `length` bytes."""
         return sum(leaf.offset + leaf.size <= length for leaf in self._leaves)
 
     def leaf_number(self, path: str) -> int:
@@ -114,31 +114,31 @@ class Layout:
         return number
 
     def padding(self) -> list[tuple[int, int]]:
-        """Return offset and size of every gap, in offset order; a byte of which one bit is used is none."""
+        """Return offset and size of every gap, in offset order; a byte with a used bit is not a gap."""
         covered = bytearray(self.size)
         for leaf in self._leaves:
             covered[leaf.offset : leaf.offset + leaf.size] = b"\1" * leaf.size
         return [(gap.start(), len(gap[0])) for gap in re.finditer(b"\0+", covered)]
 
     def __reduce__(self) -> tuple[object, ...]:
-        # Between processes only the declaration travels; the tree is made again on the other side.
+        # Pickled as the declaration alone: the other process lays it out again.
         return lay_out, (self.type, self.rules, self.name)
 
 
 def lay_out(type_: Type, rules: LayoutRules, name: str = "") -> Layout:
-    """Return the layout of a type; raise UserError when it or a STRING in it is too long."""
+    """Return the layout of a type; raise UserError if something in it has no layout or is too large."""
     name = _declared_spelling(type_, name) or type_text(type_)
     return Layout(name, type_, rules, Placing(rules).place(type_, name))
 
 
 def _declared_spelling(type_: Type, name: str) -> str:
-    # Names are the same in any case (IEC 61131-3); shown is the one in the declaration.
+    # Names ignore case (IEC 61131-3); the spelling of the declaration is shown.
     own = type_.name if isinstance(type_, Struct | Union | Enumeration) else name
     return own if own.casefold() == name.casefold() else name
 
 
 class Profile(NamedTuple):
-    """How a sender stores a type; `text` is the STRING form, "" where the type has no STRING."""
+    """How a sender stores a type; `text` is the STRING form, "" if the type has no STRING."""
 
     layout: str
     byte_order: str
@@ -166,9 +166,9 @@ def profiles_for(type_: Type) -> tuple[Profile, ...]:
 def group_same_layouts(
     type_: Type, profiles: tuple[Profile, ...], name: str = "", own: LayoutRules | None = None
 ) -> list[tuple[tuple[Profile, ...], Layout]]:
-    """Return the type laid out in each profile, those that mean the same together.
+    """Return the type laid out in each profile, profiles with the same layout together.
 
-    A profile in which the type cannot be laid out is left out. `own` has what our side says beside a profile.
+    A profile that cannot hold the type is left out. `own` has the options of our side that a profile lacks.
     """
     found: dict[object, tuple[list[Profile], Layout]] = {}
     for profile in profiles:
@@ -181,7 +181,7 @@ def group_same_layouts(
 
 
 def merge_own_rules(rules: LayoutRules, own: LayoutRules | None) -> LayoutRules:
-    """Return the rules of a profile, with what our side says beside it."""
+    """Return the rules of a profile with our pointer size, and our `string_even` if the layout is ours."""
     if own is None:
         return rules
     even = own.string_even if own.name == rules.name else rules.string_even
@@ -191,7 +191,7 @@ def merge_own_rules(rules: LayoutRules, own: LayoutRules | None) -> LayoutRules:
 def layout_shape(layout: Layout, *, by_bytes: bool = False) -> object:
     """Return a value that is equal for two layouts of one type in which all bytes mean the same.
 
-    `by_bytes`: it is also equal where only the sign of a duration, or the room after a text, differs.
+    `by_bytes`: it is also equal if only the sign of durations or the room after texts differs.
     """
     rules, known = layout.rules, dict[int, object]()
 
@@ -212,7 +212,7 @@ def layout_shape(layout: Layout, *, by_bytes: bool = False) -> object:
             return leaf_shape(node)
         if id(node) in known:
             return known[id(node)]
-        if isinstance(node, PlacedArray):  # a single element has no next one
+        if isinstance(node, PlacedArray):  # with a single element the distance to the next is unused
             known[id(node)] = node.pitch if node.count > 1 and node.leaves else 0, shape_of(node.element)
         else:
             parts = zip(node.offsets, node.bits, node.nodes, strict=True)
@@ -223,5 +223,4 @@ def layout_shape(layout: Layout, *, by_bytes: bool = False) -> object:
 
 
 def has_text(type_: Type) -> bool:
-    """Return whether a STRING or WSTRING is in the type."""
     return any(isinstance(one, StringType) for one in all_parts(type_))

@@ -1,8 +1,8 @@
-"""A type laid out: a tree of leaves, structures, unions and arrays; each knows its size and its leaves.
+"""A type laid out: a tree of leaves, structures, unions and arrays; each has its size and number of leaves.
 
-Rule: an array holds its element once, however many there are, so a tree is as large as its declaration.
-Leaves are counted in declared order, which is offset order but for the members of a UNION; offsets are
-relative to the node.
+Rule: an array has its element once, whatever its length, so a tree is as large as its declaration.
+Leaves are counted in declared order, which is offset order except in a UNION; offsets are relative to the
+node.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from trcvtui.udt.types import Array, LeafType, Struct, Type, Union, all_members
 class Leaf(NamedTuple):
     """One leaf of a laid-out type: path such as `st.arr[2].x`, offset and size in bytes.
 
-    A leaf of one bit has its number in the byte as `bit`, and the byte as its size.
+    A leaf of one bit has its number in the byte as `bit`, and size 1.
     """
 
     path: str
@@ -32,7 +32,7 @@ class Leaf(NamedTuple):
 
 
 class PlacedLeaf:
-    """A value of elementary type, a text, an enumeration; or one bit, whose place its owner knows."""
+    """A value of elementary type, a text, an enumeration, or one bit (the STRUCT or ARRAY has its place)."""
 
     __slots__ = ("align", "coding", "is_bit", "size", "type")
     leaves = 1
@@ -43,7 +43,7 @@ class PlacedLeaf:
 
 
 class PlacedMember(NamedTuple):
-    """A member where it lies; without a name it is what the type EXTENDS. `bit` is the place of a bit."""
+    """A member with its place; one without a name is the base (EXTENDS). `bit` is the place of a bit."""
 
     name: str
     offset: int
@@ -52,7 +52,7 @@ class PlacedMember(NamedTuple):
 
 
 class FlatMember(NamedTuple):
-    """A member of a structure or of what it EXTENDS; `bit` is None but for a bit, `first` its first leaf."""
+    """A member of a structure or its base; `bit` is None unless it is a bit, `first` is its first leaf."""
 
     name: str
     offset: int
@@ -62,11 +62,11 @@ class FlatMember(NamedTuple):
 
 
 class PlacedStruct:
-    """A structure: its members' names, offsets and nodes, and the number of leaves before each."""
+    """A structure: names, offsets and nodes of its members, and the number of leaves before each."""
 
     def __init__(self, parts: Sequence[PlacedMember], size: int, align: int) -> None:
         self.names = tuple(part.name for part in parts)
-        self.steps = tuple(map(_step, self.names))
+        self.steps = tuple(map(_quote_step, self.names))
         self.offsets = tuple(part.offset for part in parts)
         self.nodes = tuple(part.node for part in parts)
         self.bits = tuple(part.bit for part in parts)
@@ -81,7 +81,7 @@ class PlacedStruct:
         self.firsts = tuple(firsts)
 
     def flat_members(self, offset: int = 0, first: int = 0) -> Iterator[FlatMember]:
-        """Yield the members, those of what the type EXTENDS as members of its own."""
+        """Yield the members, those of its base (EXTENDS) first."""
         for number, node in enumerate(self.nodes):
             name, at, before = self.names[number], offset + self.offsets[number], first + self.firsts[number]
             if name or not isinstance(node, PlacedStruct):
@@ -92,7 +92,7 @@ class PlacedStruct:
 
 
 class PlacedUnion(PlacedStruct):
-    """A union: as a structure, but every member begins at 0."""
+    """A union: a structure whose members all have offset 0."""
 
     def __init__(self, parts: Sequence[PlacedMember], size: int, align: int) -> None:
         super().__init__(parts, size, align)
@@ -100,9 +100,9 @@ class PlacedUnion(PlacedStruct):
 
 
 class PlacedArray:
-    """An array: its element laid out once, its declared bounds, and how far it is to the next element.
+    """An array: its element laid out once, its declared bounds, `pitch` bytes between elements.
 
-    Of bits a row (all but the last index fixed) begins at a byte of its own, `row_size` bytes apart.
+    In an array of bits each row (all but the last index fixed) begins a new byte, `row_size` bytes apart.
     """
 
     def __init__(self, type_: Array, element: Node, pitch: int, align: int) -> None:
@@ -124,7 +124,7 @@ class PlacedArray:
         return row * self.row_size + column // 8, column % 8
 
 
-def _step(name: str) -> str:
+def _quote_step(name: str) -> str:
     return name if not name or re.fullmatch(_NAME, name) else '"' + name.replace('"', '""') + '"'
 
 
@@ -134,13 +134,13 @@ Node = PlacedLeaf | PlacedStruct | PlacedArray
 def members_of(
     type_: Struct | Union, node: PlacedStruct
 ) -> Iterator[tuple[str, int, int | None, Node, Type]]:
-    """Yield name, offset, bit, node and type of every member, what the type EXTENDS as members of its own."""
+    """Yield name, offset, bit, node and type of every member, those of its base (EXTENDS) first."""
     for one, member in zip(node.flat_members(), all_members(type_), strict=True):
         yield one.name, one.offset, one.bit, one.node, member.type
 
 
 def leaves_of(node: Node, path: str = "", offset: int = 0, bit: int = 0) -> Iterator[Leaf]:
-    """Yield the leaves of a node, whose own path and place are given."""
+    """Yield the leaves of a node that has this path and place."""
     if isinstance(node, PlacedLeaf):
         yield Leaf(path, node.type, offset, node.size, node.coding, bit if node.is_bit else None)
     elif isinstance(node, PlacedStruct):
@@ -155,7 +155,7 @@ def leaves_of(node: Node, path: str = "", offset: int = 0, bit: int = 0) -> Iter
 
 
 def indices(node: PlacedArray) -> Iterator[str]:
-    """Yield the index of each element with the declared bounds, such as `[1,2]`."""
+    """Yield the index of each element in the declared bounds, such as `[1,2]`."""
     ranges = (range(low, high + 1) for low, high in node.bounds)
     return (f"[{','.join(map(str, index))}]" for index in product(*ranges))
 
@@ -166,7 +166,7 @@ _INDEX_PATTERN = r"(?a)\s*(-?\d{1,19})\s*"
 
 
 def find_node(node: Node, path: str) -> tuple[int, Node]:
-    """Return the node at a path and the number of its first leaf; raise LookupError naming a failed step."""
+    """Return the number of the first leaf at a path, and the node; raise LookupError with the failed step."""
     number = at = 0
     while at < len(path):
         step = re.match(_STEP_PATTERN, path[at:])
@@ -187,7 +187,7 @@ def _find_child(node: Node, step: re.Match[str]) -> tuple[int, Node]:
             return node.firsts[number], node.nodes[number]
         if node.names[0]:
             break
-        node = node.nodes[0]  # what the type EXTENDS: its members need no name in front
+        node = node.nodes[0]  # the base (EXTENDS): its members need no name in front
     if indices is not None and isinstance(node, PlacedArray):
         element = _element_number(node, indices)
         if element is not None:
@@ -196,7 +196,7 @@ def _find_child(node: Node, step: re.Match[str]) -> tuple[int, Node]:
 
 
 def _element_number(node: PlacedArray, text: str) -> int | None:
-    """Return the number of the element at an index such as `1,2`; None when it is not within bounds."""
+    """Return the number of the element at an index such as `1,2`; None if it is out of bounds."""
     found, number = text.split(","), 0
     for index, (low, high) in zip(found, node.bounds, strict=False):
         at = re.fullmatch(_INDEX_PATTERN, index)
@@ -206,14 +206,14 @@ def _element_number(node: PlacedArray, text: str) -> int | None:
     return number if len(found) == len(node.bounds) else None
 
 
-# -- the leaves compiled: one `struct.Struct`, and what becomes of its raw values ---------------------------
+# -- the leaves compiled: one `struct.Struct`, and the conversions of its raw values -------------------------
 
 Data = bytes | bytearray | memoryview
 LeafValues = tuple[Value | None, ...]
 
 
 class Codec:
-    """Reads bytes as values, in leaf order; raises struct.error when there are too few."""
+    """Reads bytes as values, in leaf order; raises struct.error if there are too few."""
 
     def __init__(self, leaves: Sequence[Leaf], order: str) -> None:
         parts, end = [order], 0
@@ -238,9 +238,9 @@ class Codec:
 
 
 def codec_of(leaves: Sequence[Leaf], order: str) -> Codec | None:
-    """Return the codec of leaves of which each begins where the one before ends, or later; else None.
+    """Return the codec of leaves that share no byte, else None.
 
-    Bits share their byte, the members of a UNION all of theirs: these are read one by one.
+    Bits share their byte, members of a UNION share all bytes: these are read one by one.
     """
     end = 0
     for leaf in leaves:

@@ -1,7 +1,7 @@
-"""Where members lie: one walk over a declaration, by the rules of a layout; and members put at given places.
+"""Places members by the rules of a layout, and builds a STRUCT with members at given places.
 
-Rule: alignment applies to the members of a STRUCT only; a lone scalar, text or array of these is tight.
-Each STRUCT is placed once, however many members have its type.
+Rule: only members of a STRUCT are aligned; a lone scalar, text or array of these has no gaps.
+Each STRUCT is placed once, even if many members have its type.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ from trcvtui.udt.types import (
     type_text,
 )
 
-# TRCV_C takes 65535 bytes at most; the limits leave room for DATA that is wrong on purpose (80A5).
+# TRCV_C takes at most 65535 bytes; the limits leave room for DATA that is wrong on purpose (80A5).
 MOST_BYTES = 4 * 1024 * 1024
-MOST_LEAVES = 131_072  # twice as many as bytes fit into DATA: they stand in a list
+MOST_LEAVES = 131_072  # twice the bytes of DATA; bounds the list of leaves in memory
 
 _N = TypeVar("_N", PlacedStruct, PlacedArray)
 
 
 class Span(NamedTuple):
-    """Size and alignment of what could stand in a STRUCT, and the parts of it that are known, by offset."""
+    """A candidate for a place in a STRUCT: size, alignment, and its known parts with their offsets."""
 
     size: int
     align: int
@@ -50,17 +50,17 @@ class Span(NamedTuple):
 
 
 class Placing:
-    """One laying out, with the types that are placed so far."""
+    """Places the types of one layout; keeps those that are placed so far."""
 
     def __init__(self, rules: LayoutRules) -> None:
         self.rules = rules
-        self.placed: dict[int, tuple[Node, Type]] = {}  # by `id`: to hash a type costs more
+        self.placed: dict[int, tuple[Node, Type]] = {}  # by `id`: hashing a type is slower
         self.refused: set[Type] = set()
 
     def place(self, type_: Type, where: str) -> Node:
-        """Return the type laid out; raise UserError when something in it cannot be, or is too large."""
+        """Return the type laid out; raise UserError if something in it has no layout or is too large."""
         if self.refused and type_ in self.refused:
-            raise UserError(())  # what is wrong in it is told where it stands first
+            raise UserError(())  # without problems: they are reported at its first use
         if id(type_) not in self.placed:
             try:
                 self.placed[id(type_)] = self.place_new(type_, where), type_
@@ -101,14 +101,14 @@ class Placing:
         return _check_size(PlacedArray(type_, element, pitch, align), where)
 
     def pitch(self, element: Node | Span) -> tuple[int, int]:
-        """Return how far it is to the next element of an ARRAY; its alignment."""
+        """Return the distance between the elements of an ARRAY, and its alignment."""
         pitch = round_up(element.size, min(element.align, self.rules.cap))
         return pitch, max(element.align, self.rules.array_floor)
 
     def place_members(self, type_: Struct | Union, where: str) -> list[tuple[str, Type, Node]]:
-        """Return the members, before them what the type EXTENDS as one member without a name.
+        """Return the members; the type that it EXTENDS comes first, as a member without a name.
 
-        Raise UserError with what is wrong in all of them.
+        Raise UserError with the problems of all of them.
         """
         members: list[tuple[str, Type]] = [] if type_.base is None else [("", type_.base)]
         members += [(member.name, member.type) for member in type_.members]
@@ -131,7 +131,7 @@ class Placing:
     def member_spots(
         self, type_: Struct | Union, parts: Sequence[tuple[str, Type, Node | Span]]
     ) -> tuple[list[tuple[int, int]], int, int]:
-        """Return offset and bit of each part of a STRUCT, the end of the last one, the alignment."""
+        """Return offset and bit of each part of a STRUCT, the end of the last part, the alignment."""
         cap, rules = self.cap(type_), self.rules
         spots: list[tuple[int, int]] = []
         end, align, bit = 0, rules.struct_floor if parts or type_.bit_fields else 1, 0
@@ -142,7 +142,7 @@ class Placing:
             step = self.step(node, cap)
             align = max(align, step)
             is_bit = isinstance(node, PlacedLeaf) and node.is_bit
-            if is_bit and 0 < bit < 8:  # the next bit of the byte that is begun
+            if is_bit and 0 < bit < 8:  # the next bit of the same byte
                 spots.append((end - 1, bit))
                 bit += 1
                 continue
@@ -154,9 +154,9 @@ class Placing:
         return spots, end, align
 
     def place_bit_fields(self, type_: Struct | Union, at: int, end: int, align: int) -> tuple[int, int]:
-        """Return where the bit-fields before a member end, and the alignment: as gcc places them on x86-64.
+        """Return where the bit-fields before a member end, and the alignment: as gcc does on x86-64.
 
-        One does not cross the bounds of its type; under any `#pragma pack` it does. One of no bits goes on
+        A bit-field does not cross a bound of its type, except under any `#pragma pack`. One of width 0 moves
         to the next bound.
         """
         cap, place = self.cap(type_), 8 * end
@@ -189,24 +189,24 @@ class Placing:
         return _check_size(PlacedUnion(placed, round_up(end, align), align), where)
 
     def cap(self, type_: Struct | Union) -> int:
-        """Return the largest alignment of the type's members: its own pack_mode, if the layout has such."""
+        """Return the largest alignment of the type's members: its pack_mode, if the layout applies it."""
         if type_.pack is None or not self.rules.takes_pack:
             return self.rules.cap
         return max(type_.pack, 1)
 
     def step(self, node: Node | Span, cap: int) -> int:
-        """Return the multiple at which a member begins in a STRUCT of this largest alignment."""
+        """Return the alignment of a member in a STRUCT whose largest alignment is `cap`."""
         return max(min(node.align, cap), self.rules.member_floor)
 
     def end_floor(self, type_: Type) -> int:
-        """Return the multiple at which a member of this type ends."""
+        """Return the multiple to which the end of a member of this type is rounded up."""
         if isinstance(type_, Array):
             return self.rules.array_floor
         return 2 if isinstance(type_, StringType) and self.rules.string_even else 1
 
 
 def has_padded_end(type_: Struct | Union) -> bool:
-    """Return whether a class of C++ does not end with a member, where one that EXTENDS it may begin."""
+    """Return whether a class of C++ does not end with a member: a derived class may begin inside it."""
     placing = Placing(rules_for("c"))
     try:
         _, end, align = placing.member_spots(type_, placing.place_members(type_, ""))
@@ -216,7 +216,6 @@ def has_padded_end(type_: Struct | Union) -> bool:
 
 
 def round_up(offset: int, align: int) -> int:
-    """Return the next multiple of an alignment."""
     return -(-offset // align) * align
 
 
@@ -232,7 +231,7 @@ BYTE = ELEMENTARY["BYTE"]
 
 
 class Unreachable(Exception):
-    """A place where a layout puts no such member."""
+    """A place where the layout cannot put the member."""
 
     def __init__(self, path: str, why: str) -> None:
         self.path, self.why = path, why
@@ -242,7 +241,7 @@ class Unreachable(Exception):
 class Builder:
     """A STRUCT that grows member by member; `cap` is its largest alignment, `taken` the names in it.
 
-    `limit` is the alignment with which it can still have the size that it shall have.
+    `limit` is the largest alignment with which it can still have its wanted size.
     """
 
     def __init__(self, placing: Placing, cap: int, taken: set[str], limit: int | None = None) -> None:
@@ -251,11 +250,11 @@ class Builder:
         self.members: list[Member] = []
         self.end = 0
         self.align = self.rules.struct_floor
-        self.bits = 0  # of the byte in front of `end`
+        self.bits = 0  # used in the byte in front of `end`
         self._pads = 0
 
     def put(self, name: str, type_: Type, offset: int, bit: int | None, path: str) -> None:
-        """Put a member at an offset; raise Unreachable, with nothing changed."""
+        """Put a member at an offset; raise Unreachable and change nothing if that is impossible."""
         node = self.placing.place(type_, path)
         step = self.placing.step(node, self.cap)
         is_bit = isinstance(node, PlacedLeaf) and node.is_bit
@@ -279,8 +278,8 @@ class Builder:
         self.bits = int(is_bit)
 
     def put_raw(self, name: str, offset: int, size: int, is_bit: bool, path: str) -> None:
-        """Put bytes in place of a member; those of a bit stand for all bits of the byte."""
-        if is_bit and self.end > offset:
+        """Put bytes in place of a member; for a bit one BYTE that has all bits."""
+        if is_bit and self.end > offset:  # the byte is covered already
             return
         if is_bit:
             self.put(claim_name(f"{name}_bits", self.taken), BYTE, offset, None, path)
@@ -288,7 +287,7 @@ class Builder:
             self.put(name, Array(((0, size - 1),), BYTE), offset, None, path)
 
     def least_size(self, size: int) -> int:
-        """Return the least size of this or more that the type can have."""
+        """Return the smallest size from `size` on that the type can have."""
         return round_up(max(size, self.end), self.align)
 
     def pad_to_size(self, size: int, path: str) -> None:
@@ -299,7 +298,7 @@ class Builder:
         self._fill_to(size, self.align, path)
 
     def overlay(self, name: str, type_: Type, path: str) -> None:
-        """Put a member of a UNION at its begin."""
+        """Put a member of a UNION at offset 0."""
         node = self.placing.place(type_, path)
         self.align = max(self.align, self.placing.step(node, self.cap))
         self._add(name, type_, max(self.end, round_up(node.size, self.placing.end_floor(type_))))
@@ -324,7 +323,7 @@ class Builder:
             end = kept[1]
             del self.members[kept[0] :]
             _, self.end, self.bits, self._pads, self.align = kept
-            why = f"it shall lie at byte {offset}, under {self.rules.name} what is before it ends at {end}"
+            why = f"it must be at byte {offset}, but under {self.rules.name} what precedes it ends at {end}"
             raise Unreachable(path, why)
 
     def _pad_once(self, offset: int) -> bool:
@@ -355,7 +354,7 @@ class Builder:
 
 
 def claim_name(name: str, taken: set[str]) -> str:
-    """Return the name, or one like it that is not taken; it is taken then."""
+    """Return the name, with `_` appended until it is free, and add it to `taken`."""
     while name.casefold() in taken:
         name += "_"
     taken.add(name.casefold())

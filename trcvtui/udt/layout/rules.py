@@ -1,4 +1,4 @@
-"""Layout rules as data: alignment, form of STRING, byte order and own elementary types, one row a layout."""
+"""Layout rules as data, one row a layout: alignment, form of STRING, byte order, elementary types."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, slots=True)
 class TextForm:
-    """How STRING lies in memory: `extra` units (bytes, words in WSTRING) beside its characters.
+    """How a STRING is stored: `extra` units (bytes, in WSTRING words) beside its characters.
 
     With `header` they are [longest][actual] before the characters, else NULs after them. `default` is the
-    length of a STRING that names none, `longest` and `longest_wide` the limits of STRING and WSTRING.
+    length of a STRING without one, `longest` and `longest_wide` are the limits of STRING and WSTRING.
     """
 
     name: str
@@ -42,11 +42,9 @@ class TextForm:
     longest_wide: int
 
     def length(self, text: StringType) -> int:
-        """Return the number of characters that the text may have."""
         return self.default if text.length is None else text.length
 
     def largest_length(self, text: StringType) -> int:
-        """Return the largest length that may be declared."""
         return self.longest_wide if text.wide else self.longest
 
     def size(self, text: StringType) -> int:
@@ -54,8 +52,8 @@ class TextForm:
         return (self.extra + self.length(text)) * (2 if text.wide else 1)
 
 
-# `s7` and `cstr` take the same room, so a Baosky layout is the same with either. Only a header limits the
-# length of a STRING, for it has one byte for it; else the limit of a whole type holds.
+# `s7` and `cstr` have the same size, so a Baosky layout is the same with either. A header has one byte for
+# the length and limits it; without a header only the limit of a whole type applies.
 TEXT_FORMS = {
     form.name: form
     for form in (
@@ -68,15 +66,14 @@ TEXT_FORMS = {
 
 @dataclass(frozen=True, slots=True)
 class LayoutRules:
-    """Where members of a STRUCT lie; alignments in bytes, each a power of two.
+    """How members of a STRUCT are placed; alignments in bytes, each a power of two.
 
-    `cap` is the largest alignment, `member_floor` the smallest start of a member, `struct_floor` the smallest
-    alignment of a STRUCT as a whole, `array_floor` that of an ARRAY (it ends there too), `text_floor` that of
-    a STRING; with `string_even` a STRING of odd size takes one byte more. `takes_pack`: a type's own
-    pack_mode replaces `cap`. `bits` names the types that are one bit.
-    `rows` replaces elementary types that this layout stores in its own way; `unverified` names the types
-    whose bytes no page of the vendor describes. `text_forms` are the STRING forms that a sender with this
-    layout may have: a layout of Baosky's size may be that of a C program, too.
+    `cap` is the largest alignment, `member_floor` the smallest of a member, `struct_floor` the smallest
+    of a STRUCT as a whole, `array_floor` that of an ARRAY (and of its end), `text_floor` that of a STRING;
+    with `string_even` a STRING of odd size takes one byte more. `takes_pack`: the pack_mode of a type
+    replaces `cap`. `bits` names the types that are one bit. `rows` replaces elementary types that this layout
+    stores differently; `unverified` names the types whose bytes no page of the vendor describes. `text_forms`
+    are the STRING forms that a sender with this layout may use: a C program may have the same layout.
     """
 
     name: str
@@ -114,13 +111,13 @@ class LayoutRules:
                 return self.row(ADDRESS)
 
 
-# Baosky's manual prints one example, {DINT, DINT, CHAR} = 12 bytes. Each of these readings but `packed` fits
+# Baosky's manual prints one example, {DINT, DINT, CHAR} = 12 bytes. All its readings below but `packed` fit
 # it; the default is cap4. STRING: 82 bytes for 80 characters (Baosky library manual 7.15.2).
 BAOSKY_UNVERIFIED = frozenset({"STRING", "WSTRING", "WCHAR", "DATE", "LDATE", "TOD", "LTOD", "DT", "LDT"})
 BAOSKY = LayoutRules("baosky", cap=4, struct_floor=4, unverified=BAOSKY_UNVERIFIED, text_forms=("s7", "cstr"))
 ALL_TEXT_FORMS: Final = ("s7", "cstr", "nul")
 
-# Durations without a sign, DATE counts seconds.
+# Durations are unsigned, DATE counts seconds.
 CODESYS = LayoutRules(
     "codesys-8",
     cap=8,
@@ -133,7 +130,7 @@ CODESYS = LayoutRules(
     ),
 )
 
-# STEP 7 help, standard access: even bytes and nothing larger, BOOL in bits, big-endian.
+# STEP 7 help, standard access: alignment 2 at most, BOOL in bits, big-endian.
 S7 = LayoutRules(
     "s7-standard",
     cap=2,
@@ -163,7 +160,7 @@ LAYOUTS = {
         S7,
     )
 }
-# gcc on 64 bits and CODESYS 8 put every member at the same place, `#pragma pack` or not (`make oracle`).
+# gcc on 64 bits and CODESYS 8 agree on every offset, with `#pragma pack` or without (`make oracle`).
 LAYOUT_ALIASES = {"cap4": "baosky", "c": "codesys-8"}
 
 
@@ -179,7 +176,7 @@ def rules_for(
     pointer_size: int | None = None,
     string_even: bool | None = None,
 ) -> LayoutRules:
-    """Return the rules of a layout, or these, with the settings that are given; raise UserError."""
+    """Return the rules of a layout, or these rules, with the given settings; raise UserError."""
     rules = layout
     if isinstance(rules, str):
         rules = _look_up("layout", LAYOUT_ALIASES.get(rules, rules), LAYOUTS, layout_names())
@@ -200,7 +197,7 @@ def rules_for(
 
 
 class LayoutChoice(NamedTuple):
-    """What was chosen of a layout; None is left to what is asked, or to the layout itself."""
+    """The layout options; None leaves one to the caller, or to the layout itself."""
 
     layout: str | None = None
     byte_order: str | None = None
@@ -209,14 +206,14 @@ class LayoutChoice(NamedTuple):
     string_even: bool | None = None
 
     def rules(self, own: str | LayoutRules = DEFAULT_LAYOUT) -> LayoutRules:
-        """Return the rules chosen; `own` where no layout is. Raise UserError for an unknown name."""
+        """Return the chosen rules, those of `own` without a layout; raise UserError for an unknown name."""
         chosen = own if self.layout is None else self.layout
         return rules_for(
             chosen, self.byte_order, self.text, pointer_size=self.pointer_size, string_even=self.string_even
         )
 
     def __str__(self) -> str:
-        """Return it as a line has it: `layout=packed byte_order=big`."""
+        """Return the options as a line of the bench: `layout=packed byte_order=big`."""
         words = [{True: "yes", False: "no"}[one] if isinstance(one, bool) else one for one in self]
         given = zip(self._fields, words, strict=True)
         return " ".join(f"{name}={word}" for name, word in given if word is not None)
@@ -226,7 +223,7 @@ NO_CHOICE: Final = LayoutChoice()
 
 
 def parse_choice(name: str, text: str, where: str = "") -> str | int | bool:
-    """Return the value of one field of a choice from its text; raise UserError with what it can be."""
+    """Return the value of one option from its text; raise UserError with the possible ones."""
     choices: dict[str, dict[str, str | int | bool]] = {
         "layout": {name: name for name in layout_names()},
         "byte_order": {name: name for name in BYTE_ORDERS},

@@ -1,6 +1,6 @@
-"""How a leaf is stored, and its value as a person reads it: hex beside bit strings, names beside numbers.
+"""The stored form of a leaf, and its value as text: hex beside bit strings, names beside numbers.
 
-Rule: bytes are data, so no control code passes; and what is odd about them is shown.
+Rule: bytes are data: control codes are escaped, and odd bytes are marked.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def stored_form(type_: LeafType, rules: LayoutRules) -> tuple[object, ...]:
 
 
 def form_text(type_: LeafType, rules: LayoutRules) -> str:
-    """Return the same in words, such as `TIME in ms, with a sign`."""
+    """Return the stored form in words, such as `TIME in ms, with a sign`."""
     if isinstance(type_, StringType):
         word = "WSTRING" if type_.wide else "STRING"
         where = "two lengths before it" if rules.text.header else "a NUL after it"
@@ -65,7 +65,7 @@ NO_DATA: Final = "no data"
 
 
 def value_text(leaf: Leaf, value: Value | None, raw: bytes = b"") -> str:
-    """Return the text of a leaf's value; with the leaf's own bytes as `raw` oddities are told too."""
+    """Return the text of a leaf's value; with the leaf's own bytes as `raw` also its mark."""
     if value is None:
         return NO_DATA
     text, mark = _plain_text(leaf.type, leaf.size, value), mark_text(leaf, raw)
@@ -73,7 +73,7 @@ def value_text(leaf: Leaf, value: Value | None, raw: bytes = b"") -> str:
 
 
 def mark_text(leaf: Leaf, raw: bytes) -> str:
-    """Return what is odd about the leaf's own bytes, such as `no NUL`; "" is nothing."""
+    """Return what is odd in the leaf's own bytes, such as `no NUL`; "" for nothing."""
     return leaf.coding.odd(raw) if leaf.coding.odd is not None and len(raw) == leaf.size else ""
 
 
@@ -102,13 +102,13 @@ def _plain_text(type_: LeafType, size: int, value: Value) -> str:
 
 
 def real_text(value: float, size: int) -> str:
-    """Return the shortest digits that give the same REAL (size 4) or LREAL (size 8) again."""
+    """Return the shortest digits that read back as the same REAL (size 4) or LREAL (size 8)."""
     if not math.isfinite(value):
         return special_text(value)
     if size == 8:
         return repr(value)
     stored = struct.pack("<f", value)
-    for digits in range(6, 9):  # nine tell any two REALs apart
+    for digits in range(6, 9):  # nine are always exact
         number = float(f"{value:.{digits}g}")
         if _pack_real(number) == stored:
             return repr(number)  # Python's form: 1e+06 reads 1000000.0
@@ -116,14 +116,14 @@ def real_text(value: float, size: int) -> str:
 
 
 def special_text(value: float) -> str:
-    """Return the name of a number that is none: NaN, Infinity or -Infinity."""
+    """Return the text of a value that is not a number: NaN, Infinity or -Infinity."""
     return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
 
 
 def _pack_real(number: float) -> bytes:
     try:
         return struct.pack("<f", number)
-    except OverflowError:  # rounded up to beyond the largest REAL
+    except OverflowError:  # rounded beyond the largest REAL
         return b""
 
 

@@ -1,8 +1,8 @@
-"""The bytes of a layout to values and back; in a UNION every member keeps its value.
+"""Decodes the bytes of a layout to values and encodes them; in a UNION every member keeps its value.
 
-Rules: no data is an error: a leaf that is not wholly there is None, surplus bytes are ignored. Of overlapping
-leaves those of which every bit counts are written first; then BOOL, texts and the like, by changing as little
-as their value needs.
+Rules: decoding never fails: an incomplete leaf is None, surplus bytes are ignored. Of overlapping leaves
+those in which every bit counts are written first; then BOOL, texts and others whose value has several forms,
+each with as few changes as its value needs.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from trcvtui.udt.types import StringType
 
 
 def decode(layout: Layout, data: Data) -> LeafValues:
-    """Return the values of all leaves, None for each that is missing or partly present."""
+    """Return the values of all leaves, None for each that is not complete."""
     if layout.codec is not None and len(data) >= layout.size:
         return layout.codec.read(data)
     return decode_leaves(layout, data, 0, layout.leaf_count)
 
 
 def decode_leaves(layout: Layout, data: Data, start: int, stop: int) -> LeafValues:
-    """Return the values of the leaves of number start..stop-1, None for each that is not wholly there."""
+    """Return the values of the leaves of number start..stop-1, None for each that is not complete."""
     parts = ((leaf, data[leaf.offset : leaf.offset + leaf.size]) for leaf in layout.leaves(start, stop))
     return tuple(decode_leaf(layout, leaf, part) if len(part) == leaf.size else None for leaf, part in parts)
 
 
 def decode_leaf(layout: Layout, leaf: Leaf, part: Data) -> Value:
-    """Return the value of one leaf from its own bytes, of a bit the byte it lies in."""
+    """Return the value of one leaf from its own bytes (for a bit: the byte that contains it)."""
     if leaf.bit is not None:
         return bool(part[0] >> leaf.bit & 1)
     (raw,) = struct.unpack(BYTE_ORDERS[layout.rules.byte_order] + leaf.coding.code, part)
@@ -41,7 +41,7 @@ def decode_leaf(layout: Layout, leaf: Leaf, part: Data) -> Value:
 
 
 def _write_overlapping(layout: Layout, data: bytearray, parts: Sequence[tuple[Leaf, bytes]]) -> None:
-    """Write leaves that share bytes; `taken` are the bits that the value of one before needs."""
+    """Write leaves that share bytes; `taken` are the bits that the values written before need."""
     taken = bytearray(len(data))
     for leaf, part in sorted(parts, key=lambda row: _write_order(layout, *row)):
         place = slice(leaf.offset, leaf.offset + leaf.size)
@@ -58,7 +58,7 @@ def _write_overlapping(layout: Layout, data: bytearray, parts: Sequence[tuple[Le
 
 
 def _equivalent(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
-    """Return other bytes that say the same: a full text has a length beyond its field, TRUE all bits."""
+    """Return other bytes of the same value: a full text with a length beyond its field, TRUE as 16#FF."""
     if not isinstance(leaf.type, StringType):
         return b"\xff" * len(part) if any(part) and leaf.coding.code == "?" else part
     if not layout.rules.text.header:
@@ -68,20 +68,20 @@ def _equivalent(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
 
 
 def _needed_mask(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
-    """Return which bytes of a text say what it is: not the longest length, nor what is after the end."""
+    """Return a mask of the bytes that a text needs: not its longest length, nor what follows its end."""
     assert isinstance(leaf.type, StringType)
     unit = 2 if leaf.type.wide else 1
-    said = len(leaf.coding.to_raw(decode_leaf(layout, leaf, part)))
-    first, last = (unit, said) if layout.rules.text.header else (0, said + unit)
+    size = len(leaf.coding.to_raw(decode_leaf(layout, leaf, part)))
+    first, last = (unit, size) if layout.rules.text.header else (0, size + unit)
     return bytes(255 if first <= at < last else 0 for at in range(len(part)))
 
 
 def _write_order(layout: Layout, leaf: Leaf, part: bytes) -> int:
-    """Return a number that is higher where more other bytes say the same value; 0: each bit counts."""
+    """Return a number that is higher the more other bytes have the same value; 0: each bit counts."""
     if isinstance(leaf.type, StringType):
         return 2 if leaf.type.wide else 1
     value = decode_leaf(layout, leaf, part)
-    is_loose = leaf.coding.code.endswith("s") or (value is True and leaf.bit is None) or value != value
+    is_loose = leaf.coding.code.endswith("s") or (value is True and leaf.bit is None) or value != value  # NaN
     return 3 if is_loose else 0
 
 
@@ -93,9 +93,9 @@ LONGEST_VALUE_SHOWN = 60
 
 
 def encode(layout: Layout, values: Mapping[str, object]) -> bytes:
-    """Return the bytes of values by path; what is missing or None, and every gap, is 0.
+    """Return the bytes of values by path; missing values, None and gaps are 0.
 
-    Of members that overlap a later one leaves what the earlier ones wrote, as far as that says its value too.
+    Where members overlap, a later one keeps the bytes of the earlier ones if they have its value too.
     Raise UserError with one problem for each unknown path and each value out of range.
     """
     data = bytearray(layout.size)
@@ -119,15 +119,15 @@ def write_leaf(layout: Layout, data: bytearray, number: int, value: object) -> N
     """Write one leaf into the bytes of the whole layout; raise UserError when the value does not fit."""
     leaf = layout.leaf(number)
     part = encode_leaf(layout, leaf, value)
-    if leaf.bit is not None:  # its neighbours in the byte stay
+    if leaf.bit is not None:  # keep the other bits of the byte
         part = bytes([data[leaf.offset] & ~(1 << leaf.bit) | part[0]])
     data[leaf.offset : leaf.offset + leaf.size] = part
 
 
 def encode_leaf(layout: Layout, leaf: Leaf, value: object) -> bytes:
-    """Return the bytes of one leaf: from a JSON value or a text such as `16#FF`, `T#5s`, `TRUE`.
+    """Return the bytes of a JSON value, or of a text such as `16#FF`, `T#5s`, `TRUE`.
 
-    Of a bit it is the byte it lies in, all other bits 0.
+    For a bit: the byte that contains it, all other bits 0.
     """
     try:
         raw = leaf.coding.to_raw(value)
@@ -140,7 +140,7 @@ def encode_leaf(layout: Layout, leaf: Leaf, value: object) -> bytes:
 
 
 def _describe_value(value: object) -> str:
-    if isinstance(value, int) and value.bit_length() > 128:  # Python writes no number of 4301 digits
+    if isinstance(value, int) and value.bit_length() > 128:  # Python refuses to print 4301 digits
         return f"a number of {value.bit_length()} bits"
     if isinstance(value, list | dict):
         return "a list" if isinstance(value, list) else "an object"

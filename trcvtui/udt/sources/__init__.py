@@ -1,6 +1,6 @@
-"""Source formats of UDTs, one row each, and the one way from a file to its types.
+"""Source formats of UDTs, one row each, and reading a file of any of them.
 
-Rule: help, completion, the lab and docs/udt.md ask the rows; nothing else lists formats.
+Rule: help, completion, the lab and docs/udt.md use the rows; there is no other list of formats.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ TIA: Final = SourceDialect(has_header=True, layout=S7.name)
 SIMATIC_SD: Final = SourceDialect(layout=S7.name)
 B_AND_R: Final = SourceDialect(enum_base="DINT")
 CODESYS_2: Final = SourceDialect(has_objects=True)
-# TwinCAT 3 aligns to 8 (Beckhoff). CODESYS leaves it to the device, 8 on most; B&R and C to a C compiler.
+# TwinCAT 3 aligns to 8 (Beckhoff). In CODESYS the device decides, 8 on most; for B&R and C the C compiler.
 NATURAL: Final = CODESYS.name
 _NESTED_COMMENTS_MARK: Final = r"\(\* @NESTEDCOMMENTS := '(Yes|No)' \*\)"
 
@@ -37,8 +37,8 @@ _NESTED_COMMENTS_MARK: Final = r"\(\* @NESTEDCOMMENTS := '(Yes|No)' \*\)"
 class TypeFormat(NamedTuple):
     """One format of type files: its name, the extensions of its files, its reader.
 
-    `read` gets the text and the name of the file, of a format with `root` the XML element of that name.
-    `needs`: what has to be installed. `sender`: the layout that most devices have of which such files are.
+    `read` gets the text and the name of the file; in a format with `root`, the XML element of that name.
+    `needs`: what has to be installed. `sender`: the layout of most devices that use such files.
     """
 
     name: str
@@ -55,13 +55,13 @@ class TypeFormat(NamedTuple):
 
 
 def _read_codesys_2(text: str, name: str) -> Declarations:
-    said = re.findall(_NESTED_COMMENTS_MARK, text)
-    nests = "No" not in said or "Yes" in said
+    marks = re.findall(_NESTED_COMMENTS_MARK, text)
+    nests = "No" not in marks or "Yes" in marks
     return read_st(text, name, dialect=CODESYS_2._replace(nests_comments=nests))
 
 
 def _lazy_reader(module: str, kind: str = "") -> Callable[..., Declarations]:
-    """Return the reader of a module for XML or C, which the first such file imports."""
+    """Return a reader of XML or C that imports its module for the first such file."""
 
     def read(*given: Any) -> Declarations:
         reader = getattr(import_module(f"{__name__}.{module}"), f"read_{kind or module}")
@@ -87,9 +87,9 @@ FORMATS: Final = {
         TypeFormat("C header", (".h", ".hpp"), _lazy_reader("c_header"), needs="the extra c", sender=NATURAL),
     )
 }
-# What tells the format of a text without a suffix: the first that is found in it.
+# How a text without a suffix is recognised: by the first of these found in it.
 _FORMAT_SIGNS = {
-    r"\A\s*<": "PLCopen",  # or another XML: its root element tells
+    r"\A\s*<": "PLCopen",  # or another XML: its root element decides
     r"\(\* @NESTEDCOMMENTS": "CODESYS 2.3",
     r'(?im)^[ \t]*(?:TYPE[ \t]+(?:"|UDT[ \t])|DATA_BLOCK[ \t]|VERSION[ \t]*:)': "TIA source",
     r"(?i)\bEND_(?:STRUCT|UNION|TYPE|VAR)\b": "IEC text",
@@ -105,7 +105,7 @@ def extensions() -> list[str]:
 
 
 def formats_text() -> str:
-    """Return all formats that can be read, such as `.st .iecst .txt IEC text, .udt .scl TIA source`."""
+    """Return all formats as text, such as `.st .iecst .txt IEC text, .udt .scl TIA source`."""
     return ", ".join(
         f"{' '.join(row.extensions)} {row.name}" + (f" (needs {row.needs})" if row.needs else "")
         for row in FORMATS.values()
@@ -113,7 +113,7 @@ def formats_text() -> str:
 
 
 def type_files_in(folder: SourcePath) -> list[str]:
-    """Return the names of the files in a folder whose extension is that of a format that can be read."""
+    """Return the names of the files in a folder that have the extension of a format."""
     known = extensions()
     try:
         return sorted(name for name in os.listdir(folder) if os.path.splitext(name)[1].lower() in known)
@@ -122,7 +122,7 @@ def type_files_in(folder: SourcePath) -> list[str]:
 
 
 def complete_type_path(typed: str, base: SourcePath) -> list[str]:
-    """Return the type files, and folders with a / at the end, that a path that is typed may go on to."""
+    """Return the completions of a typed path: type files, and folders with a / at the end."""
     head = typed[: typed.rfind("/") + 1]
     folder = os.path.join(base, os.path.expanduser(head))
     names = type_files_in(folder)
@@ -134,7 +134,7 @@ def complete_type_path(typed: str, base: SourcePath) -> list[str]:
 
 
 def parse_source(text: str, name: str, extension: str = "") -> Declarations:
-    """Return what a text declares, read as in a file of that extension; `name` is the file in messages."""
+    """Return what a text declares, read as a file of that extension; `name` is the file in messages."""
     rows = [row for row in FORMATS.values() if extension.lower() in row.extensions]
     if not extension:
         found = (name for sign, name in _FORMAT_SIGNS.items() if re.search(sign, text))
@@ -143,7 +143,7 @@ def parse_source(text: str, name: str, extension: str = "") -> Declarations:
 
 
 def parse_xml_source(text: str, name: str) -> Declarations:
-    """Return what an XML file declares: its root element tells the format, whatever its extension."""
+    """Return what an XML file declares: its root element decides the format, whatever its extension."""
     from trcvtui.udt.sources.xml_source import read_xml
 
     root = read_xml(text, name)
@@ -158,9 +158,9 @@ def read_files(
     paths: Iterable[SourcePath],
     constants: Mapping[str, int] | None = None,
     has_system_types: bool = False,
-    contents: Mapping[Any, bytes] = {},  # of those that were read before
+    contents: Mapping[Any, bytes] = {},  # of files that are in memory already
 ) -> TypeSet:
-    """Return the types of files, good and bad, that use each other's; raise UserError for a file unread."""
+    """Return the types of files that may use each other; raise UserError for files that cannot be read."""
     files: list[Declarations] = []
     paths = list(paths)
     with raise_all_problems() as problems:
@@ -172,7 +172,7 @@ def read_files(
 
 
 def qualify_variables(read: Declarations, path: SourcePath, paths: Iterable[SourcePath]) -> Declarations:
-    """Return what a file declares; variables that are named by it have its folder where others are alike."""
+    """Return what a file declares; variables get its folder in front if other files have the same name."""
     folder, name = os.path.split(str(path))
     if not folder or not any(VARIABLES_NOTE in each.notes for each in read.types):
         return read
@@ -182,25 +182,25 @@ def qualify_variables(read: Declarations, path: SourcePath, paths: Iterable[Sour
 
 
 def set_header_context(paths: Iterable[SourcePath], long_size: int | None) -> None:
-    """Let C headers be read with what they do not say: the bytes of `long`, the macros of each other."""
+    """Set what C headers do not contain themselves: the bytes of `long`, the macros of each other."""
     from trcvtui.udt.sources.c_source import LONG_SIZE, OTHER_HEADERS
 
     headers = [path for path in paths if os.path.splitext(path)[1].lower() in FORMATS["C header"].extensions]
     texts: list[str] = []
     for path in headers if len(headers) > 1 else ():
-        with suppress(UserError):  # told when it is read for its types
+        with suppress(UserError):  # reported when its types are read
             texts.append(decode_text(content_of(path)))
     LONG_SIZE.set(long_size)
     OTHER_HEADERS.set("\n".join(texts))
 
 
 def parse_type(text: str, types: TypeSet = NO_TYPES, where: str = "type") -> Type:
-    """Return the type that a line such as `ARRAY[0..99] OF Telegram` names; raise UserError."""
+    """Return the type of a line such as `ARRAY[0..99] OF Telegram`; raise UserError."""
     return build_type(read_spec(text, where), types)
 
 
 def decode_text(data: bytes) -> str:
-    """Return the text of a file: by mark, XML declaration, UTF-8 or Windows-1252; never fails."""
+    """Return the text of a file by byte order mark, XML declaration, UTF-8 or Windows-1252; never fails."""
     for mark, codec in BYTE_ORDER_MARKS:
         if data.startswith(mark):
             return data[len(mark) :].decode(codec, "replace")
@@ -216,28 +216,28 @@ def decode_text(data: bytes) -> str:
 
 
 def declarations_in(path: SourcePath) -> Declarations:
-    """Return what a file declares; raise UserError when it cannot be read at all."""
+    """Return what a file declares; raise UserError if it cannot be read at all."""
     extension = _check_extension(str(path))
     return declarations_of(content_of(path), str(path), extension)
 
 
-@lru_cache(maxsize=16)  # of a project's files one is new, and the others are as they were
+@lru_cache(maxsize=16)  # usually one file of a project is new, and the others unchanged
 def parse_file(path: str, content: bytes) -> Declarations:
-    """Return what a file declares that was read before; raise UserError as `declarations_in` does."""
+    """Return what a file with this content declares; raise UserError as `declarations_in` does."""
     return declarations_of(content, path, _check_extension(path))
 
 
 def _check_extension(path: str) -> str:
     extension = os.path.splitext(path)[1]
     if extension.lower() not in ["", *extensions()]:
-        with suppress(OSError, ValueError):  # then the suffix is what is wrong
+        with suppress(OSError, ValueError):  # an unreadable file: report its suffix
             refuse_other_file(path, read_bytes(path, HEAD_BYTES))
         raise mistake(path, f"suffix '{extension}'", "a file of type " + ", ".join(extensions()))
     return extension
 
 
 def declarations_of(data: bytes, name: str, extension: str = "") -> Declarations:
-    """Return what the bytes of a file declare; without an extension the text itself tells its format."""
+    """Return what the bytes of a file declare; without an extension the text decides the format."""
     refuse_other_file(name, data)
     text = decode_text(data)
     if "\0" in text:

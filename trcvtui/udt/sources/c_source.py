@@ -1,7 +1,7 @@
-"""A C header made ready for a C parser: comments, directives, macros and attributes, line by line.
+"""Prepares a C header for a C parser: comments, directives, macros and attributes, line by line.
 
 Only what a declaration needs: conditions, `#define` of numbers, words and calls, `#pragma pack`, `packed`.
-Rule: lines keep their numbers; what changes a layout is understood or refused, never passed over.
+Rule: lines keep their numbers; what changes a layout is understood or refused, never ignored.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ from typing import Any
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt.sources.cpp_source import CppSource, blank_match, blank_texts, brace_pairs
 
-PRAGMA_PACKS = {"0": None, "1": 1, "2": 2, "4": 4, "8": 8, "16": 8}  # 16 is 8: no type has more
+PRAGMA_PACKS = {"0": None, "1": 1, "2": 2, "4": 4, "8": 8, "16": 8}  # no type has an alignment above 8
 LONGEST_MACRO_TEXT = 200
-MOST_CALLS = 256  # of macros in a line, and in what they put into it
-MOST_CALLS_IN_ALL = 50_000
+MOST_CALLS = 256  # of macros in a line, those from other macros included
+MOST_CALLS_IN_ALL = 50_000  # in a header: nested macros grow exponentially
 MOST_NESTED = 64
-# A macro with one of these in it is no number.
+# A macro that contains one of these is not a number.
 _KEYWORD_TEXT = """
 struct union enum typedef const volatile static extern inline restrict void char short int long float double
 signed unsigned _Bool bool return if else for while do switch case break goto sizeof __attribute__ __packed
 __declspec __pragma _Alignas
 """
 KEYWORDS = frozenset(_KEYWORD_TEXT.split())
-# Of all attributes only these change nothing in a layout and may be left out.
+# Only these attributes never change a layout and may be left out.
 HARMLESS = frozenset({"unused", "used", "deprecated", "may_alias", "gcc_struct", "ms_struct", "nonstring"})
 
-# Layouts of C are those of gcc on x86-64: without a byte order the bit-fields of Linux would be left out.
+# As gcc on x86-64 defines them: Linux headers choose the order of bit-fields by these.
 _LE_MACROS = ["__BYTE_ORDER", "__LITTLE_ENDIAN", "__BYTE_ORDER__", "__ORDER_LITTLE_ENDIAN__"]
 _GCC = {"__GNUC__": "4", "__LITTLE_ENDIAN_BITFIELD": "1", **dict.fromkeys(_LE_MACROS, "1234")}
 
 _SKIP = re.compile(r"""//[^\n]*|/\*.*?(?:\*/|\Z)|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'""", re.DOTALL)
 _DIRECTIVE = re.compile(r"[ \t]*#[ \t]*(\w*)[ \t]*(.*)", re.DOTALL)
 _MACRO = re.compile(r"([A-Za-z_]\w*)(\([^()]*\)?)?[ \t]*(.*)", re.DOTALL)
-_SCOPE = re.compile(r'\b(?:namespace\b[\w\s:]{0,200}|extern\s*"C"\s*)\{')  # of C++: what is in it counts
+_SCOPE = re.compile(r'\b(?:namespace\b[\w\s:]{0,200}|extern\s*"C"\s*)\{')  # its content is read
 _CLASS = re.compile(r"\bclass\b(?=\s+\w+(?:\s+\w+)*\s*(?::(?!:)|[{;]))")
 _CALL = re.compile(r"\b([A-Za-z_]\w*)[ \t]*\(")
 _PRAGMA_OPERATOR = re.compile(r'_Pragma\s*\(\s*"([^"]*)"\s*\)|__pragma\s*\(((?:[^()]|\([^()]*\))*)\)')
@@ -45,20 +45,20 @@ _WORD = re.compile(r"[A-Za-z_]\w*")
 _NUMERIC = re.compile(r"[\w\s()+\-*/%<>&|~^!=']+")
 _PACK = re.compile(r"pack\s*\(([^()]*)\)")
 _ATTRIBUTE = re.compile(r"__attribute__\s*\(\((?P<list>[^()]*(?:\([^()]*\)[^()]*)*)\)\)|__packed\b")
-# Before `struct` gcc leaves an attribute out.
+# gcc ignores an attribute in front of `struct`.
 _NAME_HEAD = re.compile(r"\s*(?:(?!struct\b|union\b)[A-Za-z_]\w*\s*)?\{")
 _STRUCT_HEAD = re.compile(r"\s*(?:(?:typedef|struct|union|const|volatile)\b\s*)*(?:[A-Za-z_]\w*\s*)?\{")
 
 
-# What no header says itself: the bytes of `long`, and the text of the headers that are read with it.
+# What a header does not contain itself: the bytes of `long`, and the text of the headers given with it.
 LONG_SIZE: ContextVar[int | None] = ContextVar("LONG_SIZE", default=None)
 OTHER_HEADERS = ContextVar("OTHER_HEADERS", default="")
 
 
 class CSource:
-    """A header: its ready text, its macros, and what is wrong in it.
+    """A header: its prepared text, its macros, and its problems.
 
-    `evaluate` works out a condition or the number of a macro; None when nobody can.
+    `evaluate` returns the value of a condition or a macro, None if it has none.
     """
 
     def __init__(
@@ -81,9 +81,9 @@ class CSource:
         self.given = frozenset(self.numbers)
         self.includes: list[str] = []
         self.packs: list[tuple[int, int | None]] = [(0, None)]
-        self.braces: set[int] = set()  # of the structures that are packed by an attribute
-        self._stack: list[tuple[str, int | None]] = []  # name and packing before it
-        self._conditions: list[tuple[bool, bool]] = []  # (this branch counts, one of them has counted)
+        self.braces: set[int] = set()  # of the structures that an attribute packs
+        self._stack: list[tuple[str, int | None]] = []  # name, and the packing to restore
+        self._conditions: list[tuple[bool, bool]] = []  # (this branch is active, one of them was)
         self._depth = 0
         self._calls_left = MOST_CALLS_IN_ALL
         without_comments = self._blank_comments(text)
@@ -94,17 +94,16 @@ class CSource:
         self.text = self.cpp.text
 
     def line_and_column(self, offset: int) -> tuple[int, int]:
-        """Return line and column of a place in the ready text, both from 1."""
+        """Return line and column of a place in the prepared text, both from 1."""
         line = bisect_right(self.starts, offset)
         return line, offset - self.starts[line - 1] + 1
 
     def where(self, offset: int) -> str:
-        """Return file, line and column of a place in the ready text."""
         line, column = self.line_and_column(offset)
         return f"{self.name}:{line}:{column}"
 
     def offset(self, line: int, column: int) -> int:
-        """Return the place of a line and column, within the text."""
+        """Return the place of a line and column, at most the end of the text."""
         return min(self.starts[min(max(line, 1), len(self.starts)) - 1] + max(column, 1) - 1, len(self.text))
 
     def pack(self, brace: int) -> int | None:
@@ -116,14 +115,13 @@ class CSource:
         return self.packs[bisect_right(self.packs, line, key=lambda row: row[0]) - 1][1]
 
     def check_moves(self, begin: int, end: int) -> None:
-        """Raise UserError when something between two places moves members in a way not understood."""
+        """Raise UserError if something between two places moves members in an unknown way."""
         first, last = self.line_and_column(begin)[0], self.line_and_column(end)[0]
         moved = [problem for line, problem in self.moved if first <= line <= last]
         if moved:
             raise UserError(moved)
 
     def report(self, line: int, found: str, expected: str) -> None:
-        """Note what is wrong in a line."""
         self.problems.append(Problem(f"{self.name}:{line}", found, expected))
 
     def _refuse_move(self, line: int, found: str, expected: str) -> None:
@@ -168,7 +166,7 @@ class CSource:
             if pragma:
                 self._handle_directive("pragma", (pragma[1] or pragma[2]).strip(), first)
                 line = ""
-            # What stands beside a declaration the parser would pass over.
+            # The parser would ignore a pragma in a line with a declaration: it is made a syntax error.
             line = re.sub(r"#(?=\s*pragma)", "@", line.replace("_Pragma", "_Pragma_beside_a_declaration"))
             ready.append(line)
             ready.extend([""] * (at - first - line.count("\n")))
@@ -194,7 +192,7 @@ class CSource:
             names, body = self.calls[found[1]]
             given, end = _split_arguments(line, found.end())
             if len(given) != len(names):
-                break  # the parser says so
+                break  # the parser refuses the call
             values = dict(zip(names, given, strict=True))
             text = _WORD.sub(lambda word, known=values: known.get(word[0], word[0]), body)  # type: ignore[misc]
             count = line.count("\n", at, end)  # lines keep their numbers
@@ -206,7 +204,7 @@ class CSource:
         return next((found for found in _CALL.finditer(line, at) if found[1] in self.calls), None)
 
     def _count_open_brackets(self, line: str) -> int:
-        """Return how many brackets a call of a macro leaves open: it goes on in the next line."""
+        """Return how many brackets a call of a macro leaves open for the next line."""
         found = self._find_call(line) if self.calls else None
         return 0 if found is None else line.count("(", found.start()) - line.count(")", found.start())
 
@@ -226,7 +224,7 @@ class CSource:
         elif kind == "pragma" and re.match(r"pack\b|options\s+align", rest):
             self._handle_pragma_pack(rest, line)
         elif kind == "error":
-            self.report(line, f"'#error {rest[:60]}'", "a header that its own conditions accept")
+            self.report(line, f"'#error {rest[:60]}'", "conditions that leave it out")
 
     def _handle_condition(self, kind: str, rest: str, line: int) -> None:
         outer = all(counts for counts, _ in self._conditions[:-1])
@@ -246,17 +244,17 @@ class CSource:
             self._conditions[-1] = (holds, done or holds)
 
     def _evaluate_condition(self, kind: str, rest: str, line: int) -> bool:
-        """Return whether a condition holds; a name that nobody defined is 0, as in C."""
+        """Return whether a condition is true; an undefined name is 0, as in C."""
         if kind in ("ifdef", "ifndef"):
             return self._is_defined(rest) == (kind == "ifdef")
-        asked = re.sub(
+        text = re.sub(
             r"\bdefined\b\s*(?:\(\s*(\w+)\s*\)|(\w+))",
             lambda found: str(int(self._is_defined(found.group(1) or found.group(2)))),
             rest,
         )
-        asked = self._expand_macros(asked)
-        asked = _WORD.sub(lambda found: found.group() if found.group() in self.numbers else "0", asked)
-        value = self.evaluate(asked, self)
+        text = self._expand_macros(text)
+        text = _WORD.sub(lambda found: found.group() if found.group() in self.numbers else "0", text)
+        value = self.evaluate(text, self)
         if value is None:
             self.report(line, f"'#{kind} {rest[:60]}'", "a condition of numbers and defined names")
         return bool(value)
@@ -275,7 +273,7 @@ class CSource:
         name, names, body = macro.group(1), macro.group(2), macro.group(3).strip()
         self._undefine(name)
         if names:
-            if "#" not in body and "..." not in names:  # else the parser says where it is used
+            if "#" not in body and "..." not in names:  # else the parser refuses its use
                 self.calls[name] = [one.strip() for one in names[1:-1].split(",")], self._expand_macros(body)
             return
         words = _WORD.findall(body)
@@ -286,7 +284,7 @@ class CSource:
             self.words[name] = body if len(body) <= LONGEST_MACRO_TEXT else name
 
     def _handle_pragma_pack(self, rest: str, line: int) -> None:
-        """Do what gcc does: what it does not understand it passes over."""
+        """Set the packing as gcc does; a pragma that gcc ignores with a warning is a problem here."""
         text = _WORD.sub(lambda word: self.numbers.get(word[0], word[0]), self._expand_macros(rest))
         found = _PACK.match(text)
         action, *more = [word.strip() for word in found[1].split(",")] if found else ["?"]
@@ -332,7 +330,7 @@ class CSource:
 
 
 def _split_arguments(text: str, begin: int) -> tuple[list[str], int]:
-    """Return the arguments of a call, and where it ends; without an end none."""
+    """Return the arguments of a call, and where it ends; no arguments if it has no end."""
     found: list[str] = []
     depth = 0
     for one in re.compile("[(),]").finditer(text, begin):

@@ -1,7 +1,7 @@
-"""C++ in a header made C: what adds nothing to the size of a class goes, all else keeps its place.
+"""Rewrites C++ in a header as C: removes what adds nothing to the size of a class, keeps all places.
 
-Rule: only what is known to add nothing goes; the rest stays, and the C parser refuses it at its line.
-In a class a type is left as a member that is `_Atomic`, a constant as an enumeration.
+Rule: only what surely adds nothing is removed; the C parser refuses the rest at its line.
+In a class a type remains as a member that is `_Atomic`, a constant as an enumeration.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Final
 DEEPEST_CLASS: Final = 64
 _NAME: Final = r"[A-Za-z_]\w*"
 _QUOTED: Final = re.compile(r'"(?:\\.|[^"\\\n])*"|(?<!\w)\'(?:\\.|[^\'\\\n])*\'')
-# Words that change no size.
+# Words that do not change a size.
 _HARMLESS_WORDS: Final = re.compile(
     r"\bstd\s*::\s*(?=u?int(?:8|16|32|64)_t\b)"
     r'|\[\[\s*(?:nodiscard|maybe_unused|noreturn|deprecated)\s*(?:\("[^"\n]*"\)\s*)?\]\]'
@@ -21,7 +21,7 @@ _CLASS: Final = re.compile(r"(?:\benum\s+)?\b(?:struct|union)\b([^;{}()=<>,]*)\{
 _HEAD: Final = re.compile(
     rf"struct\s+{_NAME}\s*((?:\bfinal\b\s*)?(?::\s*(?:(?:public|protected|private)\s+)?({_NAME})\s*)?)\{{"
 )
-# `std::array<int, 3> name[2]` and `using Name = std::array<int, 3>`; the type in it may be one, too.
+# `std::array<int, 3> name[2]` and `using Name = std::array<int, 3>`; nested ones, too.
 _ARRAY: Final = re.compile(
     rf"(?:\busing[ \t]+({_NAME})[ \t]*=[ \t]*)?\bstd::array[ \t]*<([^;{{}}()=\n]{{1,200}}),"
     rf"([^<>,;{{}}\n]{{1,80}})>[ \t]*(?(1)|((?!operator\b){_NAME})((?:\[[^\[\]\n]+\])*))(?=\s*[;={{])"
@@ -32,7 +32,7 @@ _CONSTANT: Final = re.compile(r"\bconstexpr\b(?=[\w\s]*=(?:[\w\s+\-*/()|&'\0]|<<
 _CPP_ONLY: Final = re.compile(
     r"\b(?:namespace|template|virtual|using|public|private|protected|constexpr|operator|friend)\s+\w|::"
 )
-# In a class, of which the brackets and texts hold NULs alone.
+# In a class whose brackets and texts are masked with NULs.
 _LABEL: Final = re.compile(r"(?:public|private|protected)\s*:(?!:)")
 _SIZELESS_DECLARATION: Final = re.compile(
     rf"(?:friend|static_assert)\b[^;{{}}]*;|(?:struct|union)\s+{_NAME}\s*;|using\s+[\w:]+::\w+\s*;"
@@ -58,11 +58,11 @@ _TYPE: Final = re.compile(r"(?:(?:const|volatile)\s+)*(?:struct|union|enum)\b")
 _VALUE: Final = re.compile(
     r"(?<![=!<>])=(?!=)[^;,{}]*(?:\{\0*\}\s*)?(?=[;,])|(?<=[\w\]])\s*\{\0*\}(?=\s*[;,])"
 )
-_FITTING_VALUE: Final = re.compile(  # its type surely holds the value
+_FITTING_VALUE: Final = re.compile(  # the type surely holds the value
     rf"(?<!short\s)\b(?:unsigned|int|size_t|u?int(?:32|64)_t)\s+{_NAME}\s*=|\A(?!.*\bbool\b).*=\s*\d{{1,2}}\s*\Z",
     re.DOTALL,
 )
-# What is C++ in a text that the C parser cannot read; the first of it is at fault.
+# Marks of C++ in a text that the C parser refused; a message names the first one.
 CPP_MARKS: Final = re.compile(
     r"\b(?:virtual|template|alignas|operator|decltype|friend|using|constexpr|static)\b|\[\[|~|\w+\s*::"
     rf"|{_NAME}\s*<[^;{{}}()]*>|[\w>]\s*&&?\s*\w+\s*[;,]|(?<!:):(?!:)[^;{{}}()?]*\{{"
@@ -70,10 +70,10 @@ CPP_MARKS: Final = re.compile(
 
 
 class CppSource:
-    """A header of which the C parser can read the `text`; whether it `is_cpp`, and `has_classes` of C++.
+    """A header whose `text` the C parser can read; whether it `is_cpp`, and `has_classes` of C++.
 
-    `bases` are the types of enumerations by the place of their brace, and whether these are scoped;
-    `parents` the base classes by that of a class, `arrays` the places of names whose length is not 0.
+    `bases` are the types of enumerations by the place of their brace, and whether they are scoped; `parents`
+    the base classes by the brace of a class; `arrays` the places of declarators made of a `std::array`.
     `has_types`: a member that is `_Atomic` is a type.
     """
 
@@ -81,7 +81,7 @@ class CppSource:
         self.parents: dict[int, str | None] = {}
         self.arrays: set[int] = set()
         self.text, count = _HARMLESS_WORDS.sub(blank_match, text), 1
-        while count:  # those in others are the next
+        while count:  # one pass for each level of nested arrays
             self.text, count = _ARRAY.subn(self._convert_array, self.text)
         self.bases: dict[int, tuple[str, bool]] = {}
         self._edits: dict[int, str] = {}
@@ -97,7 +97,9 @@ class CppSource:
                     self.parents[found.end() - 1] = head[2]
                     self._blank_range(found.start() + head.start(1), found.start() + head.end(1))
                 names = re.findall(rf"(?!final\b)\b{_NAME}", found[1].split(":")[0])
-                self._convert_class(_mask(bare, found.end(), end), found.end(), names[-1] if names else "")
+                self._convert_class(
+                    _mask_brackets(bare, found.end(), end), found.end(), names[-1] if names else ""
+                )
         self.has_classes = has_classes or bool(self._edits)
         self.is_cpp = is_cpp or self.has_classes or bool(_CPP_ONLY.search(text))
         for found in _ENUM.finditer(bare):
@@ -105,7 +107,7 @@ class CppSource:
                 self.bases[found.end() - 1] = (found[2] or ":int")[1:].strip(), bool(found[1])
                 self._blank_range(*found.span(1))
                 self._blank_range(*found.span(2))
-        outer = _mask(bare, 0, len(bare))
+        outer = _mask_brackets(bare, 0, len(bare))
         for found in _ALIAS.finditer(outer):
             self._replace_range(*found.span(), f"typedef {found[2].strip()} {found[1]};")
         for found in _CONSTANT.finditer(outer):
@@ -117,7 +119,7 @@ class CppSource:
         self.text = "".join([*parts, self.text[at:]])
 
     def _convert_array(self, found: re.Match[str]) -> str:
-        """Return an array of C of the same length."""
+        """Return the C array, padded to the same number of characters."""
         alias, element, length, name, more = found.groups(default="")
         declared = f"{alias or name}{more}[{length.strip()}]"
         self.arrays.add(found.end() - len(declared))
@@ -128,7 +130,7 @@ class CppSource:
             self._edits[begin] = re.sub(r"[^\n]", " ", self.text[begin:end])
 
     def _replace_range(self, begin: int, end: int, new: str) -> None:
-        """Put C in place of C++ in one line, where it has room; else that stays."""
+        """Put C in place of C++ if that fits into its line; else leave the C++, which is refused."""
         first = len(self.text[:begin].rstrip(" \t"))
         if "\n" not in self.text[begin:end] and len(new) <= end - first:
             begin = min(begin, end - len(new))
@@ -148,7 +150,7 @@ class CppSource:
             at = match_end(r"\s*", flat, at)
 
     def _is_function(self, found: re.Match[str], start: int, class_: str) -> bool:
-        """Return whether it is surely no member with a size, nor a macro that could be one."""
+        """Return whether it is surely a function: neither a member with a size nor a macro."""
         name, head = found["name"], found["head"]
         words = re.findall(r"\w+", re.sub(r"<[^;]*>|\w+\s*::", " ", head))
         types = [word for word in words if word not in _SPECIFIERS]
@@ -174,7 +176,7 @@ class CppSource:
                 self._blank_range(at, at + len(text))
             else:
                 is_known = (found[2] or "")[:1] == "=" and _FITTING_VALUE.search(given)
-                value = given[found.start(2) + 1 :] if is_known else '""'  # a name without a number
+                value = given[found.start(2) + 1 :] if is_known else '""'  # known as a name, without a number
                 self._replace_range(at, at + len(text), f"enum{{{found[1]}={value.strip()}}};")
         elif (alias := _ALIAS.fullmatch(text)) and self.has_types:
             self._replace_range(at, at + len(text), f"_Atomic {alias[2].strip()} {alias[1]};")
@@ -210,8 +212,8 @@ def match_end(pattern: str, text: str, at: int) -> int:
     return found.end() if found else at
 
 
-def _mask(text: str, begin: int, end: int) -> str:
-    """Return a part of a text with NULs in place of what stands in brackets."""
+def _mask_brackets(text: str, begin: int, end: int) -> str:
+    """Return a part of a text with NULs in place of the contents of brackets."""
     parts, depth, at = list[str](), 0, begin
     for found in re.compile(r"[(\[{}\])]").finditer(text, begin, end):
         if found[0] in "([{":

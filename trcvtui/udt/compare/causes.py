@@ -57,9 +57,7 @@ class FitCause(NamedTuple):
         """Return whether a message of one of these lengths can have a type of this size with this cause."""
         period = size + self.front + self.back
         if max(self.front, self.back) > MOST_EXTRA_IN_STREAM:
-            is_several = not (self.front + self.back) % max(
-                size, 1
-            )  # several values of the type are likelier
+            is_several = not (self.front + self.back) % max(size, 1)  # of the type, in one
             return framed and period in lengths and not is_several
         if not framed:
             return period > 0

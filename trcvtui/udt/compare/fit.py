@@ -92,15 +92,13 @@ def rank(
     the one with `own`, the rules of our side.
     """
     judged = messages[-MOST_LENGTHS:] if framed else [b"".join(messages)] if messages else []
-    tried_profiles = profiles_for(type_) if profiles is None else tuple(profiles)
+    chosen = profiles_for(type_) if profiles is None else tuple(profiles)
     own = own or LAYOUTS[DEFAULT_LAYOUT]
-    tried_profiles = tuple(
-        sorted(tried_profiles, key=lambda one: (one.layout != sender, _strangeness(one, own)))
-    )
+    chosen = tuple(sorted(chosen, key=lambda one: (one.layout != sender, _strangeness(one, own))))
     lengths = [len(message) for message in judged]
     different = set(lengths)
     known: EvidenceCache = {}
-    layouts = group_same_layouts(type_, tried_profiles, name, own)
+    layouts = group_same_layouts(type_, chosen, name, own)
     tried: list[tuple[tuple[Profile, ...], Layout, Iterable[FitCause]]] = []
     for same, layout in layouts:
         size = layout.size

@@ -102,8 +102,8 @@ def evidence(leaf: Leaf, raw: bytes, rules: LayoutRules) -> LeafEvidence | None:
     if judge is None:
         return None
     if row.kind not in COUNT_KINDS:
-        return _evidence(judge(leaf, row, raw, _byte_order(rules)), raw)
-    return _judge_number(leaf, row, raw, _byte_order(rules), judge)
+        return _evidence(judge(leaf, row, raw, _order(rules)), raw)
+    return _judge_number(leaf, row, raw, _order(rules), judge)
 
 
 def value_bytes(leaf: Leaf, raw: bytes, rules: LayoutRules) -> bytes:
@@ -112,7 +112,7 @@ def value_bytes(leaf: Leaf, raw: bytes, rules: LayoutRules) -> bytes:
         return raw
     unit = 2 if leaf.type.wide else 1
     if rules.text.header:
-        return raw[: unit * (2 + int.from_bytes(raw[unit : 2 * unit], _byte_order(rules)))]
+        return raw[: unit * (2 + int.from_bytes(raw[unit : 2 * unit], _order(rules)))]
     return raw[: next((at for at in range(0, len(raw), unit) if not any(raw[at : at + unit])), len(raw))]
 
 
@@ -346,9 +346,7 @@ def _judge_bcd(leaf: Leaf, row: Elementary, raw: bytes) -> _Likelihood:
 
 def _judge_headed(type_: StringType, raw: bytes, rules: LayoutRules) -> _Likelihood:
     unit = 2 if type_.wide else 1
-    longest, actual = (
-        int.from_bytes(raw[at : at + unit], _byte_order(rules)) for at in range(0, 2 * unit, unit)
-    )
+    longest, actual = (int.from_bytes(raw[at : at + unit], _order(rules)) for at in range(0, 2 * unit, unit))
     declared = rules.text.length(type_)
     if not any(raw):
         return math.log(0.08) + _rest_likelihood(raw, 0), "empty, without a header"
@@ -389,7 +387,7 @@ def _rest_likelihood(raw: bytes, start: int) -> float:
 
 
 def _score_letters(raw: bytes, unit: int, rules: LayoutRules) -> float:
-    order = _byte_order(rules)
+    order = _order(rules)
     codes = [int.from_bytes(raw[at : at + unit], order) for at in range(0, len(raw), unit)]
     gains = [_score_letter(code) - chance(raw[at * unit : (at + 1) * unit]) for at, code in enumerate(codes)]
     if any(code < 0x20 and code not in (9, 10, 13) for code in codes):
@@ -427,7 +425,7 @@ JUDGE_BY_KIND: Final[dict[ValueKind, _Judge]] = {
 COUNT_KINDS: Final = (ValueKind.INTEGER, ValueKind.BITS, ValueKind.DURATION, ValueKind.TIME_OF_DAY)
 
 
-def _byte_order(rules: LayoutRules) -> _ByteOrder:
+def _order(rules: LayoutRules) -> _ByteOrder:
     return "little" if rules.byte_order == "little" else "big"
 
 

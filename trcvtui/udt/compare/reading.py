@@ -156,25 +156,21 @@ class Reading:
             return True
         if cause.of_all and all(cause.of_all(unit) == unit for unit in units):
             return False  # it changes nothing
-        evidence_of = {}
+        known = {}
         for unit, (before, after) in zip(units, self.cutting.extras, strict=True):
-            if (before, after) not in evidence_of:
+            if (before, after) not in known:
                 extra = extra_evidence(cause, before, unit, after)
                 if extra is None:
                     return False
-                evidence_of[before, after] = extra
-        self.has_meaning = all(extra.has_meaning for extra in evidence_of.values())
-        befores = {before: extra.points - extra.of_after for (before, _), extra in evidence_of.items()}
-        if (
-            len({extra.has_meaning for extra in evidence_of.values()}) > 1
-        ):  # a length in only some of them is chance
+                known[before, after] = extra
+        self.has_meaning = all(extra.has_meaning for extra in known.values())
+        befores = {before: extra.points - extra.of_after for (before, _), extra in known.items()}
+        if len({extra.has_meaning for extra in known.values()}) > 1:  # a length in some is chance
             befores = dict.fromkeys(befores, min(befores.values()))
-        afters = {after: extra.of_after for (_, after), extra in evidence_of.items()}
+        afters = {after: extra.of_after for (_, after), extra in known.items()}
         points = sum(sum(one.values()) * len(one) ** (REPEAT_EXPONENT - 1) for one in (befores, afters))
-        text = next(iter(evidence_of.values())).text or (
-            f"{cause}: {cause.about}" if cause.about else str(cause)
-        )
-        if len(evidence_of) == 1 and len(units) > 1 and cause.n and not cause.member:
+        text = next(iter(known.values())).text or (f"{cause}: {cause.about}" if cause.about else str(cause))
+        if len(known) == 1 and len(units) > 1 and cause.n and not cause.member:
             text += " in each message"
         self.others.append(Reason(round(cause.cost + points, 2), "", text))
         return True
@@ -184,9 +180,7 @@ class Reading:
         has_changed = not changes and not of_text
         for member in look.members:
             parts = [unit[member.start : member.stop] for unit in self.cutting.units]
-            if self.cause.back < 0 and isinstance(
-                member.leaf.type, StringType
-            ):  # the missing byte may follow its end
+            if self.cause.back < 0 and isinstance(member.leaf.type, StringType):  # it may end earlier
                 parts = [part.ljust(member.leaf.size, b"\0") for part in parts]
             parts = [part for part in parts if len(part) == member.leaf.size]
             if self.cause.front < 0 and member.start < -self.cause.front:
@@ -319,11 +313,9 @@ class Reading:
     @property
     def order_points(self) -> float:
         """Return the points of the numbers for the byte order; those against it weigh more."""
-        orders = [one.order for one in self.member_points]
-        for_it = sum(points for points in orders if points > 0)
-        return min(
-            for_it + CONTRARY_WEIGHT * sum(points for points in orders if points < 0), MOST_ORDER_POINTS
-        )
+        each = [one.order for one in self.member_points]
+        for_it = sum(points for points in each if points > 0)
+        return min(for_it + CONTRARY_WEIGHT * sum(points for points in each if points < 0), MOST_ORDER_POINTS)
 
     @property
     def order(self) -> object:

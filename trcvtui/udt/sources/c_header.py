@@ -1,10 +1,9 @@
-"""C headers: `typedef struct {...} T;` read by pycparser (the extra `c`), made ready by `c_source.py`.
+"""C headers: `typedef struct {...} T;` prepared by `c_source.py` and parsed by pycparser (the extra `c`).
 
-A type has here the size that every compiler gives it; one that differs between compilers (`long`, `size_t`)
-and an alignment of its own are refused by name, a bit-field is room without a name. `int` and enumerations
-count as 4 bytes.
-Rules: a bad declaration never hides the others. A number is bounded in length, depth and size; a type
-with a name that is not known is unknown itself.
+A type has the size that every compiler gives it; one that differs between compilers (`long`, `size_t`) and
+`_Alignas` are refused by name, a bit-field only takes room. `int` and enumerations have 4 bytes.
+Rules: a bad declaration never hides the others. A number is bounded in length, depth and size; a type that
+uses an unknown name is unknown itself.
 """
 
 from __future__ import annotations
@@ -24,11 +23,11 @@ from trcvtui.udt.sources.c_source import KEYWORDS, LONG_SIZE, OTHER_HEADERS, CSo
 from trcvtui.udt.sources.cpp_source import CPP_MARKS, blank_texts, match_end
 from trcvtui.udt.types import ELEMENTARY, Pointer
 
-PLC_TYPES = "plctypes.h"  # B&R: there INT, UINT and BOOL are those of IEC 61131-3
+PLC_TYPES = "plctypes.h"  # B&R: it defines INT, UINT and BOOL as in IEC 61131-3
 
 
 def read_c_header(text: str, name: str) -> ast.Declarations:
-    """Return what a C header declares; raise UserError where pycparser is not there."""
+    """Return what a C header declares; raise UserError if pycparser is not installed."""
     require("pycparser.c_parser", "c", name, "a C header, but no pycparser")
     source = CSource(text, name, lambda one, own: Macros(own).value(one), OTHER_HEADERS.get())
     reader = _HeaderReader(source)
@@ -45,8 +44,6 @@ _Inside = tuple[Mapping[str, int | None], Mapping[str, ast.Spec]]  # constants a
 
 
 class _HeaderReader:
-    """The walk over the declarations of a header."""
-
     def __init__(self, source: CSource) -> None:
         self.source = source
         self.types: list[ast.Declaration] = []
@@ -56,8 +53,8 @@ class _HeaderReader:
         macros = Macros(source)
         numbers = ((name, macros.macro(name)) for name in source.numbers if name not in source.given)
         known: dict[str, int | None] = {name: value for name, value in numbers if value is not None}
-        self.constants = ChainMap(known)  # those of a class before; of None only the name is known
-        self.scope: ChainMap[str, ast.Spec] = ChainMap()  # the types that are declared in a class
+        self.constants = ChainMap(known)  # those of a class first; None: only the name is known
+        self.scope: ChainMap[str, ast.Spec] = ChainMap()  # the types declared in a class
         self.loose: set[str] = set()  # classes that are not packed
         self.classes: dict[str, _Inside] = {}
         self.inside: _Inside = {}, {}  # of the class that was read last
@@ -99,7 +96,7 @@ class _HeaderReader:
         if isinstance(spec, ast.Reference) and spec.name.upper() in ELEMENTARY:
             self.aliases[node.name] = spec
         if node.name.upper() in ELEMENTARY and isinstance(spec, ast.Reference):
-            self.types.pop()  # `typedef unsigned short UINT;` says what UINT is: nothing new to declare
+            self.types.pop()  # `typedef unsigned short UINT;` only defines an elementary type
 
     def read_tagged(self, node: Any, variable: str) -> None:
         if type(node).__name__ not in ("Struct", "Union", "Enum") or not _is_definition(node):
@@ -178,7 +175,7 @@ class _HeaderReader:
         is_union, cpp = type(node).__name__ == "Union", self.source.cpp
         outer, brace = (self.constants, self.scope), self.brace(node)
         base = self.base(node, brace)
-        if cpp.is_cpp:  # what a class declares is known in it, and in those that extend it
+        if cpp.is_cpp:  # names declared in a class are known in it and in classes derived from it
             constants, types = self.classes[base.name] if base else ({}, {})
             self.constants = self.constants.new_child({**constants})
             self.scope = self.scope.new_child({**types})
@@ -197,24 +194,26 @@ class _HeaderReader:
         parts = [*(each.spec for each in members), *([base] if base else ())]
         wrong = {
             "without members" + f": {CPP_NOTE}" * cpp.is_cpp: (tails or cpp.is_cpp) and not has_members,
-            "of bit-fields that an attribute and a #pragma pack in two ways": has_bits
+            "with bit-fields packed differently by an attribute and a #pragma": has_bits
             and pack == 1 != (by_pragma or 1),
-            f"packed by an attribute around one that is not: {CPP_NOTE}": is_packed
+            f"packed by an attribute around an unpacked class: {CPP_NOTE}": is_packed
             and any(map(self.is_unpacked, parts)),
         }
         for why in [why for why, holds in wrong.items() if holds and count == len(self.problems)][:1]:
             raise mistake(self.where(node), f"a class {why}", "plain members, packed by one #pragma pack")
         for one in tails:
-            self.notes[f"{one.name}[] is no member: what it holds comes after the bytes of the type"] = None
+            self.notes[f"{one.name}[] is not a member: its elements follow after the bytes of the type"] = (
+                None
+            )
         bits = [one.name for one in members if one.width is not None and one.name and one not in tails]
         if bits:
             names = ", ".join(bits[:8]) + ", ..." * (len(bits) > 8)
-            told = f"bit-fields are no members: {names}; their room is padding, as gcc has it on x86-64"
-            self.notes[told] = None
+            note = f"bit-fields are not members: {names}; their room is padding, as gcc places it on x86-64"
+            self.notes[note] = None
         return ast.StructSpec(tuple(members), base, pack, is_union, base is not None)
 
     def base(self, node: Any, brace: int) -> ast.Reference | None:
-        """Return the base class, one that this header has declared."""
+        """Return the base class, which this header must declare."""
         parent = self.source.cpp.parents.get(brace)
         if parent is None:
             return None
@@ -231,13 +230,13 @@ class _HeaderReader:
         return self.source.offset(node.coord.line, node.coord.column or 1)
 
     def is_unpacked(self, spec: ast.Spec) -> bool:
-        """Return whether a type is a class that is not packed: g++ may not pack it in another one."""
+        """Return whether a type is a class that is not packed: g++ may leave it aligned in a packed class."""
         while isinstance(spec, ast.ArraySpec):
             spec = spec.element
         return spec.pack != 1 if isinstance(spec, ast.StructSpec) else getattr(spec, "name", "") in self.loose
 
     def member(self, node: Any, at: int, depth: int, is_last: bool) -> Iterator[ast.MemberSpec]:
-        """Yield a member; nothing for a type that stands in a class."""
+        """Yield a member; nothing for a type that a class declares."""
         name, where, width = node.name or "", self.where(node), None
         if node.bitsize is not None:
             width = fold(node.bitsize, self.constants.get)
@@ -263,7 +262,9 @@ class _HeaderReader:
             is_tail = dim is None or fold(dim, self.constants.get) == 0
             if is_tail and self.place(node) not in self.source.cpp.arrays:
                 if not is_last:
-                    raise mistake(where, f"{name}[] before other members", "a length, or it as the last one")
+                    raise mistake(
+                        where, f"{name}[] before other members", "a length, or it as the last member"
+                    )
                 node, width = node.type, ast.NO_LENGTH
         yield ast.MemberSpec(name, self.spec(node.type, depth), where, width)
 
@@ -289,7 +290,7 @@ class _HeaderReader:
             text = formula(node.dim)
             if text is None or any(self.constants.get(one, 0) is None for one in _WORD.findall(text)):
                 expected = "a number, or + - * / of names and numbers"
-                raise mistake(where, "a length that is no number", expected)
+                raise mistake(where, "a length that is not a number", expected)
             return ast.Formula(f"{text} - 1", where)
         if length < 1:
             raise mistake(where, f"[{length}]", "a length of 1 or more")
@@ -329,7 +330,7 @@ def _pointer_target(node: Any) -> str:
 
 # -- C text into nodes, and the whole numbers in it ----------------------------------------------------------
 
-# The words of a C type are sorted, `signed` and a needless `int` left out.
+# The words of a C type in alphabetical order, without `signed` and a redundant `int`.
 _IEC_TYPES = {
     "BOOL": ("bool", "_Bool"),
     "SINT": ("int8_t", "char signed"),
@@ -348,17 +349,17 @@ _IEC_TYPES = {
 C_TYPES = {word: name for name, words in _IEC_TYPES.items() for word in words}
 FOUR_BYTE_TYPES = ("int", "int unsigned")
 LONG_TYPES = ("long", "long unsigned")
-# No size of their own in C; INT, UINT and BOOL have two bytes or one in IEC 61131-3, and four on Windows.
+# Types without a fixed size; INT, UINT and BOOL have 2, 2 and 1 bytes in IEC 61131-3, and 4 on Windows.
 AMBIGUOUS_TYPES = {
     **dict.fromkeys(LONG_TYPES, "int32_t or int64_t, or --long-size 4 or 8: compilers differ about it"),
     **dict.fromkeys(
-        ("size_t", "ssize_t", "ptrdiff_t", "intptr_t", "uintptr_t", "time_t"), "a type of one size"
+        ("size_t", "ssize_t", "ptrdiff_t", "intptr_t", "uintptr_t", "time_t"), "a type of fixed size"
     ),
-    **dict.fromkeys(("wchar_t", "double long", "void", "int128"), "a type of one size, such as uint16_t"),
+    **dict.fromkeys(("wchar_t", "double long", "void", "int128"), "a type of fixed size, such as uint16_t"),
     **dict.fromkeys(("INT", "UINT", "BOOL"), "its typedef in this header: PLCs and Windows differ about it"),
 }
 LANGUAGE_TYPES = ("char", "short", "int", "long", "float", "double", "void", "_Bool")
-# What is declared in headers that are not read, and no word of the language.
+# Types that unread system headers declare, as they are no keywords of C.
 NAMED_TYPES = frozenset(
     name for name in (*C_TYPES, *AMBIGUOUS_TYPES) if name.isidentifier() and name not in LANGUAGE_TYPES
 )
@@ -381,7 +382,7 @@ _UNARY_OPERATORS: dict[str, Callable[[int], int]] = {"+": pos, "-": neg, "~": in
 
 
 def fold(node: Any, look_up: Callable[[str], int | None], depth: int = 0) -> int | None:
-    """Return the value of an expression, None if something in it is no known whole number."""
+    """Return the value of an expression, None if something in it is not a known whole number."""
     if depth > DEEPEST:
         return None
     value: int | None = None
@@ -400,14 +401,14 @@ def fold(node: Any, look_up: Callable[[str], int | None], depth: int = 0) -> int
             right = fold(node.right, look_up, depth + 1)
             value = None if left is None or right is None else _BINARY_OPERATORS[node.op](left, right)
         case "TernaryOp":
-            asked = fold(node.cond, look_up, depth + 1)
-            if asked is not None:
-                value = fold(node.iftrue if asked else node.iffalse, look_up, depth + 1)
+            condition = fold(node.cond, look_up, depth + 1)
+            if condition is not None:
+                value = fold(node.iftrue if condition else node.iffalse, look_up, depth + 1)
     return int(value) if value is not None and abs(value) <= LARGEST_NUMBER else None
 
 
 def formula(node: Any, depth: int = 0) -> str | None:
-    """Return an expression as IEC 61131-3 writes it; None if it cannot."""
+    """Return an expression as a formula of IEC 61131-3, None if there is none."""
     match type(node).__name__ if depth <= DEEPEST else "":
         case "Constant":
             value = _parse_constant(node.value)
@@ -432,12 +433,12 @@ def _parse_constant(text: str) -> int | None:
         return None
 
 
-# A name that no typedef of this file declares, where only a type can stand: it comes from an #include.
+# A name in the place of a type that no typedef of this file declares: it comes from an #include.
 _FOREIGN_TYPE = re.compile(
     r"(?:(?<=[;{}(,])|\A|\b(?:const|volatile|typedef|extern|static|_Atomic)\b)\s*([A-Za-z_]\w*)"
     r"(?=[\s*](?:[\s*]|const\b|volatile\b)*[A-Za-z_]\w*\s*[;,\[:=()])"
 )
-# What may declare a type or a constant; functions and variables are passed over.
+# What may declare a type or a constant; functions and variables are ignored.
 _DECLARATION = re.compile(
     r"\btypedef\b|\b(?:struct|union|enum)\b[^;{}()]*\{|\bconst\b[^;{}()]*=|\bstruct\s+(?:alignas|__declspec)\b"
 )
@@ -446,7 +447,7 @@ _PARSE_FAILURE = re.compile(r"(?:.*?):(\d+):(\d+): (.*)", re.DOTALL)
 
 
 def parse_header(source: CSource) -> Iterator[Any]:
-    """Yield the outer declarations of a header as nodes; one that cannot be read as a bad `Declaration`."""
+    """Yield the outer declarations of a header as nodes, an unreadable one as a bad `Declaration`."""
     types = {found.group(1) for found in _FOREIGN_TYPE.finditer(source.text)} - KEYWORDS
     types |= NAMED_TYPES
     for begin, end in _split_statements(blank_texts(source.text)):
@@ -491,9 +492,9 @@ def _parse_part(text: str, types: list[str], source: CSource, begin: int) -> lis
     if mark or source.cpp.is_cpp:
         where = source.where(begin + mark.start()) if mark else where
         shown = " ".join(mark[0].split())[:60] if mark else what[:60]
-        expected = "a class of plain members alone: what else is in it may change its size"
+        expected = "a class with plain members only: anything else may change its size"
         raise mistake(where, f"'{shown}': {CPP_NOTE}", expected)
-    expected = "C declarations; of a macro that another header defines, --with that header"
+    expected = "C declarations; for a macro of another header, --with that header"
     raise mistake(where, f"C that cannot be read ({what[:60]})", expected)
 
 
@@ -515,7 +516,7 @@ def _split_statements(text: str) -> Iterator[tuple[int, int]]:
             depth += 1
             continue
         if depth == 0 and found.group() == "}":
-            begin = match_end(r"\s*", text, found.end())  # of a `namespace {`
+            begin = match_end(r"\s*", text, found.end())  # the end of a `namespace {`
             continue
         depth -= found.group() == "}"
         if depth == 0 and (found.group() == ";" or is_function):
@@ -534,7 +535,7 @@ def _find_declared_name(text: str) -> str | None:
 
 
 class Macros:
-    """The numbers of macros, each worked out once."""
+    """The numbers of macros, each evaluated once."""
 
     def __init__(self, source: CSource) -> None:
         self.source = source
@@ -551,13 +552,13 @@ class Macros:
         try:
             nodes = _parse_part(f"enum {{ x = ({text}) }};", types, self.source, 0)
             return fold(nodes[0].type.values.enumerators[0].value, self.macro) if len(nodes) == 1 else None
-        except (UserError, AttributeError):  # no expression at all
+        except (UserError, AttributeError):  # not an expression
             return None
 
     def macro(self, name: str) -> int | None:
-        """Return the number of a macro; one that needs itself has none."""
+        """Return the number of a macro, None if it has none or refers to itself."""
         if name not in self.known:
-            self.known[name] = None
+            self.known[name] = None  # for a macro that refers to itself
             if name in self.source.numbers and self.depth < DEEPEST:
                 self.depth += 1
                 self.known[name] = self.value(self.source.numbers[name])

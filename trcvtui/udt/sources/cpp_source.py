@@ -97,9 +97,7 @@ class CppSource:
                     self.parents[found.end() - 1] = head[2]
                     self._blank_range(found.start() + head.start(1), found.start() + head.end(1))
                 names = re.findall(rf"(?!final\b)\b{_NAME}", found[1].split(":")[0])
-                self._convert_class(
-                    _mask_brackets(bare, found.end(), end), found.end(), names[-1] if names else ""
-                )
+                self._convert_class(_mask(bare, found.end(), end), found.end(), names[-1] if names else "")
         self.has_classes = has_classes or bool(self._edits)
         self.is_cpp = is_cpp or self.has_classes or bool(_CPP_ONLY.search(text))
         for found in _ENUM.finditer(bare):
@@ -107,7 +105,7 @@ class CppSource:
                 self.bases[found.end() - 1] = (found[2] or ":int")[1:].strip(), bool(found[1])
                 self._blank_range(*found.span(1))
                 self._blank_range(*found.span(2))
-        outer = _mask_brackets(bare, 0, len(bare))
+        outer = _mask(bare, 0, len(bare))
         for found in _ALIAS.finditer(outer):
             self._replace_range(*found.span(), f"typedef {found[2].strip()} {found[1]};")
         for found in _CONSTANT.finditer(outer):
@@ -212,7 +210,7 @@ def match_end(pattern: str, text: str, at: int) -> int:
     return found.end() if found else at
 
 
-def _mask_brackets(text: str, begin: int, end: int) -> str:
+def _mask(text: str, begin: int, end: int) -> str:
     """Return a part of a text with NULs in place of the contents of brackets."""
     parts, depth, at = list[str](), 0, begin
     for found in re.compile(r"[(\[{}\])]").finditer(text, begin, end):

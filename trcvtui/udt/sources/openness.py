@@ -34,12 +34,12 @@ def read_openness(root: Element) -> ast.Declarations:
     copies: Copies = []
     for struct in structs:
         with collect_problems(problems):
-            types.append(_read_declaration(struct, copies))
+            types.append(_declaration(struct, copies))
     sender = ast.SenderLayout(S7.name)
     return ast.Declarations(tuple(types), tuple(problems), sender=sender, copies=tuple(copies))
 
 
-def _read_declaration(element: Element, copies: Copies) -> ast.Declaration:
+def _declaration(element: Element, copies: Copies) -> ast.Declaration:
     name = element.find("AttributeList", "Name")
     if name is None or not name.text.strip():
         raise mistake(element.where, f"<{element.name}> without a name", "<AttributeList> with <Name>")
@@ -48,7 +48,7 @@ def _read_declaration(element: Element, copies: Copies) -> ast.Declaration:
     if sections is None:
         problems.append(Problem(element.where, f"'{name.text.strip()}' without members", "<Sections>"))
         return ast.Declaration(name.text.strip(), None, element.where, tuple(problems))
-    members = [m for section in sections.each("Section") for m in _read_members(section, 1, problems, copies)]
+    members = [m for section in sections.each("Section") for m in _members(section, 1, problems, copies)]
     access = element.find("AttributeList", "MemoryLayout")
     notes = (OPTIMISED_NOTE,) if access is not None and access.text.strip() == "Optimized" else ()
     spec = ast.StructSpec(tuple(members))
@@ -56,27 +56,23 @@ def _read_declaration(element: Element, copies: Copies) -> ast.Declaration:
     return ast.Declaration(name.text.strip(), spec, element.where, tuple(problems), notes, is_data)
 
 
-def _read_members(
-    element: Element, depth: int, problems: list[Problem], copies: Copies
-) -> list[ast.MemberSpec]:
+def _members(element: Element, depth: int, problems: list[Problem], copies: Copies) -> list[ast.MemberSpec]:
     """Return the members in a section or a STRUCT; a bad one is left out, with a problem."""
     members: list[ast.MemberSpec] = []
     for member in element.each("Member"):
         with collect_problems(problems):
-            spec = _read_type(member.require("Datatype"), member, depth, problems, copies)
+            spec = _type(member.require("Datatype"), member, depth, problems, copies)
             members.append(ast.MemberSpec(member.require("Name"), spec, member.where))
     return members
 
 
-def _read_type(text: str, member: Element, depth: int, problems: list[Problem], copies: Copies) -> ast.Spec:
+def _type(text: str, member: Element, depth: int, problems: list[Problem], copies: Copies) -> ast.Spec:
     """Return the type that ST text names; the members of a STRUCT in it are child elements."""
-    # An ARRAY OF STRUCT is read with INT as its element, then `_put_element` puts the STRUCT in its place.
+    # An ARRAY OF STRUCT is read with INT as its element, then `_nest` puts the STRUCT there.
     is_struct = re.search(r"(?i)(?<![\w\"])struct\s*$", text)
     spec = read_spec(text[: is_struct.start()] + "INT" if is_struct else text, member.where, first_line=0)
     if is_struct:
-        return _put_element(
-            spec, ast.StructSpec(tuple(_read_members(member, deepen(depth, member), problems, copies)))
-        )
+        return _nest(spec, ast.StructSpec(tuple(_members(member, deepen(depth, member), problems, copies))))
     named = next(references(spec), None)
     own = member.find("Sections")
     if own is not None and named is not None and named.name.upper() not in ELEMENTARY:
@@ -91,7 +87,7 @@ def _keep_copy(name: str, own: Element, depth: int, copies: Copies) -> None:
     kinds = set()
     for section in own.each("Section"):
         kind = section.get("Name")
-        found = [] if kind in UNSTORED_SECTIONS else _read_members(section, depth, problems, copies)
+        found = [] if kind in UNSTORED_SECTIONS else _members(section, depth, problems, copies)
         members += map(_instance_member, found) if kind == "InOut" else found
         kinds |= {kind} if found else set()
     if members or problems:
@@ -108,9 +104,5 @@ def _instance_member(member: ast.MemberSpec) -> ast.MemberSpec:
     return member if is_value else member._replace(spec=Unplaced(member.name, BY_POINTER_NOTE))
 
 
-def _put_element(spec: ast.Spec, struct: ast.StructSpec) -> ast.Spec:
-    return (
-        spec._replace(element=_put_element(spec.element, struct))
-        if isinstance(spec, ast.ArraySpec)
-        else struct
-    )
+def _nest(spec: ast.Spec, struct: ast.StructSpec) -> ast.Spec:
+    return spec._replace(element=_nest(spec.element, struct)) if isinstance(spec, ast.ArraySpec) else struct

@@ -1,7 +1,7 @@
-"""PLCopen TC6 XML with the CODESYS additions, and TwinCAT files; both hold the ST text of types.
+"""PLCopen TC6 XML with the CODESYS additions, and TwinCAT files; both contain the ST text of types.
 
-`dataType/baseType/...` is read by local names in every version of the schema. A `dataType` counts wherever it
-stands: CODESYS writes some into `addData` of a resource. Where there is the ST text of a type, that is read.
+`dataType/baseType/...` is read by local names in every version of the schema. A `dataType` counts at any
+place: CODESYS writes some into `addData` of a resource. If a type has ST text, that is read instead.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ def read_twincat(root: Element) -> ast.Declarations:
 
 
 def read_element_text(text: Element) -> ast.Declarations:
-    """Return what the ST text in an element declares; places in it are those of the file."""
+    """Return what the ST text in an element declares, with places in the file."""
     return read_st(text.text, text.source, text.text_line)
 
 
 def note_other_name(declaration: ast.Declaration, name: str) -> ast.Declaration:
-    """Return the declaration, with a note when the XML around it has another name."""
+    """Return the declaration, with a note if the XML around it has another name."""
     if not name or name.casefold() == declaration.name.casefold():
         return declaration
     note = f"the XML calls it '{name}', the declaration '{declaration.name}'"
@@ -50,7 +50,7 @@ def note_other_name(declaration: ast.Declaration, name: str) -> ast.Declaration:
 
 
 def qualify_constants(read: ast.Declarations, list_: str) -> ast.Declarations:
-    """Return constants also as `GVL.NAME`, as bounds name them."""
+    """Add each constant also as `GVL.NAME`, as bounds may name it."""
     if not list_:
         return read
     both = tuple(constant._replace(name=f"{list_}.{constant.name}") for constant in read.constants)
@@ -67,7 +67,7 @@ def read_plcopen(root: Element) -> ast.Declarations:
     types: list[ast.Declaration] = []
     problems: list[Problem] = []
     for element in root.search("dataType", "union"):
-        # A UNION without a name is the type of somebody's variable.
+        # A UNION without a name is the type of a variable.
         if element.name == "union" and not element.get("name"):
             continue
         with collect_problems(problems):
@@ -106,7 +106,7 @@ def _additions(element: Element, kind: str) -> Iterator[Element]:
 
 
 def _plain_text(element: Element) -> Element | None:
-    """Return the element that holds the ST text of a type; None without."""
+    """Return the element with the ST text of a type, None without one."""
     for plain in _additions(element, "interfaceasplaintext"):
         text = plain.find("xhtml") or plain
         if text.text.strip():
@@ -147,7 +147,7 @@ def _constants(list_: Element) -> ast.Declarations:
 
 
 class _TypeWalk:
-    """The walk through one type, and what is wrong in it."""
+    """The walk through one type, and its problems."""
 
     def __init__(self) -> None:
         self.problems: list[Problem] = []
@@ -199,7 +199,7 @@ class _TypeWalk:
         return Pointer("POINTER TO " + (_reference(target).name if target else "?"))
 
     def derived(self, element: Element, _depth: int) -> ast.Spec:
-        # CODESYS writes what the schema has no element for as text: `REFERENCE TO Axis`.
+        # CODESYS writes types that the schema lacks as text: `REFERENCE TO Axis`.
         return read_spec(element.require("name"), element.where, first_line=0)
 
     def string(self, element: Element, _depth: int) -> ast.Spec:
@@ -208,7 +208,7 @@ class _TypeWalk:
 
 
 def _find_type_element(element: Element | None) -> Element | None:
-    """Return the element that stands for a type in <type> or <baseType>; None without."""
+    """Return the element of the type in <type> or <baseType>, None without one."""
     children = element.children if element else ()
     return next((child for child in children if child.name not in NON_TYPE_ELEMENTS), None)
 
@@ -216,7 +216,7 @@ def _find_type_element(element: Element | None) -> Element | None:
 def _bounds(element: Element) -> tuple[ast.Number, ast.Number]:
     low, high = (_number(element.require(limit), element.where) for limit in ("lower", "upper"))
     for limit in (low, high):
-        evaluate(limit, lambda name: None)  # refuses what is no formula
+        evaluate(limit, lambda name: None)  # refuses what is not a formula
     if isinstance(low, int) and isinstance(high, int) and high < low:
         raise mistake(element.where, f"'{high}'", f"a number from {low} upwards")
     return low, high
@@ -228,7 +228,7 @@ def _number(text: str, where: str) -> ast.Number:
 
 
 def _value(value: Element) -> ast.Number | None:
-    """Return the number of a value of an enumeration; None is one more than the value before."""
+    """Return the number of an enumeration value; None: one more than the value before."""
     text = value.get("value").strip()
     return _number(text, value.where) if text else None
 

@@ -1,6 +1,6 @@
-"""ST text of every dialect: TYPE, DATA_BLOCK, NAMESPACE, constants; all other blocks are passed over.
+"""ST text of every dialect: TYPE, DATA_BLOCK, NAMESPACE, constants; all other blocks are skipped.
 
-Rule: a mistake ends its declaration, never the file. The types themselves are read in `st_spec.py`.
+Rule: a mistake ends its declaration, never the file. The types themselves are parsed in `st_spec.py`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, OPENERS, Shape, Source, 
 from trcvtui.udt.sources.st_spec import SpecParser, apply_encoding
 
 ACCESS_WORDS = ("PUBLIC", "PRIVATE", "PROTECTED", "INTERNAL")
-# TIA: what stands between the name of a type and STRUCT, each up to the end of its line.
+# TIA: the first words of lines between the name of a type and STRUCT.
 HEADER_WORDS = ("TITLE", "AUTHOR", "FAMILY", "NAME", "VERSION", "KNOW_HOW_PROTECT")
 RETENTION_WORDS = ("NON_RETAIN", "RETAIN", "READ_ONLY", "UNLINKED")  # of a data block, before its STRUCT
 CONSTANT_BLOCKS = ("VAR", "VAR_GLOBAL")
@@ -26,18 +26,18 @@ VARIABLE_BLOCKS = (*CONSTANT_BLOCKS, "VAR_EXTERNAL", "VAR_CONFIG")
 _BLOCK_WORDS = """FUNCTION FUNCTION_BLOCK PROGRAM DATA_BLOCK ORGANIZATION_BLOCK CONFIGURATION
 CLASS INTERFACE METHOD PROPERTY ACTION"""
 OTHER_BLOCKS = frozenset((*VARIABLE_BLOCKS, *_BLOCK_WORDS.split()))
-# With one of these reading can go on after something unknown.
+# After something unknown, reading resumes at one of these.
 RESTART_WORDS = ("TYPE", "END_TYPE", "NAMESPACE", "END_NAMESPACE", *OTHER_BLOCKS)
-VARIABLES_NOTE = "variables: laid out as a STRUCT of them; where a PLC keeps variables is its own matter"
+VARIABLES_NOTE = "variables: laid out as a STRUCT of them; a PLC may place them otherwise"
 OPTIMISED_NOTE = "optimised access: the CPU sorts the members itself; laid out as standard access"
 
-# Patterns stay text: `re` compiles and keeps the ones that are used, and an import pays for none.
+# Patterns stay text: `re` compiles and caches those in use, so an import compiles none.
 _PACK_MODE = r"""(?i)attribute\s+['"]pack_mode['"]\s*:=\s*['"]([^'"]*)['"]"""
 _OPTIMISED_ACCESS = r"""(?i)S7_Optimized_Access\s*:=\s*['"](TRUE|FALSE)['"]"""
 
 
 def read_st(text: str, name: str, first_line: int = 1, dialect: SourceDialect = IEC) -> ast.Declarations:
-    """Return what ST text declares; `name` is the file as messages call it, `first_line` where it begins."""
+    """Return what ST text declares; `name` is the file in messages, `first_line` the line where it begins."""
     return Parser(Source(name, text, first_line, dialect.nests_comments), dialect).file()
 
 
@@ -53,7 +53,7 @@ def read_spec(text: str, where: str, first_line: int = 1, dialect: SourceDialect
 
 
 class Parser(SpecParser):
-    """What stands around the types."""
+    """The parser of all around the types: blocks, headers, constants."""
 
     def __init__(self, source: Source, dialect: SourceDialect = IEC) -> None:
         super().__init__(source, dialect)
@@ -61,7 +61,7 @@ class Parser(SpecParser):
         self.constants: list[ast.Constant] = []
         self.layout = dialect.layout
         self.others: dict[str, None] = {}
-        self.since = 0  # the first token after the last declaration: pragmas from here on belong to the next
+        self.since = 0  # the token after the last declaration: pragmas from here on belong to the next
         self.ends: dict[str, list[int]] = {}
         for at, token in enumerate(source.tokens):
             if token.upper.startswith("END_"):
@@ -98,7 +98,7 @@ class Parser(SpecParser):
     def parse_type_block(self) -> None:
         """Read the declarations of one TYPE ... END_TYPE."""
         while not self.accept("END_TYPE"):
-            # A block of another kind begins with its word, and then has its name.
+            # Another block begins with its keyword and a name; a type of that name has `:` or EXTENDS.
             is_other = self.sees(*OTHER_BLOCKS) and self.tokens[self.at + 1].upper not in (":", "EXTENDS")
             if self.block_ends() or is_other:
                 self.note(self.refusal("'END_TYPE'"))
@@ -107,18 +107,18 @@ class Parser(SpecParser):
                 self.types.append(declaration)
 
     def parse_bare(self) -> None:
-        """Read STRUCT ... END_STRUCT as one copies it out of an editor, or VAR where nothing else follows."""
+        """Read a bare STRUCT ... END_STRUCT, as copied from an editor, or VAR if nothing else follows."""
         is_variables = self.sees("VAR")
         declaration = self.declaration(os.path.splitext(os.path.basename(self.source.name))[0])
         if is_variables and not (self.at_end() and self.at):
-            self.at = self.since = 0  # of a program: passed over like all other blocks
+            self.at = self.since = 0  # of a program: skipped like all other blocks
         elif declaration:
             notes = (*declaration.notes, *([VARIABLES_NOTE] if is_variables else ()))
             self.types.append(declaration._replace(notes=notes, is_data=is_variables))
             self.accept("END_TYPE")
 
     def data_block(self) -> None:
-        """Read a data block as a type of its name; that of an FB declares nothing and is passed over."""
+        """Read a data block as a type of its name; an instance of an FB declares nothing and is skipped."""
         end = self.end_of_block()
         assert end is not None
         self.advance()
@@ -130,9 +130,9 @@ class Parser(SpecParser):
             self.layout = S7.name
 
     def declaration(self, name: str = "", is_block: bool = False) -> ast.Declaration | None:
-        """Return one declaration with its own problems; None when it has not even a name.
+        """Return one declaration with its own problems, None if it has no name.
 
-        `name` is that of a type whose text has none; then the type itself begins here.
+        With `name` the text begins with the type itself, without a name.
         """
         others, self.problems = self.problems, []
         self.nested, self.notes = 0, []
@@ -164,7 +164,7 @@ class Parser(SpecParser):
         return ast.Declaration(name, spec, self.where(first), tuple(own), tuple(dict.fromkeys(self.notes)))
 
     def parse_after_name(self, is_block: bool) -> ast.Spec:
-        """Return what stands after the name of a type: EXTENDS, colon or header, the type."""
+        """Return the type after its name and EXTENDS, a colon or a header."""
         base = self.extends()
         self.skip_header(is_block)
         if base is None and (base := self.extends()):
@@ -172,7 +172,7 @@ class Parser(SpecParser):
         return self.parse_with_pragmas(base)
 
     def parse_with_pragmas(self, base: ast.Reference | None) -> ast.Spec:
-        """Return the type at the cursor with what the pragmas before it say."""
+        """Return the type at the cursor, changed by the pragmas before it."""
         pragmas = self.pragmas_between(self.since, self.at)
         first = self.token
         spec = apply_encoding(self.spec(), pragmas)
@@ -188,14 +188,14 @@ class Parser(SpecParser):
         return spec
 
     def extends(self) -> ast.Reference | None:
-        """Return the name after EXTENDS, None where there is no such word."""
+        """Return the name after EXTENDS, None without EXTENDS."""
         if not self.accept("EXTENDS"):
             return None
         token, name = self.expect_qualified_name("a type")
         return ast.Reference(name, self.where(token))
 
     def skip_header(self, is_block: bool) -> None:
-        """Go after the colon, or after the header lines of a TIA source or a data block."""
+        """Skip the colon, or the header lines of a TIA source or a data block."""
         if self.accept(":"):
             return
         before = self.tokens[self.at - 1]
@@ -214,7 +214,7 @@ class Parser(SpecParser):
             raise self.refusal("'STRUCT'")
 
     def pack(self, pragmas: list[str], token: StToken) -> int | None:
-        """Return the pack_mode among the pragmas of a type; refuse one that no compiler takes."""
+        """Return the pack_mode among the pragmas of a type; raise UserError for one no compiler accepts."""
         found = next((mode for text in pragmas if (mode := re.search(_PACK_MODE, text))), None)
         if found is None:
             return None
@@ -234,7 +234,7 @@ class Parser(SpecParser):
         return "END_VAR" if self.sees(*VARIABLE_BLOCKS) else f"END_{self.token.upper}"
 
     def other_block(self) -> None:
-        """Go after a block that declares no types; keep the constants of one that declares those."""
+        """Skip a block that declares no types; keep its constants."""
         end = self.end_of_block()
         self.others[self.token.upper] = None
         if end is None:
@@ -251,8 +251,8 @@ class Parser(SpecParser):
         self.at = self.since = end + 1
 
     def constant(self, end: int) -> None:
-        """Keep `MAX : INT := 5;` if it is a whole number or a formula; pass over everything else."""
-        with suppress(UserError):  # TRUE, 'text' and 1.5 are constants too, of no use to a bound
+        """Keep `MAX : INT := 5;` if it is a whole number or a formula; skip everything else."""
+        with suppress(UserError):  # TRUE, 'text' and 1.5 are constants too, but cannot be bounds
             names = self.expect_names("the name of a constant", "the name of a constant")
             self.skip_until(end, ":=", ";")
             if self.accept(":="):

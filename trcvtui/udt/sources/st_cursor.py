@@ -1,7 +1,7 @@
-"""ST text of any dialect as tokens, and a place in them: look, take, refuse, and go on after a mistake.
+"""ST text of any dialect as tokens, and a cursor in them, which recovers after a mistake.
 
-Rule: every text can be cut; what is no token becomes one that no grammar rule takes. Comments are left out,
-pragmas set aside, positions kept.
+Rule: every text has tokens; an illegal character becomes one that no grammar rule accepts. Comments are left
+out, pragmas are kept apart, positions stay.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ class SourceDialect(NamedTuple):
     enum_base: str | None = None
     # TIA: `TYPE "n"`, lines such as VERSION : 0.1, then STRUCT; no colon after the name.
     has_header: bool = False
-    # CODESYS 2.3: between the types stand objects that are no text of IEC 61131-3.
+    # CODESYS 2.3: between the types are objects that are not in IEC 61131-3.
     has_objects: bool = False
-    # `(* (* *) *)`: whether a comment in a comment is one; where that does not work out, it is none.
+    # Whether comments nest, `(* (* *) *)`; if the marks do not match, they do not (`comment_end`).
     nests_comments: bool = True
-    # The layout that a source of this dialect stands for, "" for none.
+    # The layout of types in a source of this dialect, "" for none.
     layout: str = ""
 
 
@@ -36,8 +36,6 @@ IEC = SourceDialect()
 
 
 class Shape(Enum):
-    """What a token is."""
-
     WORD = "word"
     NUMBER = "number"
     QUOTED = "quoted text"
@@ -63,8 +61,8 @@ class StToken(NamedTuple):
 
 CLOSING_MARKS = {"(*": "*)", "/*": "*/", "{": "}", "'": "'", '"': '"'}
 
-# A quote in a pragma hides a brace when it opens after no letter and closes on its line: not in `{don't}`;
-# a value after `:=` may have several lines.
+# A quote in a pragma hides a brace if no letter is before it and it closes on its line: not in `{don't}`.
+# A value after `:=` may have several lines.
 _TOKEN = re.compile(
     r"""(?P<GAP>\s+|//[^\r\n]*|/\*.*?\*/|\{(?::=\s*+'[^']*+'(?=\s*[};,])
         |(?<!\w)'[^'\r\n]*'|(?<!\w)"[^"\r\n]*"|[^}])*+\})
@@ -79,7 +77,7 @@ _TOKEN = re.compile(
     |(?P<STRAY>.)""",
     re.VERBOSE | re.DOTALL,
 )
-# Between BEGIN and END_DATA_BLOCK: start values, which no layout needs. A file may have 100,000 of them.
+# Between BEGIN and END_DATA_BLOCK are start values, up to 100,000 in a file; a layout does not need them.
 _START_VALUES = re.compile(
     r"""//[^\r\n]*|/\*(?:.*?\*/|.*)|\(\*(?:.*?\*\)|.*)|'(?:\$.|[^'$\r\n])*'|"[^"\r\n]*"
         |(?P<END>\bEND_DATA_BLOCK\b)""",
@@ -96,13 +94,13 @@ class Source:
     def __init__(self, name: str, text: str, first_line: int = 1, nests_comments: bool = True) -> None:
         self.name, self.text, self.first_line = name, text, first_line
         self.nested = nests_comments
-        # Each with the index of the token after it: attributes say how the next type is laid out.
+        # Each with the index of the token after it: its attributes belong to the next type.
         self.pragmas: list[tuple[int, str]] = []
         self.lines = [0, *(end.end() for end in _LINE_END.finditer(text))]
         self.tokens = self.tokenize()
 
     def where(self, place: int) -> str:
-        """Return file, line and column of a place, both from 1; a text that begins in line 0 has none."""
+        """Return file, line and column of a place, both from 1; with `first_line` 0 only the file."""
         if not self.first_line:
             return self.name
         line = self.line(place)
@@ -145,26 +143,26 @@ class Source:
         return tokens
 
     def comment_end(self, place: int) -> int:
-        """Return where the comment ends that begins here, 0 if nowhere; comments nest while that works."""
+        """Return where the comment ends that begins here, 0 if nowhere; nested unless the marks mismatch."""
         depth = 0
         for mark in _COMMENT_MARK.finditer(self.text, place) if self.nested else ():
             depth += 1 if mark.group() == "(*" else -1
             if depth == 0:
                 return mark.end()
-        # Real files hold `(* a (* b *)` too: from here on the first end closes.
+        # Real files also have `(* a (* b *)`: from here on the first end closes a comment.
         self.nested = False
         first = self.text.find("*)", place + 2)
         return first + 2 if first >= 0 else 0
 
     def find_values_end(self, place: int) -> int:
-        """Return where the data block ends whose start values begin here; the place itself if nowhere."""
+        """Return the end of the data block whose start values begin here; without one the place itself."""
         if self.text[place : place + 40].lstrip()[:1] in (":", ","):  # a member of that name
             return place
         found = _START_VALUES.finditer(self.text, place)
         return next((one.start() for one in found if one["END"]), place)
 
     def find_unclosed_end(self, text: str, place: int) -> int:
-        """Return where to go on: text in quotes ends with its line, anything else with the file."""
+        """Return where reading resumes: after the line for an open quote, else at the end of the text."""
         line_end = _LINE_END.search(self.text, place) if text in "'\"" else None
         return line_end.start() if line_end else len(self.text)
 
@@ -173,13 +171,13 @@ OPENERS = ("STRUCT", "UNION")
 CLOSERS = ("END_STRUCT", "END_UNION")
 BLOCK_ENDS = ("END_TYPE", "TYPE", "END_NAMESPACE", "END_DATA_BLOCK")
 MEMBER_ENDS = (*CLOSERS, *BLOCK_ENDS)
-# No names: one of these where a name should be means that something before it is missing.
+# Not names: if a name is expected and one of these comes, something before it is missing.
 RESERVED_WORDS = frozenset({*OPENERS, *MEMBER_ENDS, "ARRAY", "OF"})
-NAMED_BY_NUMBER = ("UDT", "DB", "FB", "SFB")  # `UDT 5` and `UDT5` of an S7 source are one name
+NAMED_BY_NUMBER = ("UDT", "DB", "FB", "SFB")  # in an S7 source `UDT 5` and `UDT5` are the same name
 
 
 class Cursor:
-    """One pass over the tokens of a source, and the problems met on the way."""
+    """One pass over the tokens of a source, and the problems found."""
 
     def __init__(self, source: Source) -> None:
         self.source = source
@@ -189,15 +187,13 @@ class Cursor:
 
     @property
     def token(self) -> StToken:
-        """Return the token at the cursor; at the end of the text an END, again and again."""
+        """Return the token at the cursor; at the end of the text always an END."""
         return self.tokens[self.at]
 
     def at_end(self) -> bool:
-        """Return whether the text is used up."""
         return self.token.shape is Shape.END
 
     def where(self, token: StToken) -> str:
-        """Return file, line and column of a token."""
         return self.source.where(token.place)
 
     def sees(self, *texts: str) -> bool:
@@ -211,25 +207,25 @@ class Cursor:
         return token
 
     def accept(self, text: str) -> bool:
-        """Go after the token if it is this keyword or symbol; return whether it was."""
+        """Skip the token if it is this keyword or symbol; return whether it was."""
         if not self.sees(text):
             return False
         self.at += 1
         return True
 
     def expect(self, text: str) -> None:
-        """Go after this keyword or symbol; raise UserError when it is not there."""
+        """Skip this keyword or symbol; raise UserError if it is not there."""
         if not self.accept(text):
             raise self.refusal(f"'{text}'")
 
     def expect_name(self, what: str) -> StToken:
-        """Return the name at the cursor and go after it; raise UserError, naming what was expected."""
+        """Return the name at the cursor and skip it; raise UserError that expects `what`."""
         if not self.is_name() or (self.token.upper in RESERVED_WORDS and not self.is_member_type()):
             raise self.refusal(what)
         return self.advance()
 
     def expect_names(self, first: str, more: str) -> list[StToken]:
-        """Return names with commas between them; raise UserError with what was expected."""
+        """Return one or more names, separated by commas; raise UserError that expects `first` or `more`."""
         names = [self.expect_name(first)]
         while self.accept(","):
             names.append(self.expect_name(more))
@@ -243,7 +239,7 @@ class Cursor:
         return token.shape is Shape.WORD
 
     def expect_qualified_name(self, what: str) -> tuple[StToken, str]:
-        """Return where a name such as `Lib.T` or `_."T"` begins, and the name; go after it."""
+        """Return the first token of a name such as `Lib.T` or `_."T"`, and the name; skip it."""
         first, name = self.expect_numbered_name(what)
         parts = [name]
         while self.sees(".") and self.is_name(1):
@@ -252,13 +248,13 @@ class Cursor:
         return first, ".".join(parts)
 
     def expect_numbered_name(self, what: str) -> tuple[StToken, str]:
-        """Return where a name without dots begins, and the name; go after it."""
+        """Return the first token of a name without dots, and the name; skip it."""
         token = self.expect_name(what)
         has_number = token.upper in NAMED_BY_NUMBER and self.token.shape is Shape.NUMBER
         return token, token.name + self.advance().text if has_number else token.name
 
     def is_member_type(self) -> bool:
-        """Return whether this is a member called Type or Array: no block and no type begins `TYPE :`."""
+        """Return whether this is a member called Type or Array: a block or type never begins `TYPE :`."""
         return self.sees("TYPE", "ARRAY") and self.tokens[self.at + 1].upper in (":", ",")
 
     def block_ends(self) -> bool:
@@ -266,7 +262,7 @@ class Cursor:
         return self.at_end() or (self.sees(*BLOCK_ENDS) and not self.is_member_type())
 
     def number(self) -> Number:
-        """Return the number at the cursor, a formula if it is more than a literal, and go after it."""
+        """Return the number at the cursor, a formula unless it is a literal, and skip it."""
         first, depth = self.at, 0
         while True:
             while self.sees("+", "-") or (self.sees("(") and depth < DEEPEST_FORMULA):
@@ -284,12 +280,12 @@ class Cursor:
         return formula if plain is None else plain
 
     def formula(self, first: int) -> Formula:
-        """Return what stands from a token up to the cursor as a formula."""
+        """Return the tokens from `first` up to the cursor as a formula."""
         taken = self.tokens[first : self.at]
         return Formula("".join(token.text for token in taken), self.where(self.tokens[first]))
 
     def skip_operand(self) -> None:
-        """Go after `5`, `16#FF`, `UINT#1`, `Limits#UPPER` or `GVL.MAX`."""
+        """Skip `5`, `16#FF`, `UINT#1`, `Limits#UPPER` or `GVL.MAX`."""
         if self.token.shape is Shape.NUMBER and parse_integer(self.token.text) is not None:
             self.advance()
             return
@@ -305,26 +301,25 @@ class Cursor:
                 self.expect_qualified_name("a value")
 
     def text_from(self, first: int) -> str:
-        """Return the text from a token up to the cursor as one writes it in one line."""
+        """Return the text from a token up to the cursor, formatted on one line."""
         text = " ".join(token.text for token in self.tokens[first : self.at])
         text = re.sub(r" ?(\.\.|[\[(.#]) ?", r"\1", text)
         return re.sub(r" ([\]),:])", r"\1", text)
 
     def refusal(self, expected: str, token: StToken | None = None) -> UserError:
-        """Return the UserError of a token (default: the one at the cursor) that the grammar does not take."""
+        """Return the UserError for an unexpected token (default: the one at the cursor)."""
         return self.source.refusal(token or self.token, expected)
 
     def note(self, refused: UserError) -> None:
-        """Keep what is wrong, to go on and find more."""
         self.problems.extend(refused.problems)
 
     def skip_to(self, *texts: str) -> None:
-        """Go in front of the first of these keywords or symbols, or to the end."""
+        """Stop in front of the first of these keywords or symbols, or at the end."""
         while not self.at_end() and not self.sees(*texts):
             self.advance()
 
     def skip_statement(self) -> None:
-        """Go after the semicolon or STRUCT that ends this statement, or before what surely follows."""
+        """Skip to after the semicolon or END_ that ends this statement, or to what surely follows it."""
         depth = 0
         while not self.block_ends():
             if depth == 0 and self.sees(*CLOSERS):

@@ -20,13 +20,13 @@ _UTF8_ATTRIBUTE = r"""(?i)attribute\s+['"]TcEncoding['"]\s*:=\s*['"]UTF-?8['"]""
 
 
 class SpecParser(Cursor):
-    """One method a rule of the grammar; each leaves the cursor after what it read."""
+    """One method for each rule of the grammar; it leaves the cursor after what it read."""
 
     def __init__(self, source: Source, dialect: SourceDialect = IEC) -> None:
         super().__init__(source)
         self.dialect = dialect
         self.nested = 0
-        self.notes: list[str] = []  # of the declaration at hand
+        self.notes: list[str] = []  # of the current declaration
 
     def spec(self) -> ast.Spec:
         self.nested += 1
@@ -34,7 +34,7 @@ class SpecParser(Cursor):
             raise self.refusal(f"at most {ast.MOST_NESTED} levels of STRUCT and ARRAY")
         rule = SPEC_RULES.get(self.token.upper, SpecParser.parse_named_type)
         if self.sees("POINTER", "REFERENCE") and self.tokens[self.at + 1].upper != "TO":
-            rule = SpecParser.parse_named_type  # POINTER alone is a type of S7
+            rule = SpecParser.parse_named_type  # in S7 POINTER alone is a type
         spec = rule(self)
         self.nested -= 1
         return spec
@@ -47,7 +47,7 @@ class SpecParser(Cursor):
         return ast.StructSpec(tuple(members))
 
     def struct(self) -> ast.StructSpec:
-        """Return what stands from STRUCT, UNION or VAR to its END_; a bad member is noted and left out."""
+        """Return STRUCT, UNION or VAR up to its END_; a bad member is left out, with a problem."""
         word = self.advance().upper
         if self.sees(*STRUCT_QUALIFIERS) and self.tokens[self.at + 1].upper not in (":", ","):
             self.notes += [OVERLAP_NOTE] if self.sees("OVERLAP") else []
@@ -101,7 +101,7 @@ class SpecParser(Cursor):
             raise self.refusal("a value")
         before = self.token
         while not self.at_end() and not self.sees(";", *MEMBER_ENDS):
-            # A colon stands in TOD#12:30 only; after a name it is the next member: the semicolon is missing.
+            # A value has a colon only in TOD#12:30; after a name it is the next member: ';' is missing.
             if self.token.shape is Shape.UNCLOSED or (self.sees(":") and before.shape is not Shape.NUMBER):
                 raise self.refusal("';'")
             before = self.advance()
@@ -139,7 +139,7 @@ class SpecParser(Cursor):
         return StringType(length, wide) if isinstance(length, int) else ast.TextSpec(length, wide)
 
     def pointer(self) -> ast.Spec:
-        """Return POINTER TO, REFERENCE TO or REF_TO; where it points to need not be known."""
+        """Return POINTER TO, REFERENCE TO or REF_TO; its target may be unknown."""
         first = self.at
         if self.advance().upper != "REF_TO":
             self.expect("TO")
@@ -147,7 +147,7 @@ class SpecParser(Cursor):
         return Pointer(self.text_from(first))
 
     def parse_named_type(self) -> ast.Spec:
-        """Return a type by name; with brackets a subrange, an enumeration or an FB with its arguments."""
+        """Return a type by name; with brackets a subrange, an enumeration or an FB instance."""
         first, name = self.expect_qualified_name("a type")
         reference = ast.Reference(name, self.where(first))
         if not self.sees("("):
@@ -166,7 +166,7 @@ class SpecParser(Cursor):
         return self.subrange(reference)
 
     def has_range(self) -> bool:
-        """Return whether `..` stands in the brackets that open here."""
+        """Return whether the brackets that open here contain `..` at their level."""
         depth, at = 0, self.at
         while self.tokens[at].shape is not Shape.END:
             symbol = self.tokens[at].upper
@@ -179,7 +179,7 @@ class SpecParser(Cursor):
         return False
 
     def has_values(self) -> bool:
-        """Return whether the brackets that open here hold names of values."""
+        """Return whether the brackets that open here begin with the name of a value."""
         return self.is_name(1) and self.tokens[self.at + 2].text != "#"
 
     def skip_brackets(self) -> None:
@@ -192,7 +192,7 @@ class SpecParser(Cursor):
         raise self.refusal("')'")
 
     def subrange(self, base: ast.Reference) -> ast.Spec:
-        """Return `INT(0..10)`; of a REAL the base, for its limits are no whole numbers."""
+        """Return `INT(0..10)`; for a REAL only the base, since its limits are not whole numbers."""
         row = ELEMENTARY.get(base.name.upper())
         if row is not None and row.kind is ValueKind.REAL:
             self.skip_brackets()
@@ -203,7 +203,7 @@ class SpecParser(Cursor):
         return ast.RangeSpec(base, low, high)
 
     def enumeration(self) -> ast.Spec:
-        """Return `(a, b := 5)`, with a base type after it or without."""
+        """Return `(a, b := 5)`, with or without a base type after it."""
         first = self.token
         values = self.enumerators()
         if self.is_name() and not self.sees(*MEMBER_ENDS):
@@ -213,7 +213,7 @@ class SpecParser(Cursor):
         return ast.EnumSpec(ast.Reference(own, self.where(first)) if own else None, values)
 
     def enumerators(self) -> tuple[tuple[str, ast.Number | None], ...]:
-        """Return names and numbers of an enumeration; a comma may stand after the last."""
+        """Return names and numbers of an enumeration; a comma is allowed after the last."""
         self.expect("(")
         values: dict[str, tuple[str, ast.Number | None]] = {}
         while not values or not self.sees(")"):
@@ -228,7 +228,7 @@ class SpecParser(Cursor):
         return tuple(values.values())
 
     def enumerator(self) -> ast.Number:
-        """Return the number of a value; what is no whole number becomes a formula that nobody works out."""
+        """Return the number of a value; any other expression becomes a formula without a known value."""
         start = self.at
         try:
             number = self.number()
@@ -249,7 +249,7 @@ class SpecParser(Cursor):
 
 
 def apply_encoding(spec: ast.Spec, pragmas: list[str]) -> ast.Spec:
-    """Return the type, a STRING of it in UTF-8 when an attribute says so."""
+    """Return the type, with STRING in UTF-8 if a pragma has the attribute TcEncoding."""
     if not any(re.search(_UTF8_ATTRIBUTE, text) for text in pragmas):
         return spec
     match spec:

@@ -1,7 +1,7 @@
-"""Types and constants that a type lacks, found in the files beside its own or in a folder.
+"""Finds missing types and constants in the files beside a type, or in a folder.
 
-Rule: every file that declares such a name comes along whole, so that two that differ are refused as a second
-declaration is, and none is chosen. A broken file hides no good one.
+Rule: every file that declares a missing name is added whole, so two that differ are refused as a second
+declaration; none is chosen silently. A broken file never hides a good one.
 """
 
 from __future__ import annotations
@@ -25,14 +25,16 @@ from trcvtui.udt.type_set import TypeSet, join_files
 MOST: Final = 5000  # files, and folders
 MOST_BYTES: Final = 64 * 1024 * 1024
 MOST_NAMES_SHOWN: Final = 8  # names in one line
-TYPE, TYPE_OR_DATA, CONSTANT = "type", "type or data", "constant"  # what is sought
-PACKAGE_FILES: Final = (".typ", ".var")  # what they declare counts in all packages of their folder
+TYPE, TYPE_OR_DATA, CONSTANT = "type", "type or data", "constant"  # kinds of missing names
+PACKAGE_FILES: Final = (".typ", ".var")  # B&R: valid in all packages of their folder
 MOST_FOLDERS_AROUND: Final = 8  # folders
-GENERATED_HEADER: Final = r"(?i)(?:.*/)?SG[34C]/.*\.h(?:pp)?"  # what B&R makes of the .typ files of a library
+GENERATED_HEADER: Final = (
+    r"(?i)(?:.*/)?SG[34C]/.*\.h(?:pp)?"  # B&R generates it from the .typ files of a library
+)
 
 
 class TypeFolder:
-    """The type files of a folder, or of all folders in it too; a link to a folder is none of them."""
+    """The type files of a folder, with its subfolders if `is_whole`; links to folders are not followed."""
 
     extensions: str | tuple[str, ...] = ""  # of the files that count, "" for all
 
@@ -40,11 +42,11 @@ class TypeFolder:
         self.path, self.place, self.is_whole = path, place, is_whole
         self.without = {os.path.realpath(each) for each in without}
         self.read: dict[str, Declarations] = {}
-        self.problems: list[Problem] = []  # of files unread
+        self.problems: list[Problem] = []  # of files that could not be read
 
     @cached_property
     def texts(self) -> dict[str, str]:
-        """Return the text of each file, in lower case; raise UserError when there is too much of it."""
+        """Return the casefolded text of each file; raise UserError if there is too much."""
         texts: dict[str, str] = {}
         size = 0
         for number, (folder, inner, _) in enumerate(os.walk(self.path)):
@@ -63,7 +65,7 @@ class TypeFolder:
         return texts
 
     def declarations(self, file: str) -> Declarations:
-        """Return what a file declares, of a generated header what no .typ does; nothing of one unread."""
+        """Return what a file declares, nothing if unreadable; of a generated header what no .typ declares."""
         if file not in self.read:
             self.read[file] = Declarations(())
             with collect_problems(self.problems):
@@ -86,7 +88,7 @@ class TypeFolder:
         return found
 
     def find_declaring(self, name: str, kind: str) -> dict[str, Declarations]:
-        """Return the files that declare a name; the broken ones if all are."""
+        """Return the files with a good declaration of a name; if there is none, those with a bad one."""
         last = plain_name(name).casefold().rpartition(".")[2]
         spelled = re.sub("^(udt|db)([0-9])", r"\1[ \\t]*\2", re.escape(last))
         sought = re.compile(rf"(?<!\w){spelled}(?!\w)")
@@ -106,11 +108,11 @@ def _declares(declared: Declaration, name: str, kind: str) -> bool:
     if kind == CONSTANT:
         return name in [each.casefold() for each, _ in getattr(declared.spec, "values", ())]
     is_sought = kind == TYPE_OR_DATA or not declared.is_data
-    return is_sought and f"/{declared.name.casefold()}".endswith(f"/{name}")  # `Prog/Variables` is one, too
+    return is_sought and f"/{declared.name.casefold()}".endswith(f"/{name}")  # also `Prog/Variables`
 
 
 def packages_around(path: str, without: Iterable[str]) -> Iterator[TypeFolder]:
-    """Yield the packages around a file, or a folder, up to the begin of the project, the nearest first."""
+    """Yield the packages of B&R around a file or folder, the nearest first, up to the folder `Logical`."""
     inner = Path(os.path.abspath(path))
     folders = [inner, *inner.parents][not inner.is_dir() :][: MOST_FOLDERS_AROUND + 1]
     for folder, around in pairwise(folders):
@@ -129,26 +131,26 @@ def find_types(
     where: str,
     constants: Mapping[str, int],
 ) -> tuple[TypeSet, list[str]]:
-    """Return the types of files, and of folders what the named types lack, with a line on each folder."""
-    told: dict[str, dict[str, dict[str, Declarations]]] = {}
+    """Return the types of files, with what the named types lack from folders, and a note for each folder."""
+    found_in: dict[str, dict[str, dict[str, Declarations]]] = {}
     sought: set[tuple[str, str]] = set()
     types = join_files(files, where, constants)
     while new := set(_find_missing(types, names)) - sought:
         sought |= new
         for name, kind in sorted(new):
             is_found = False
-            for folder in folders:  # all that are given; what is beside only where these have none
+            for folder in folders:  # all given folders; the files beside FILE only if these have none
                 if (folder.is_whole or not is_found) and (found := folder.find_declaring(name, kind)):
                     is_found = True
-                    told.setdefault(folder.place, {})[name] = found
+                    found_in.setdefault(folder.place, {})[name] = found
                     files = _drop_repeated([*files, *found.values()])
         types = join_files(files, where, constants)
-    return types, [_describe_found(names, place, found) for place, found in told.items()]
+    return types, [_describe_found(names, place, found) for place, found in found_in.items()]
 
 
 def _find_missing(types: TypeSet, names: Iterable[str]) -> Iterator[tuple[str, str]]:
     known = types.types.keys() | types.broken.keys()
-    yield from ((name, TYPE) for name in types.used_system)  # what a file declares comes first
+    yield from ((name, TYPE) for name in types.used_system)  # a file may declare it instead
     for name in names:
         if known.isdisjoint({name.casefold(), name.casefold().rpartition(".")[2]}):
             yield name, TYPE_OR_DATA
@@ -162,10 +164,10 @@ def _describe_found(users: Collection[str], place: str, found: Mapping[str, Iter
     names: dict[tuple[str, ...], list[str]] = {}
     for name, files in found.items():
         names.setdefault(tuple(files), []).append(name)
-    told = [f"{_shorten_names(each)}: found in {_shorten_names(files)}" for files, each in names.items()]
+    texts = [f"{_shorten_names(each)}: found in {_shorten_names(files)}" for files, each in names.items()]
     verb = "uses" if len(users) == 1 else "use"
     uses = f"{_shorten_names(users)} {verb} " if found.keys().isdisjoint(users) else ""
-    return f"{uses}{_shorten_names(told)} {place}"
+    return f"{uses}{_shorten_names(texts)} {place}"
 
 
 def _shorten_names(names: Collection[str]) -> str:
@@ -173,7 +175,7 @@ def _shorten_names(names: Collection[str]) -> str:
 
 
 def _drop_repeated(files: Iterable[Declarations]) -> list[Declarations]:
-    """Leave out each declaration that an earlier file has as well, word for word."""
+    """Return the files without declarations that are equal to one in an earlier file."""
     known: set[Any] = set()
     kept: list[Declarations] = []
     for file in files:

@@ -1,6 +1,6 @@
-"""XML as a tree that knows its lines: no entities, bounded depth and size, names without namespace.
+"""XML as a tree with line numbers: no entities, bounded depth and size, names without namespace.
 
-Rule: nothing is fetched and nothing is expanded: a document type definition is refused.
+Rule: nothing is fetched or expanded (XXE, billion laughs): a document type definition is refused.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from trcvtui.udt.ast import MOST_NESTED
 MOST_DEPTH = 200
 MOST_ELEMENTS = 400_000
 
-# The encodings that XML exports are written in; other codecs of Python are no character sets, or slow.
+# The encodings of XML exports; other codecs of Python are slow or not character sets.
 _CODEC = re.compile(
     r"utf-?(8|16|32)([-_]?[bl]e)?|us-ascii|ascii|iso-?8859-\d{1,2}|latin-?\d{1,2}|windows-\d{3,5}|cp\d{3,5}"
     r"|gb2312|gbk|gb18030|big5|shift_jis|euc-(jp|kr)|koi8-[ru]",
@@ -26,7 +26,7 @@ _UTF16_STARTS = ((b"<\0?\0", "utf-16-le"), (b"\0<\0?", "utf-16-be"))
 
 
 class Element:
-    """One element: its name without namespace, its attributes, what is in it, and where it begins."""
+    """One element: its name without namespace, attributes, children, text, and the place where it begins."""
 
     __slots__ = ("attributes", "children", "name", "pieces", "place", "source", "text_line")
 
@@ -49,25 +49,24 @@ class Element:
         return self.attributes.get(attribute, "")
 
     def require(self, attribute: str) -> str:
-        """Return an attribute without the blanks around it; raise UserError when there is nothing in it."""
+        """Return an attribute without surrounding blanks; raise UserError if it is missing or empty."""
         value = self.get(attribute).strip()
         if not value:
             raise mistake(self.where, f"<{self.name}> without {attribute}", f'{attribute}="..."')
         return value
 
     def each(self, *names: str) -> Iterator[Element]:
-        """Yield the children of these names."""
         return (child for child in self.children if child.name in names)
 
     def find(self, *path: str) -> Element | None:
-        """Return the first child of the first name, in it that of the second and so on; None without."""
+        """Return the element at a path of names, each the first child of its name; None without one."""
         found: Element | None = self
         for name in path:
             found = next(found.each(name), None) if found is not None else None
         return found
 
     def search(self, *names: str) -> Iterator[Element]:
-        """Yield all elements of these names, in the order of the file, however deep; none inside another."""
+        """Yield the elements of these names in file order, at any depth; none inside another of them."""
         waiting = [self]
         while waiting:
             element = waiting.pop()
@@ -78,22 +77,22 @@ class Element:
 
 
 def xml_codec(data: bytes) -> str | None:
-    """Return the encoding that XML without a byte order mark declares; None when it is none of them."""
+    """Return the encoding of XML without a byte order mark; None if it is undeclared or not accepted."""
     for begin, codec in _UTF16_STARTS:
         if data.startswith(begin):
             return codec
     declared = _DECLARED_ENCODING.match(data[:400].lstrip())
     name = declared.group(1).decode("ascii") if declared else ""
-    # Bytes that begin with a readable `<?xml` are no UTF-16 or UTF-32, whatever they declare.
+    # Bytes that begin with a readable `<?xml` cannot be UTF-16 or UTF-32, whatever they declare.
     is_wide = name.lower().startswith(("utf-1", "utf1", "utf-3"))
     return name if _CODEC.fullmatch(name) and not is_wide else None
 
 
 def read_xml(text: str, name: str) -> Element:
-    """Return the root element of a text; raise UserError: one line with the place."""
+    """Return the root element of a text; raise UserError."""
     builder = _TreeBuilder(name)
     try:
-        # The text is decoded already: what its declaration says about bytes is not asked again.
+        # The text is decoded already: its declared encoding no longer applies.
         builder.parser.Parse(text.encode("utf-8", "replace"), True)
     except expat.ExpatError as failed:
         found = expat.ErrorString(failed.code) or "no XML"
@@ -102,8 +101,6 @@ def read_xml(text: str, name: str) -> Element:
 
 
 class _TreeBuilder:
-    """The tree as it grows, and the refusals on the way."""
-
     root: Element
 
     def __init__(self, source: str) -> None:
@@ -111,7 +108,7 @@ class _TreeBuilder:
         self.path: list[Element] = []
         self.count = 0
         self.parser = parser = expat.ParserCreate("utf-8")
-        parser.buffer_text = False  # else the place of a text is the end of it
+        parser.buffer_text = False  # else the place of a text would be its end
         parser.StartElementHandler = self.start
         parser.EndElementHandler = self.end
         parser.CharacterDataHandler = self.characters
@@ -147,13 +144,13 @@ class _TreeBuilder:
         element.pieces.append(text)
 
     def doctype(self, name: str, system: str | None, public: str | None, declares: int) -> None:
-        # With a DTD from elsewhere the parser would leave out what it does not know, without a word.
+        # With an external DTD the parser silently drops entities that it does not know.
         if declares or system or public:
-            raise self.refusal(f"<!DOCTYPE {name[:40]} ...>", "XML without a DTD and entities of its own")
+            raise self.refusal(f"<!DOCTYPE {name[:40]} ...>", "XML without a DTD or entity declarations")
 
 
 def deepen(depth: int, element: Element) -> int:
-    """Return the depth inside an element; raise UserError when no tool in the field follows so deep."""
+    """Return the depth inside an element; raise UserError if it is more than `MOST_NESTED`."""
     if depth >= MOST_NESTED:
         expected = f"at most {MOST_NESTED} levels of STRUCT and ARRAY"
         raise mistake(element.where, "a type nested deeper", expected)

@@ -19,7 +19,7 @@ PACK_MODES = (0, 1, 2, 4, 8)  # what a pack_mode may be
 
 
 class Formula(NamedTuple):
-    """A whole number written with names (`GVL.MAX + 1`); worked out when constants are known."""
+    """A whole number written with names (`GVL.MAX + 1`); evaluated once constants are known."""
 
     text: str
     where: str

@@ -191,7 +191,7 @@ def _parse_number_search(text: str) -> SearchPatterns:
 
 
 def _fits(value: int, bits: int) -> bool:
-    return bool(-(1 << bits - 1) <= value < 1 << bits)
+    return bool(-(1 << bits - 1) <= value < 1 << bits)  # signed or unsigned
 
 
 def _parse_real_search(text: str) -> SearchPatterns:

@@ -63,7 +63,7 @@ def read_values(name: str) -> dict[str, object]:
     except json.JSONDecodeError as wrong:
         place = f"{where}, line {wrong.lineno}, column {wrong.colno}"
         raise mistake(place, f"no JSON ({wrong.msg})", EXPECTED_JSON) from None
-    except ValueError:  # Python reads no number of more than 4300 digits
+    except ValueError:  # Python refuses integers of more than 4300 digits
         raise mistake(where, "a number with too many digits", EXPECTED_JSON) from None
     except RecursionError:
         raise mistake(where, "brackets nested too deeply", EXPECTED_JSON) from None

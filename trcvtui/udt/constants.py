@@ -77,7 +77,7 @@ class _Evaluation:
         return value
 
     def parse_factor(self, depth: int) -> int | None:
-        if depth > DEEPEST_FORMULA:
+        if depth > DEEPEST_FORMULA:  # bounds the recursion
             raise self.refusal(f"at most {DEEPEST_FORMULA} levels")
         if sign := self.accept("+", "-"):
             return self.combine(sign, 0, self.parse_factor(depth + 1))
@@ -216,7 +216,7 @@ class Constants:
 
     def _find_entries(self, key: str, scope: str) -> list[_Entry]:
         own = self.whole.get(f"{scope}.{key}".casefold()) if scope else None
-        exact = own or self.whole.get(key)
+        exact = own or self.whole.get(key)  # the names of the enumeration itself come first
         if exact:
             return _keep_first_layer(exact)
         parts = tuple(key.split("."))
@@ -258,4 +258,6 @@ def _describe_values(name: str, values: Mapping[int, _Entry]) -> str:
 
 def _keep_first_layer(entries: list[_Entry]) -> list[_Entry]:
     first = min((entry.layer for entry in entries), default=0)
-    return [entry for entry in entries if entry.layer == first]
+    return [
+        entry for entry in entries if entry.layer == first
+    ]  # 0: the user's, 1: of files, 2: of enumerations

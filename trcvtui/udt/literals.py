@@ -60,7 +60,7 @@ def quote_text(text: str, mark: str = "'", digits: int = 2) -> str:
 
 
 def parse_time(text: str, where: str = "duration") -> int:
-    """Return the nanoseconds of an IEC duration such as `T#1s500ms`; raise UserError when it is none."""
+    """Return the nanoseconds of an IEC duration such as `T#1s500ms`; raise UserError for anything else."""
     ns = parse_duration(text)
     if ns is None:
         shown = f"'{text}'" if len(text) <= _LONGEST_LITERAL else f"'{text[:_LONGEST_LITERAL]}...'"

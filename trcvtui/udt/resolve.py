@@ -91,7 +91,7 @@ class Resolver:
                 found = f"'{declaration.name}' nested {depth} deep"
                 expected = f"at most {ast.MOST_NESTED} levels"
                 self.refuse(key, Problem(declaration.where, found, expected))
-            if type_ is not None and key not in self.bad:
+            if type_ is not None and key not in self.bad:  # a bad type is left out, the good ones stay
                 self.types[key], self.depths[key] = type_, depth
 
     def order_keys(self) -> list[str]:
@@ -109,7 +109,7 @@ class Resolver:
                 if used is None:
                     order.append(key)
                     del path[key]
-                elif used in path:
+                elif used in path:  # a circle: `look_up` refuses it at the member
                     names = [self.declared[each].name for each in path]
                     self.circles[key, used] = [names[-1], *names[list(path).index(used) : -1]]
                 elif used not in seen:
@@ -168,7 +168,7 @@ class Resolver:
         base = self.look_up_integer(spec.base, user)
         unknown = self.find_unknown(spec.low, spec.high)
         limits = None if unknown else self.limits(spec.low, spec.high, user)
-        if base is not None and unknown:
+        if base is not None and unknown:  # the base alone decides the layout
             bounds = [n.text if isinstance(n, ast.Formula) else str(n) for n in (spec.low, spec.high)]
             text = f"{base.name}({'..'.join(bounds)}) without a known {', '.join(unknown)}"
             note = f"{spec.base.where}: {text} is laid out as {base.name}"

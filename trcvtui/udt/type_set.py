@@ -108,6 +108,7 @@ def join_files(
     copies: dict[object, Declaration] = {}  # equal copies once
     for copy in [copy for file in files for copy in file.copies]:
         copies.setdefault(strip_places((copy.name, copy.spec)), copy)
+    # A file that declares a type replaces every copy of it; `_note_differences` compares them.
     again = {key: copy for key, copy in copies.items() if copy.name.casefold() in resolver.declared}
     for key in [key for key in copies if key not in again]:
         resolver.declare(copies[key], uses_system=True)

@@ -33,8 +33,7 @@ MOST_FITS: Final = 64  # readings returned
 FAR_BEHIND: Final = 40.0  # points behind the best one at which a reading with a cause is dropped
 MOST_NAMED: Final = 3  # readings that a sentence names
 TIE_POINTS: Final = 1.0  # a smaller lead is no evidence
-# The place of the type in longer messages is sought with so many members and messages; a place with fewer
-# points is given up.
+# Limits of the search for the type in longer messages; a place below MISPLACED_POINTS is given up.
 MOST_PLACED_AND_MESSAGES: Final = (32, 4)
 MISPLACED_POINTS: Final = -30.0
 
@@ -139,6 +138,7 @@ def _find_likeliest_place(look: LayoutView, messages: Sequence[bytes]) -> tuple[
                 break
         if points > best:
             best, place = points, cause
+    # The more places are tried, the likelier one of them fits by chance.
     return () if place is None else (place._replace(is_guess=True, cost=place.cost - math.log(len(ways))),)
 
 

@@ -158,7 +158,7 @@ def judge_step(leaf: Leaf, before: bytes, after: bytes, rules: LayoutRules) -> t
 
 def _to_points(likely: float, raw: bytes) -> float:
     more = likely - chance(raw)
-    if more > 30:
+    if more > 30:  # UNFORESEEN no longer matters, and `exp` could overflow
         return more
     return (
         math.log(UNFORESEEN + (1 - UNFORESEEN) * math.exp(more)) if more > LOG_NEVER else math.log(UNFORESEEN)
@@ -245,6 +245,7 @@ def _score_number(number: int, raw: bytes, any_of_them: float) -> float:
         return zero
     size, bits = abs(number), 8 * len(raw)
     of_this_sign = NEGATIVE_SHARE if number < 0 else 1 - NEGATIVE_SHARE
+    # Every count of binary digits is equally likely (0.6931 is ln 2); + 3 flattens the smallest numbers.
     likely = anything * any_of_them + free * of_this_sign / ((size + 3) * 0.6931 * (bits - 1))
     if size < 1 << FEW_BITS:
         likely += few * of_this_sign / ((size + 3) * 0.6931 * (min(bits, FEW_BITS) - 2))
@@ -287,7 +288,7 @@ def _judge_real(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder) -> _
     if not share:
         return LOG_NEVER, f"no sensible {name}"
     each, most, any_digits = DIGITS[size]
-    mantissas = 3.32 * 2.0 ** MANTISSA_BITS[size]
+    mantissas = 3.32 * 2.0 ** MANTISSA_BITS[size]  # of a decade, which has 3.32 powers of two
     likely = any_digits / mantissas
     if size == 8 and not any(raw[:3] if order == "little" else raw[-3:]):
         likely += FORMER_REAL_SHARE / (3.32 * 2.0**23)

@@ -191,6 +191,7 @@ def _find_nearest(wanted: Layout, rules: LayoutRules, is_scl: bool) -> PaddedTyp
     packs = (None, 1) if rules.takes_pack else (None,)
     rebuilt = [_Rebuilder(wanted, rules, pack, longer, is_scl) for longer in (False, True) for pack in packs]
     tries = [_try_rebuild(wanted, rules, rebuild) for rebuild in rebuilt]
+    # Raw bytes alone are the last resort, else the fewest unreached members win.
     return min(tries, key=lambda found: (any(not one.path for one in found.unreached), len(found.unreached)))
 
 

@@ -78,7 +78,6 @@ END_FUNCTION
 
 
 def language_of(rules: LayoutRules) -> Language:
-    """Return SCL for an S7, else ST."""
     return "scl" if rules.name == S7.name else "st"
 
 
@@ -178,6 +177,7 @@ class _SwapWriter:
                 return not wide
             case _:
                 row = self.stored_row(type_)
+                # The BCD digits of a DT have no byte order.
                 return row is not None and (row.size == 1 or (row.name, row.code) == ("DT", "8s"))
 
     def statements(self, type_: Type, at: _SwapPosition) -> Iterator[str]:

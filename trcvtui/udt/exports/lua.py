@@ -203,7 +203,7 @@ def _integer_type(row: Elementary) -> str:
     return f"{'int' if row.code.islower() else 'uint'}{8 * row.size}"
 
 
-# -- the type as it is walked ------------------------------------------------------------------------------
+# -- the walk over the type --------------------------------------------------------------------------------
 
 
 def structs_of(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, PlacedStruct]]:

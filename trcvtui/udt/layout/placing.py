@@ -61,7 +61,7 @@ class Placing:
         """Return the type laid out; raise UserError if something in it has no layout or is too large."""
         if self.refused and type_ in self.refused:
             raise UserError(())  # without problems: they are reported at its first use
-        if id(type_) not in self.placed:
+        if id(type_) not in self.placed:  # once, even if many members have this type
             try:
                 self.placed[id(type_)] = self.place_new(type_, where), type_
             except UserError:
@@ -138,6 +138,7 @@ class Placing:
         for at, (_, inner, node) in enumerate(parts):
             if type_.bit_fields:
                 end, align = self.place_bit_fields(type_, at, end, align)
+                # A bit-field ends the byte that BITs share.
                 bit = 0 if any(one.at == at for one in type_.bit_fields) else bit
             step = self.step(node, cap)
             align = max(align, step)
@@ -327,7 +328,7 @@ class Builder:
             raise Unreachable(path, why)
 
     def _pad_once(self, offset: int) -> bool:
-        """Add one padding member before the offset: an ARRAY where one can lie, else a BYTE."""
+        """Add one padding member before the offset: an ARRAY if one can be there, else a BYTE."""
         floor, member_floor = self.rules.array_floor, self.rules.member_floor
         size = offset - self.end
         if round_up(self.end + size, floor) > offset:

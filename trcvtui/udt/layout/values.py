@@ -49,6 +49,7 @@ def _write_overlapping(layout: Layout, data: bytearray, parts: Sequence[tuple[Le
         value = decode_leaf(layout, leaf, part)
         needed = _needed_mask(layout, leaf, part) if isinstance(leaf.type, StringType) else own
         free = bytes(ours & ~theirs for ours, theirs in zip(own, taken[place], strict=True))
+        # The free bits first, then those it needs, then all; each as given and in an equivalent form.
         for mask, form in (*product((free, needed), (part, _equivalent(layout, leaf, part))), (own, part)):
             written = bytes(b & ~m | f & m for b, f, m in zip(data[place], form, mask, strict=True))
             if _is_same_value(decode_leaf(layout, leaf, written), value):

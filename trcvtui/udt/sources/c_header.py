@@ -383,7 +383,7 @@ _UNARY_OPERATORS: dict[str, Callable[[int], int]] = {"+": pos, "-": neg, "~": in
 
 def fold(node: Any, look_up: Callable[[str], int | None], depth: int = 0) -> int | None:
     """Return the value of an expression, None if something in it is not a known whole number."""
-    if depth > DEEPEST:
+    if depth > DEEPEST:  # bounds the recursion
         return None
     value: int | None = None
     match type(node).__name__:
@@ -456,7 +456,7 @@ def parse_header(source: CSource) -> Iterator[Any]:
             continue
         used = sorted(types & set(_WORD.findall(text)))
         try:
-            if not _is_shallow(text):
+            if not _is_shallow(text):  # pycparser is recursive
                 raise mistake(source.where(begin), "brackets nested deeper", f"at most {DEEPEST} levels")
             nodes = _parse_part(text, used, source, begin)
             source.check_moves(begin, end)
@@ -487,6 +487,7 @@ def _parse_part(text: str, types: list[str], source: CSource, begin: int) -> lis
         where = f"{source.name}:{found[1]}:{found[2]}" if found else source.where(begin)
         what = found[3] if found else str(failed).rpartition(": ")[2]
     except (RecursionError, AssertionError, AttributeError, IndexError, KeyError, TypeError, ValueError):
+        # pycparser fails with these for text that is not C.
         where, what = source.where(begin), "unknown to the C parser"
     mark = CPP_MARKS.search(text)
     if mark or source.cpp.is_cpp:

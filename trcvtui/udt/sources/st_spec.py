@@ -30,7 +30,7 @@ class SpecParser(Cursor):
 
     def spec(self) -> ast.Spec:
         self.nested += 1
-        if self.nested > ast.MOST_NESTED:
+        if self.nested > ast.MOST_NESTED:  # bounds the recursion, too
             raise self.refusal(f"at most {ast.MOST_NESTED} levels of STRUCT and ARRAY")
         rule = SPEC_RULES.get(self.token.upper, SpecParser.parse_named_type)
         if self.sees("POINTER", "REFERENCE") and self.tokens[self.at + 1].upper != "TO":
@@ -64,7 +64,7 @@ class SpecParser(Cursor):
             except UserError as refused:
                 self.note(refused)
                 self.skip_statement()
-                self.nested = nested
+                self.nested = nested  # the mistake may be deeper inside
         return ast.StructSpec(tuple(members), is_union=word == "UNION")
 
     def member(self, end: str) -> list[ast.MemberSpec]:

@@ -50,7 +50,7 @@ class TypeFolder:
         texts: dict[str, str] = {}
         size = 0
         for number, (folder, inner, _) in enumerate(os.walk(self.path)):
-            inner[:] = sorted(name for name in inner if self.is_whole and not name.startswith("."))
+            inner[:] = sorted(name for name in inner if self.is_whole and not name.startswith("."))  # .git
             names = [name for name in type_files_in(folder) if name.lower().endswith(self.extensions)]
             for path in (os.path.join(folder, name) for name in names):
                 if len(texts) > MOST or size > MOST_BYTES or os.path.realpath(path) in self.without:
@@ -116,6 +116,7 @@ def packages_around(path: str, without: Iterable[str]) -> Iterator[TypeFolder]:
     inner = Path(os.path.abspath(path))
     folders = [inner, *inner.parents][not inner.is_dir() :][: MOST_FOLDERS_AROUND + 1]
     for folder, around in pairwise(folders):
+        # `Logical` is the root of a B&R project; nothing above the home folder is searched.
         if folder.name == "Logical" or folder == Path(os.path.expanduser("~")):
             return
         near = os.path.relpath(around)

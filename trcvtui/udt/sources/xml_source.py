@@ -12,8 +12,8 @@ from xml.parsers import expat
 from trcvtui.errors import UserError, mistake
 from trcvtui.udt.ast import MOST_NESTED
 
-MOST_DEPTH = 200
-MOST_ELEMENTS = 400_000
+MOST_DEPTH = 200  # levels of elements
+MOST_ELEMENTS = 400_000  # bounds the memory for a hostile file
 
 # The encodings of XML exports; other codecs of Python are slow or not character sets.
 _CODEC = re.compile(

@@ -181,7 +181,7 @@ def _parse_number_search(text: str) -> SearchPatterns:
         (name, struct.pack(order + (signed if value < 0 else plain), value))
         for name, signed, plain in _INTEGER_CODES
         for order in "<>"
-        if _fits(value, 8 * struct.calcsize(plain))
+        if _fits_bits(value, 8 * struct.calcsize(plain))
     ]
     if not found:
         raise mistake(SEARCH_WHERE, text, "a number of at most 64 bits")
@@ -190,7 +190,7 @@ def _parse_number_search(text: str) -> SearchPatterns:
     return _make_patterns(found)
 
 
-def _fits(value: int, bits: int) -> bool:
+def _fits_bits(value: int, bits: int) -> bool:
     return bool(-(1 << bits - 1) <= value < 1 << bits)  # signed or unsigned
 
 

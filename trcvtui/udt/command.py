@@ -136,10 +136,8 @@ def compare(args: SimpleNamespace) -> tuple[str, bool]:
     """Return the answer of `udt compare`, and whether both sides are equal."""
     from trcvtui.udt.compare.compare import Comparison, compare_json, compare_text, is_equal
 
-    (ours, our_notes), (theirs, their_notes) = [
-        side.layout() for side in type_choices(args, *_split_sides(args))
-    ]
-    write_notes(dict.fromkeys([*our_notes, *their_notes]))
+    (ours, notes), (theirs, their_notes) = [side.layout() for side in type_choices(args, *_split_sides(args))]
+    write_notes(dict.fromkeys([*notes, *their_notes]))
     comparison = Comparison(ours, theirs)
     data = read_hex_argument(" ".join(args.hex)) if args.hex else b""
     rows = list(comparison.rows(data))

@@ -196,7 +196,7 @@ class Constants:
     def _look_up(self, name: str, scope: str) -> _LookUpResult:
         key = name.casefold()
         if (key, scope) not in self.found:
-            self.found[key, scope] = _LookUpResult(None, (name,))  # found by itself: it has no value
+            self.found[key, scope] = _LookUpResult(None, (name,))  # for one that is defined by itself
             if len(self.path) < LONGEST_CHAIN:
                 self.found[key, scope] = self._evaluate_entries(name, self._find_entries(key, scope))
             else:
@@ -257,7 +257,5 @@ def _describe_values(name: str, values: Mapping[int, _Entry]) -> str:
 
 
 def _keep_first_layer(entries: list[_Entry]) -> list[_Entry]:
-    first = min((entry.layer for entry in entries), default=0)
-    return [
-        entry for entry in entries if entry.layer == first
-    ]  # 0: the user's, 1: of files, 2: of enumerations
+    first = min((entry.layer for entry in entries), default=0)  # the user's, then files', then enumerations'
+    return [entry for entry in entries if entry.layer == first]

@@ -28,7 +28,7 @@ ZEROS_BEFORE_SHARE: Final = 0.05
 ZEROS_AFTER: Final = 0.002  # zeros are padding more often than a trailer
 BLOCK_CHECK_NAME: Final = "xor8"  # devices call it BCC
 INT_BYTE_ORDERS: Final[tuple[Literal["big", "little"], ...]] = ("big", "little")
-LENGTH_FIELD_SHARE: Final = 0.5  # of headers that have a length
+LENGTH_FIELD_SHARE: Final = 0.5  # how often a header contains the length
 BOTH_SIDES_POINTS: Final = -5.0  # points of a cause with bytes before and after
 
 

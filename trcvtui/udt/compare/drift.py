@@ -91,6 +91,7 @@ def find_drifted_layouts(
         for drift in known[in_order]:
             cause = drift.cause
             points = round(cause.cost + judge.score_node(drift.lying, 0, rules), 6)
+            # Equal points for the same change are taken as one reading; the first layout stays.
             key = rules.byte_order, profile.text, cause.member, cause.theirs, points
             found.setdefault(key, (points, profile, drift))
     seen = {_own_places(layout, shift) for _, layout in pairs for shift in (0, size - layout.size)}

@@ -137,6 +137,7 @@ class Reading:
     ) -> Reading | None:
         """Return the reading; None if the cause does not apply to these bytes."""
         cutting = cut(cause, look.layout.size, messages, framed, MOST_MESSAGES)
+        # At least half of the messages must have a length that fits.
         is_cut = bool(cutting.units) and (cutting.fitting * 2 >= len(messages) or not framed)
         if cause.kind is not None and not is_cut:
             return None

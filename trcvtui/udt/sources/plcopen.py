@@ -93,11 +93,11 @@ def _declarations(element: Element) -> Iterator[ast.Declaration]:
     with collect_problems(walk.problems):
         spec = walk.struct(element, 0) if element.name == "union" else walk.base(element, 0)
         if isinstance(spec, ast.StructSpec):
-            spec = spec._replace(base=_extends(element), pack=_pack(element))
+            spec = spec._replace(base=_read_extends(element), pack=_read_pack(element))
     yield ast.Declaration(name, spec, element.where, tuple(walk.problems))
 
 
-def _additions(element: Element, kind: str) -> Iterator[Element]:
+def _vendor_parts(element: Element, kind: str) -> Iterator[Element]:
     """Yield what the vendor added under `.../plcopenxml/kind`."""
     added = element.find("addData")
     for data in added.each("data") if added else ():
@@ -107,23 +107,23 @@ def _additions(element: Element, kind: str) -> Iterator[Element]:
 
 def _plain_text(element: Element) -> Element | None:
     """Return the element with the ST text of a type, None without one."""
-    for plain in _additions(element, "interfaceasplaintext"):
+    for plain in _vendor_parts(element, "interfaceasplaintext"):
         text = plain.find("xhtml") or plain
         if text.text.strip():
             return text
     return None
 
 
-def _extends(element: Element) -> ast.Reference | None:
-    for inheritance in _additions(element, "datatypeinheritance"):
+def _read_extends(element: Element) -> ast.Reference | None:
+    for inheritance in _vendor_parts(element, "datatypeinheritance"):
         base = inheritance.find("Extends")
         if base is not None and base.text.strip():
             return ast.Reference(base.text.strip(), base.where)
     return None
 
 
-def _pack(element: Element) -> int | None:
-    for attributes in _additions(element, "attributes"):
+def _read_pack(element: Element) -> int | None:
+    for attributes in _vendor_parts(element, "attributes"):
         for attribute in attributes.each("Attribute"):
             if attribute.get("Name").lower() == "pack_mode":
                 pack = parse_integer(attribute.get("Value"))

@@ -170,8 +170,8 @@ class Resolver:
         limits = None if unknown else self.limits(spec.low, spec.high, user)
         if base is not None and unknown:  # the base alone decides the layout
             bounds = [n.text if isinstance(n, ast.Formula) else str(n) for n in (spec.low, spec.high)]
-            text = f"{base.name}({'..'.join(bounds)}) without a known {', '.join(unknown)}"
-            note = f"{spec.base.where}: {text} is laid out as {base.name}"
+            text = f"{base.name}({'..'.join(bounds)}) is laid out as {base.name}"
+            note = f"{spec.base.where}: {text}; unknown: {', '.join(unknown)}"
             self.notes.setdefault(user, {})[note] = None
             return base
         if base is None or limits is None:
@@ -280,7 +280,7 @@ class Resolver:
             expected = "a type that does not contain itself"
             spec = self.declared[user].spec if user in self.declared else None
             if isinstance(spec, ast.StructSpec) and spec.base is reference:
-                found = f"'{reference.name}', which extends this"
+                found = f"'{reference.name}', which extends this type"
                 expected = "a type that does not extend itself"
             self.refuse(user, Problem(reference.where, found, expected))
         elif key in BUILTIN_TYPES:

@@ -110,7 +110,7 @@ class _HeaderReader:
     def declare(self, name: str, node: Any, read: Callable[[], ast.Spec], word: str) -> ast.Spec | None:
         self.problems, self.notes = [], {}
         if word.isupper() and "PACK" in word and word != name:
-            self.notes[f"{word} is read as a name: a macro needs --with its header"] = None
+            self.notes[f"{word} is read as a name; for a macro add --with its header"] = None
         spec: ast.Spec | None = None
         with collect_problems(self.problems):
             spec = read()
@@ -495,7 +495,7 @@ def _parse_part(text: str, types: list[str], source: CSource, begin: int) -> lis
         shown = " ".join(mark[0].split())[:60] if mark else what[:60]
         expected = "a class with plain members only: anything else may change its size"
         raise mistake(where, f"'{shown}': {CPP_NOTE}", expected)
-    expected = "C declarations; for a macro of another header, --with that header"
+    expected = "C declarations; for a macro of another header add --with HEADER"
     raise mistake(where, f"C that cannot be read ({what[:60]})", expected)
 
 

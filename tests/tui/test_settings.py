@@ -96,10 +96,10 @@ async def test_footer_help_and_palette_name_the_users_keys(config: Path) -> None
     ("line", "told"),
     [
         ('hld = "f6"', "found 'hld', expected hold"),
-        ('hold = "n"', "hold: found 'n', which pins and panes have, expected another key"),
-        ('hold = "tab"', "hold: found 'tab', which pins and panes have, expected another key"),
-        ('hold = "7"', "hold: found '7', which pins and panes have, expected another key"),
-        ('hold = "S"', "hold: found 'S', which scenarios has, expected another key"),
+        ('hold = "n"', "hold: found 'n', which pins and panes use, expected another key"),
+        ('hold = "tab"', "hold: found 'tab', which pins and panes use, expected another key"),
+        ('hold = "7"', "hold: found '7', which pins and panes use, expected another key"),
+        ('hold = "S"', "hold: found 'S', which scenarios uses, expected another key"),
         ('hold = "F6"', "hold: found 'F6', expected one character, or a key such as f5, ctrl+k or pageup"),
         (
             "hold = 6",

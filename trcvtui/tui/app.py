@@ -43,17 +43,17 @@ if TYPE_CHECKING:
 FRAME_S: Final = 1 / 20
 REST_FRAME_S: Final = 1 / 8  # while no key, paste or mouse event comes
 ACTIVE_S: Final = 1.0  # after one of these
-MOST_ADD_WAIT_S: Final = 1.0  # of keys, for what the form adds: held scans bring it later
+MOST_ADD_WAIT_S: Final = 1.0  # keys wait so long for what the form adds; held scans may add it later
 ENGINE_ENDED_EXIT: Final = 1
-DETACHED_EXIT: Final = 3  # of the process of a tap's screen: the tap goes on
+DETACHED_EXIT: Final = 3  # the screen of a tap ends; the tap keeps forwarding
 
 
-# What a read-only screen may do: this and `reads_only`, and nothing else. A new command or screen is refused
-# too. The files of the screen's process and of its engine are closed beside that (`files.close_files`).
+# A read-only screen may do only what this function and `reads_only` allow, so a new command or screen is
+# refused by default. `files.refuse_files` closes all files of the process as well.
 
 
 def may_open(screen: object) -> bool:
-    """Return whether a read-only screen may open a screen above the panes: it shows, and opens no file."""
+    """Return whether a read-only screen may open this screen: it only displays, and opens no file."""
     from textual.command import CommandPalette
 
     from trcvtui.tui.curve import CurveScreen
@@ -64,7 +64,7 @@ def may_open(screen: object) -> bool:
 
 
 class BenchApp(TerminalApp):
-    """Twenty times a second, of a bench at rest eight: take the newest picture, show it, ask for the next."""
+    """Show the newest picture and ask for the next one: 20 times a second, 8 times while the bench rests."""
 
     BINDINGS: ClassVar = [
         Binding("P", "picture", show=False, id="picture"),
@@ -89,26 +89,24 @@ class BenchApp(TerminalApp):
         self.view_model = ViewModel(project)
         self._is_replay = replay
         self.main = _replay_screen(self) if replay else MainScreen(self.view_model, self.submit)
-        self.scenarios: ScenariosScreen | None = None  # while it is open
-        self._scenario: Path | None = None  # the one that was chosen last
-        self.lab: LabScreen | None = None  # while it is open
-        # A dialog that pictures feed, while it is open.
-        self.card: FramingScreen | DoctorScreen | CurveScreen | None = None
-        self._lab: Lab | None = None  # what was looked at in it
+        self.scenarios: ScenariosScreen | None = None  # None: closed
+        self._scenario: Path | None = None  # the last choice
+        self.lab: LabScreen | None = None  # None: closed
+        self.card: FramingScreen | DoctorScreen | CurveScreen | None = None  # the open one shows pictures
+        self._lab: Lab | None = None  # its choices outlive the screen
         self.last_words = ""
-        self.remembers = False  # the project, as one of those that were opened last
-        self._engines, self._starts = 1, False  # how many there were; no picture of the last has come yet
-        self._edits: list[str] = []  # lines that have changed the project: a fresh engine is told them again
-        self._again: tuple[str, ...] = ()  # lines that bring a fresh engine to where the last one stood
-        self._warned: tuple[int, object] = 0, 0  # the key of a warning, and of what
+        self.remembers = False  # put the project into the list of recent ones
+        self._engines, self._starts = 1, False  # engines started so far; the last one has sent no picture yet
+        self._edits: list[str] = []  # lines that have changed the project: a new engine gets them again
+        self._again: tuple[str, ...] = ()  # lines that restore the bench on a new engine
+        self._warned: tuple[int, object] = 0, 0  # number of the key that caused a warning, and its subject
         self._worked_at = monotonic()  # the last key, paste or mouse event
-        self._due_at = 0.0  # when a picture is asked for at rest
-        self._before: BenchUpdate | None = None  # the newest picture when one was asked for
-        self._addition: tuple[str, str, float] | None = None  # kind and name; until when keys wait for it
+        self._due_at = 0.0  # the next request at rest
+        self._before: BenchUpdate | None = None  # the newest picture at the last request
+        self._addition: tuple[str, str, float] | None = None  # kind, name, deadline of the waiting keys
 
     def on_mount(self) -> None:
-        """Put the bench on the screen, then let the pictures flow."""
-        # Not as the default screen: an input field in that one fails at start (Textual issue 6444).
+        # Not as the default screen: an input field in it fails at start (Textual issue 6444).
         self.start_terminal()
         self.push_screen(self.main)
         self._refresh_picture()
@@ -124,7 +122,7 @@ class BenchApp(TerminalApp):
 
             self.run_worker(to_thread(remember_project, self._home))
         if self.only_looks:
-            self.main.prompt.inform("read-only: this screen looks, it commands nothing")
+            self.main.prompt.inform("read-only: this screen shows the bench and sends no commands")
         if self.problems:
             first, *more = self.problems
             self.main.prompt.show_error(first + (f" (and {len(more)} more: ? lists all)" if more else ""))
@@ -136,7 +134,7 @@ class BenchApp(TerminalApp):
     # -- pictures and lines -------------------------------------------------------------------------
 
     def _tick(self) -> None:
-        """Show a picture that has come; ask for the next one at the pace of the eye."""
+        """Show a new picture; ask for the next one, less often while the bench rests."""
         now = monotonic()
         is_due = now >= self._due_at or self._is_at_work(now)
         self._refresh_picture(is_due)
@@ -145,7 +143,7 @@ class BenchApp(TerminalApp):
             self._due_at = max(now - FRAME_S, min(now, self._due_at)) + REST_FRAME_S  # on average
 
     def _is_at_work(self, now: float) -> bool:
-        """Return whether each frame asks for a picture; only the panes of a bench come to rest."""
+        """Return whether each frame asks for a picture; only the panes of a bench may rest."""
         may_rest = self.screen_stack[-1:] == [self.main] and self._is_on_a_bench
         is_slow = self.main.prompt.is_waiting or self.view_model.known_messages.is_behind
         return now < self._worked_at + ACTIVE_S or not may_rest or is_slow
@@ -156,10 +154,9 @@ class BenchApp(TerminalApp):
         return picture is not None and picture.kernel in ("sim", "live") and picture.player is None
 
     async def on_event(self, event: events.Event) -> None:
-        """Ask for a picture at once when work begins."""
         await super().on_event(event)
         if isinstance(event, events.Key | events.Paste | events.MouseEvent):
-            if not self._is_at_work(monotonic()):
+            if not self._is_at_work(monotonic()):  # do not wait for the slow frame of a bench at rest
                 self.call_later(self._refresh_picture)
             self._worked_at = monotonic()
 
@@ -172,10 +169,10 @@ class BenchApp(TerminalApp):
             if picture is not None:
                 self.view_model.accept_picture(picture)
                 self._edits += [answer.edit for answer in picture.answers if answer.edit]
-            if unsaved and not self.view_model.unsaved:
+            if unsaved and not self.view_model.unsaved:  # a new engine reads them in the saved file
                 self._edits = [line for line in self._edits if line.startswith(UNSAVED_COMMANDS)]
             if asks:
-                self._engine.request(self.view_model.request())  # now: it is packed while this one is drawn
+                self._engine.request(self.view_model.request())  # the engine packs it while this one is drawn
             if picture is not None:
                 if self._starts:
                     self.main.prompt.inform(f"engine {self._engines} runs")
@@ -209,7 +206,7 @@ class BenchApp(TerminalApp):
                 self.main.show()
 
     def submit(self, line: str) -> None:
-        """Send one bench command line to the engine, while there is one; some are for this screen."""
+        """Carry out a line of this screen, or send a bench command to the engine if it runs."""
         if self.only_looks and not reads_only(line):
             self.main.prompt.show_result(line, "", READ_ONLY)
             return
@@ -229,14 +226,14 @@ class BenchApp(TerminalApp):
             self.main.prompt.show_sent_line(line, number)
 
     def push_screen(self, screen: Any, *how: Any, **more: Any) -> Any:
-        """Open a screen above the panes; a read-only one opens few, a replay none that changes something."""
+        """Open a screen above the panes; refuse most when read-only, and in a replay those that change."""
         if (self.only_looks and not may_open(screen)) or (self._is_replay and not _is_for_replay(screen)):
             self._refuse()
             return AwaitMount(self.screen, [])
         return super().push_screen(screen, *how, **more)
 
     def refuses(self) -> bool:
-        """Say, where this screen is read-only, that what was asked for is refused; return whether it is."""
+        """Return whether this screen is read-only; if it is, say that the action is refused."""
         if self.only_looks:
             self._refuse()
         return self.only_looks
@@ -271,13 +268,13 @@ class BenchApp(TerminalApp):
             self.scenarios.dismiss(None)
         if self.lab is not None and self.screen is self.lab:
             self.lab.dismiss()
-        anew = "" if self.only_looks else "R starts the engine anew, "
-        self.main.freeze(f"{why}; {'a new tab starts another, ' if self._engine.is_shared else anew}q quits")
+        way = "" if self.only_looks else "R restarts the engine, "
+        self.main.freeze(f"{why}; {'a new tab starts an engine, ' if self._engine.is_shared else way}q quits")
         self._select_addition()
         self._resume_keys()
 
     def action_restart(self) -> None:
-        """Record the run, or end its recording; after the engine has ended: start it anew."""
+        """Record the run, or stop recording; restart an engine that has ended."""
         if self.screen is not self.main:
             return
         if self.only_looks:
@@ -291,13 +288,13 @@ class BenchApp(TerminalApp):
                 self.submit("record stop" if is_recording else "record")
             return
         if self._engine.is_shared:
-            self.exit()  # the page has a button that begins anew
+            self.exit()  # the page has a button for a new session
             return
         self.last_words = ""
         self._engines, self._starts = self._engines + 1, True
         self._keeps_keys = True  # until `process_kept_keys`
         self._engine.restart()
-        if picture is not None:
+        if picture is not None:  # None: the new engine ended before its first picture, so its lines are kept
             self._again = ()
         if picture is not None and self._is_on_a_bench:
             self._again = *self._edits, *restore_commands(picture.snapshot, self.view_model.project)
@@ -383,7 +380,7 @@ class BenchApp(TerminalApp):
         if self.screen is not self.main or self.refuses():
             return
         if not self.view_model.project.combuffers:
-            self.main.prompt.show_error("no ComBuffer in this project: framing advice looks at one's bytes")
+            self.main.prompt.show_error("no ComBuffer in this project: framing advice needs its bytes")
             return
         self.card = FramingScreen(self.view_model)
         self.push_screen(self.card, self._handle_framing_lines)
@@ -423,7 +420,7 @@ class BenchApp(TerminalApp):
             self.push_screen(AddScreen(lambda: self.view_model.project, kind, {}), self._submit_addition)
 
     def _submit_addition(self, line: str | None) -> None:
-        """Send the line. Keys wait until what it adds is there: they are for that."""
+        """Send the line. Keys wait until the new part exists: they are meant for it."""
         if line:
             self.submit(line)
             _, kind, name, *_ = line.split()
@@ -431,7 +428,7 @@ class BenchApp(TerminalApp):
                 self._addition, self._keeps_keys = (kind, name, monotonic() + MOST_ADD_WAIT_S), True
 
     def _select_addition(self) -> None:
-        """Select what the form has added once it exists; keys wait for it MOST_ADD_WAIT_S at most."""
+        """Select the part that the form has added, once it exists; keys wait MOST_ADD_WAIT_S at most."""
         if self._addition is None:
             return
         view, (kind, name, until) = self.view_model, self._addition
@@ -448,20 +445,20 @@ class BenchApp(TerminalApp):
                 view.selected = name
                 self.main.follow_selected()
                 self.main.action_pane(1)
-        elif is_late:
+        elif is_late:  # the keys go now; the part is still selected when it comes
             self._addition = kind, name, inf
         if is_there or is_late:
             self.call_after_refresh(self.process_kept_keys)
 
     async def action_quit(self) -> None:
-        """End the bench; what would be lost or cut is told first, what is lost again after another key.
+        """End the bench, after a warning about unsaved edits and connections that are cut.
 
-        A tab of `serve` loses nothing.
+        Any other key makes the warning about edits necessary again. A tab of `serve` loses nothing.
         """
         picture, unsaved = self.view_model.live, self.view_model.unsaved
         if unsaved and not self.last_words and not self._engine.is_shared:
             what = f"{count(unsaved, picture.unsaved_word if picture else '')} to the project unsaved"
-            if not self._is_confirmed(unsaved, f"{what}: `save project` keeps them, q quits"):
+            if not self._is_confirmed(unsaved, f"{what}: `save project` saves them, q quits"):
                 return
         if isinstance(self.screen, QuitTapScreen):
             self.screen.action_leave()
@@ -471,7 +468,7 @@ class BenchApp(TerminalApp):
             self.exit()
 
     def _is_confirmed(self, what: object, text: str) -> bool:
-        """Return whether the key before this one has asked for the same; else say what it means."""
+        """Return whether the key before this one caused the same warning; else show the warning."""
         is_meant, self._warned = self._warned == (self._keys - 1, what), (self._keys, what)
         if not is_meant:
             (self.main.prompt.show_error if self.screen is self.main else self._notify)(text)
@@ -484,7 +481,7 @@ class BenchApp(TerminalApp):
     def action_picture(self) -> None:
         from trcvtui.tui.clipboard_and_files import screenshot  # read when first asked for
 
-        if not self.is_web and self.refuses():  # a browser gets the picture, no file is written
+        if not self.is_web and self.refuses():  # a browser downloads the picture: no file is written here
             return
         prompt, on_bench = self.main.prompt, self.screen is self.main
         screenshot(self, *((prompt.inform, prompt.show_error) if on_bench else (self._notify, self._notify)))
@@ -509,11 +506,11 @@ class BenchApp(TerminalApp):
             ):
                 yield self._with_the_users_key(command)
         for name, theme in OWN_THEMES.items():
-            look = "the terminal's own 16 colours" if theme.ansi else f"the {name} one"
+            look = "the 16 colours of the terminal" if theme.ansi else f"{name} colours"
             yield SystemCommand(f"Theme {name}", look, partial(setattr, self, "theme", theme.name))
-        yield SystemCommand("Theme", "another look", self.action_change_theme)
+        yield SystemCommand("Theme", "choose a colour theme", self.action_change_theme)
         yield SystemCommand(
-            "Record", "record the run, end that; start an ended engine anew · key R", self.action_restart
+            "Record", "record the run, or stop; restart an engine that has ended · key R", self.action_restart
         )
         yield SystemCommand("Screenshot", "save the screen as an SVG file · key P", self.action_picture)
         what = "close this tab" if self._engine.is_shared else "end the bench"
@@ -527,7 +524,7 @@ def _replay_screen(app: BenchApp) -> MainScreen:
 
 
 def _is_for_replay(screen: object) -> bool:
-    """Return whether a replay may open a screen above the panes: none that is there to change something."""
+    """Return whether a replay may open this screen: not one that changes the bench."""
     from trcvtui.tui.forms.add_screen import AddScreen
     from trcvtui.tui.scenarios.screen import ScenariosScreen
 
@@ -542,7 +539,7 @@ def run_app(
     replay: bool = False,
     remembers: bool = False,
 ) -> int:
-    """Open the screen on a bench or a replay; return 0, or 1 when the engine ended by itself."""
+    """Open the screen on a bench or a replay; return the exit code: 1 where the engine ended by itself."""
     settings = load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme)
     if read_only:
         refuse_files("this screen is read-only")

@@ -1,6 +1,6 @@
-"""What is taken away from the screen: a file in the user's state folder, and the clipboard's own programs.
+"""Copies of what the screen shows: in a file of the user's state folder, and on the clipboard.
 
-Bounds: MOST_FILES files, the oldest go; a clipboard program that does not answer is left after PATIENCE_S.
+Bounds: MOST_FILES files, the oldest is deleted; a clipboard program is killed after CLIPBOARD_TIMEOUT_S.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ YANK_FOLDER: Final = "yanks"
 
 
 def save_text(text: str, kind: str, suffix: str) -> Path:
-    """Write a text into a new file of the state folder; raise UserError."""
+    """Write a new file in the state folder; return its path; raise UserError."""
     folder = paths.state_folder() / YANK_FOLDER
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     except OSError as failed:
-        raise mistake(kind, f"{folder}: {reason_of(failed)}", "a folder that can be made") from None
+        raise mistake(kind, f"{folder}: {reason_of(failed)}", "a folder that can be created") from None
     stamp = time.strftime("%Y%m%d-%H%M%S")
     names = (f"{kind}-{stamp}{f'-{number}' if number > 1 else ''}{suffix}" for number in range(1, 1000))
     path = next((folder / name for name in names if not (folder / name).exists()), folder)
@@ -65,7 +65,7 @@ def _clipboard_programs() -> Iterator[tuple[str, ...]]:
 
 
 def copy_by_program(text: str) -> str:
-    """Hand a text to a clipboard program; return its name, "" where there is none that takes it."""
+    """Give a text to the first clipboard program that takes it; return its name, "" for none."""
     encoding = "utf-16" if sys.platform == "win32" else "utf-8"
     for name, *arguments in _clipboard_programs():
         program = shutil.which(name)
@@ -75,7 +75,7 @@ def copy_by_program(text: str) -> str:
 
 
 def _run_clipboard_program(program: str, arguments: list[str], content: bytes) -> bool:
-    # Its output goes nowhere: xclip stays as the owner of the selection and would hold a pipe open.
+    # No pipe for its output: xclip keeps running as the owner of the selection and would hold it open.
     try:
         done = subprocess.run(
             [program, *arguments],
@@ -90,16 +90,16 @@ def _run_clipboard_program(program: str, arguments: list[str], content: bytes) -
     return done.returncode == 0
 
 
-MOST_OSC52: Final = 100_000  # characters; terminals drop an OSC 52 that is longer, or lose their way
+MOST_OSC52: Final = 100_000  # characters; terminals drop a longer OSC 52, or show its bytes as text
 
 Notify = Callable[[str], None]
 
 
 async def yank(app: App[None], form: CopyFormat, text: str, tell: Notify, complain: Notify) -> None:
-    """Put a text on the clipboard by each way there is, and always into a file; tell where it is."""
+    """Copy a text to each clipboard there is and always into a file; `tell` where it is now."""
     ways, trouble = [], ""
     if len(text) <= MOST_OSC52:
-        App.copy_to_clipboard(app, text)  # the program comes next, and is named
+        App.copy_to_clipboard(app, text)  # not the app's own: that one runs a program, too
         ways.append("to the terminal (OSC 52)")
     program = await asyncio.to_thread(copy_by_program, text)
     if program:
@@ -109,8 +109,8 @@ async def yank(app: App[None], form: CopyFormat, text: str, tell: Notify, compla
     except UserError as refused:
         trouble = f"no file was written: {refused}"
     way = ", ".join(ways) or "nowhere"
-    told = f"yanked {form.name}, {count(len(text), 'character')}: {way}"
-    complain(f"{told}; {trouble}") if trouble else tell(told)
+    outcome = f"yanked {form.name}, {count(len(text), 'character')}: {way}"
+    complain(f"{outcome}; {trouble}") if trouble else tell(outcome)
 
 
 def screenshot(app: App[None], tell: Notify, complain: Notify) -> None:

@@ -1,4 +1,4 @@
-"""Completion of the prompt: the rows of the bench commands, and the lines that the screen takes by itself."""
+"""Completion of the prompt: the bench commands, and the lines that the screen or its engine carries out."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from trcvtui.udt.sources import complete_type_path
 
 
 def complete(line: str, project: Project) -> str | None:
-    """Return the line with its last word completed, None where nothing begins like that."""
+    """Return the line with its last word completed, None where no candidate begins with it."""
     *words, last = line.split(" ")
     if not words and not last:
         return None
@@ -50,7 +50,7 @@ def _after_udt(words: list[str], project: Project) -> Iterable[str]:
     return known.get(words[1], ())
 
 
-# What the screen or its engine takes (`BenchApp.submit`, `Controller.take`).
+# Lines that are no bench commands (`BenchApp.submit`, `Controller.take`).
 SCREEN_COMMANDS: Final = (
     "hold", "go", "trigger", "scenarios", "export timing vcd", "find", "mark", "save scenario",
     "save project", "save recording", "record", "record stop", "lab", "udt", "framing",
@@ -64,8 +64,6 @@ SCREEN_NEXT_WORDS: Final[Mapping[str, NextWords]] = {
 
 
 class BenchSuggester(Suggester):
-    """Offers the completed line to an input field."""
-
     def __init__(self, project: Callable[[], Project]) -> None:
         super().__init__(use_cache=False, case_sensitive=True)
         self._project = project
@@ -74,5 +72,5 @@ class BenchSuggester(Suggester):
         return complete(value, self._project())
 
     def _get_suggestion(self, requester: DOMNode, value: str) -> Any:
-        """Return what makes the coroutine of a worker: one made now would stay unawaited at leaving."""
+        """Return a function that makes the coroutine: one made now is never awaited if the app ends."""
         return partial(super()._get_suggestion, requester, value)

@@ -1,4 +1,4 @@
-"""What can be yanked, and how it is written: pure functions, what is shown goes in, text comes out."""
+"""Formats in which you can yank what a pane shows, and the menu of them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST_MEMBERS: Final = 70_000
 
 @dataclass(frozen=True, slots=True)
 class CopySource:
-    """What stands under the eyes: bytes with their type, and the past of their instance."""
+    """What a pane shows: bytes with their type, and the STATUS history of their instance."""
 
     project: Project
     content: bytes
@@ -35,15 +35,15 @@ class CopySource:
     edges: tuple[Line, ...]
     title: str = ""  # which bytes these are
     message: bytes = b""  # under the cursor of the stream
-    from_mark: bytes = b""  # of the stream, from the marked message on to the cursor
+    from_mark: bytes = b""  # of the stream, from the marked message to the cursor
 
 
 def make_copy_source(
     view_model: ViewModel, of_job: bool, of_peer: bool, past: tuple[str, int, bytes] | None = None
 ) -> CopySource:
-    """Return what is selected: bytes of the job or of DATA; `of_peer`: what the peer has received.
+    """Return the bytes of the job or of DATA; `of_peer`: the last bytes that the peer has received.
 
-    `past`: of a job of the past its instance, its number (0: the bytes were thrown away) and its bytes.
+    `past` is a job of the past: its instance, its number (0: the bytes were thrown away) and its bytes.
     """
     content, declared, job, name = view_model.job_bytes, view_model.declaration, "running job", ""
     peer = view_model.peer_snapshot
@@ -68,7 +68,7 @@ def make_copy_source(
 
 @dataclass(frozen=True, slots=True)
 class CopyFormat:
-    """One way to write it; `letter` chooses it, `suffix` is that of its file."""
+    """One format; `letter` chooses it in the menu, `suffix` is that of its file."""
 
     letter: str
     name: str
@@ -83,8 +83,8 @@ def _format_history(of: CopySource) -> str:
     rows = [("scan", "t in s", "STATUS", "lamp", "why")]
     for line in of.edges:
         if isinstance(line.event, StatusEdge):
-            said = describe_condition(of.project, line.event.instance, line.event)
-            word = f"{status_word(line.event.outputs.status)} {said}"
+            condition = describe_condition(of.project, line.event.instance, line.event)
+            word = f"{status_word(line.event.outputs.status)} {condition}"
             reason = plain(explain_status(line.event))
             rows.append((str(line.scan), stamp(line.t_ns), word, _lamp(line.event), reason))
     return "\n".join(format_columns(rows, "l" * len(rows[0]))) if len(rows) > 1 else ""
@@ -121,9 +121,8 @@ FORMATS: Final = (
     CopyFormat("m", "message at the cursor as hex", lambda of: hex_lines(of.message)),
     CopyFormat("r", "from the mark to the cursor as hex", lambda of: hex_lines(of.from_mark)),
 )
-MESSAGES_CSV: Final = CopyFormat("c", "messages as CSV", lambda of: "", ".csv")  # of the table of them
-# What the pane with the focus is about; the menu begins there.
-PANE_LETTERS: Final = {"udt": "v", "history": "s", "status": "s"}
+MESSAGES_CSV: Final = CopyFormat("c", "messages as CSV", lambda of: "", ".csv")  # the table makes its text
+PANE_LETTERS: Final = {"udt": "v", "history": "s", "status": "s"}  # the first choice, by the focused pane
 FIRST: Final = "h"
 
 
@@ -132,7 +131,7 @@ FORMAT_LETTERS = tuple(form.letter for form in FORMATS)
 
 
 class YankList(LineView, inherit_bindings=False):
-    """One line a format; what has nothing to write is pale. Letters are formats, they do not move."""
+    """One row a format; a format without text is pale. A letter chooses a format: `j` and `k` do not move."""
 
     BINDINGS: ClassVar = [Binding("enter", "screen.take_chosen", show=False), *ARROW_KEYS[:2]]
 
@@ -142,7 +141,7 @@ class YankList(LineView, inherit_bindings=False):
         self.cursor = FORMAT_LETTERS.index(first) if self.texts[first] else self._next_writable(-1, 1)
 
     def _next_writable(self, place: int, step: int) -> int:
-        """Return the next format that has something to write; the place itself where none has."""
+        """Return the next format that has a text, or the same place if none has."""
         for away in range(1, len(FORMATS) + 1):
             candidate = (place + step * away) % len(FORMATS)
             if self.texts[FORMAT_LETTERS[candidate]]:
@@ -155,7 +154,7 @@ class YankList(LineView, inherit_bindings=False):
     def row_at(self, y: int) -> Row:
         form = FORMATS[y]
         text = self.texts[form.letter]
-        begins = " ".join(text[:200].split()) if text else "nothing there"
+        begins = " ".join(text[:200].split()) if text else "nothing to yank"
         chosen = y == self.cursor
         return row(
             ("▸ " if chosen else "  ", "key"),
@@ -174,7 +173,7 @@ class YankList(LineView, inherit_bindings=False):
 
 
 class YankScreen(ListDialog[tuple[CopyFormat, str] | None]):
-    """Answers with the chosen format and its text; letters choose at once, `y` again takes the first."""
+    """Answers with the chosen format and its text; a letter chooses at once, `y` the row under the cursor."""
 
     BINDINGS: ClassVar = [
         *[Binding(letter, f"take('{letter}')", show=False) for letter in FORMAT_LETTERS],

@@ -1,4 +1,4 @@
-"""The curve: a member over the messages that are known, a second one on the same time axis, ERRORs below."""
+"""The curve: a member over the known messages, a second one on the same time axis, ERRORs below."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ AXIS_WIDTH: Final = 11  # columns beside a curve
 ROWS_BELOW: Final = 3  # rows: time axis, marks, times; then one for each member
 LEAST_WIDTH, LEAST_HEIGHT = 32, 8
 LEAST_UTC_WIDTH: Final = 90  # columns
-SHORTEST_WINDOW_NS: Final = 1_000_000  # that a window may be
-STEPS_PER_WINDOW: Final = 8  # of a window: an arrow goes one
+SHORTEST_WINDOW_NS: Final = 1_000_000
+STEPS_PER_WINDOW: Final = 8  # an arrow key moves by one step
 TRACE_STYLES: Final = "busy", "warn"  # of the first member, of the second one
-ERROR, CUT = "▲", "×"  # the greater one wins
+ERROR, CUT = "▲", "×"  # in one column the greater one wins (`max`)
 
 
 class TimeWindow:
-    """The part of the time in view; without `span` all of it, without `end` what comes is followed."""
+    """The part of the time in view, in ns; `span` None: all of it; `end` None: it follows new messages."""
 
     def __init__(self) -> None:
         self.span: int | None = None
@@ -45,7 +45,7 @@ class TimeWindow:
         return end - span, end
 
     def zoom(self, by: float) -> None:
-        """Take so many times as much time into view; its middle stays, or its end where that is followed."""
+        """Multiply the time in view; its middle stays, or its end while that follows new messages."""
         begin, end = self.bounds
         span = max(SHORTEST_WINDOW_NS, int((end - begin) * by))
         is_whole = span >= self.whole[1] - self.whole[0]
@@ -54,11 +54,11 @@ class TimeWindow:
     def move(self, steps: int) -> None:
         begin, end = self.bounds
         end += steps * ((end - begin) // STEPS_PER_WINDOW)
-        self.end = end if self.span and end < self.whole[1] else None  # the whole has nowhere to go
+        self.end = end if self.span and end < self.whole[1] else None  # at the end: follow new messages again
 
 
 class MemberTrace(NamedTuple):
-    """A member of the picture: its number after the newest message, and its curve, None: none in view."""
+    """A member of the picture: its number in the newest message; `curve` None: no number is in view."""
 
     leaf: Leaf
     style: str
@@ -67,7 +67,7 @@ class MemberTrace(NamedTuple):
 
 
 class CurveView(TextView, inherit_bindings=False):
-    """`path` is the member, `other` the second one; they are looked up anew when the type has changed."""
+    """`path` is the member, `other` the second one; both are looked up again when the type has changed."""
 
     BINDINGS: ClassVar = hidden_keys({
         "plus": "zoom(0.5)", "minus": "zoom(2)", "left": "step(-1)", "right": "step(1)",
@@ -82,7 +82,7 @@ class CurveView(TextView, inherit_bindings=False):
         self.window = TimeWindow()
         self._numbers: dict[str, MemberNumbers] = {}
         self._numbers_of: tuple[object, ...] = ()
-        self._drawn: tuple[object, ...] = ()  # what the rows were made from
+        self._drawn: tuple[object, ...] = ()  # the inputs of the rows: unchanged, they are not drawn again
 
     def show(self) -> None:
         view, known = self._view_model, self._view_model.known_messages
@@ -103,22 +103,22 @@ class CurveView(TextView, inherit_bindings=False):
         known, frozen = self._view_model.known_messages, self._view_model.frozen_at
         words = self.instance, count(known.count, "message"), *known.describe_rows()
         state = f"frozen in scan {frozen}" if frozen is not None else ""
-        stands = "stands: end follows again" if self.window.end is not None else ""
-        return " · ".join(filter(None, (*words, state, stands)))
+        window = "paused: end follows again" if self.window.end is not None else ""
+        return " · ".join(filter(None, (*words, state, window)))
 
     def _explain_lack(self) -> str:
         """Return why there is no curve, "" where there is one."""
         view, known = self._view_model, self._view_model.known_messages
         if self.instance != view.selected or view.instance is None:
-            return f"{self.instance or 'the instance'} is not there any more"
+            return f"{self.instance or 'the instance'} does not exist any more"
         declared = view.message_type
         if declared is None:
-            return f"{self.instance} receives into no DATA: its messages have no values"
+            return f"{self.instance} has no DATA: its messages have no values"
         leaf = _leaf_at(declared.layout, self.path)
         if leaf is None:
             return f"{declared.type_name} has no member {self.path} any more"
         if not is_number(declared.layout, leaf):
-            return f"{self.path or declared.name} is no number: it has no curve"
+            return f"{self.path or declared.name} is not a number: it has no curve"
         if known.instance != self.instance or not known.rows:
             return "no message has ended yet"
         small = self.line_width < LEAST_WIDTH or self.container_size.height < LEAST_HEIGHT
@@ -157,7 +157,7 @@ class CurveView(TextView, inherit_bindings=False):
         ]
 
     def _marks(self, width: int) -> Iterator[Part]:
-        """Yield a sign below each column in which an ERROR came, or a message was cut."""
+        """Yield a sign for each column with an ERROR or a cut message, blanks for the others."""
         (begin, end), known = self.window.bounds, self._view_model.known_messages
         signs = {each.t_ns: CUT for each in known.rows if each.reason} | dict.fromkeys(known.errors, ERROR)
         columns = dict[int, str]()
@@ -184,7 +184,7 @@ class CurveView(TextView, inherit_bindings=False):
         self.show()
 
     def action_other(self) -> None:
-        """Draw the next number of the type beside the member; after the last one none."""
+        """Draw the next number of the type as the second curve; after the last one, none."""
         declared = self._view_model.message_type
         leaves = declared.layout.leaves(0, declared.layout.leaf_count) if declared is not None else ()
         numbers = [leaf.path for leaf in leaves if declared and is_number(declared.layout, leaf)]
@@ -206,7 +206,7 @@ def _curves(traces: Sequence[MemberTrace], width: int, height: int) -> Iterator[
     drawn = [trace.curve.cells if trace.curve is not None else [[0] * width] * height for trace in traces]
     for y in range(height):
         both = list(zip(drawn[0][y], drawn[-1][y], strict=True))
-        # Blanks are parts of their own: what draws a picture as SVG may make them narrow.
+        # Blanks are separate parts: an SVG renderer may make a run of blanks narrow.
         styles = groupby(both, lambda cells: first.style if cells[0] else other.style if cells[1] else "")
         parts = [("".join(braille(own | others) for own, others in some), style) for style, some in styles]
         label = _label(first, y, height)
@@ -216,7 +216,7 @@ def _curves(traces: Sequence[MemberTrace], width: int, height: int) -> Iterator[
 
 
 def _label(trace: MemberTrace, y: int, height: int) -> str:
-    """Return what stands beside row `y`: the ends of the axis; of a single number that, in the middle."""
+    """Return the axis text of row `y`: an end of the axis, or in the middle row the only number."""
     low, high = trace.curve.axis if trace.curve is not None else (None, None)
     number = {0: high, height - 1: low}.get(y) if low != high else {height // 2: low}.get(y)
     text = f"{number:.6g}" if isinstance(number, float) else "" if number is None else str(int(number))
@@ -235,8 +235,6 @@ def _figures(trace: MemberTrace, in_view: int) -> Row:
 
 
 class CurveScreen(ListDialog[None]):
-    """Escape closes it; its keys are its own, whatever screen is below."""
-
     DEFAULT_CSS = "CurveScreen CurveView { width: 100%; height: 100%; border-subtitle-color: $foreground; }"
 
     def __init__(self, view_model: ViewModel, path: str) -> None:

@@ -1,4 +1,4 @@
-"""The Doctor card: what is wrong with the selected instance, where that shows, what mends it."""
+"""The Doctor card: what is wrong with the selected instance, the evidence, and the remedy."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DIRECTION_NAMES: Final = {"to-plc": "to the PLC", "from-plc": "from the PLC", ""
 
 
 class EvidencePlace(NamedTuple):
-    """Where to go from the card: a line to the prompt; or an instance, and its scan or byte of its stream."""
+    """Where the card leads: to the prompt with `line`, or to a scan or a byte of an instance's stream."""
 
     line: str = ""
     instance: str = ""
@@ -27,7 +27,7 @@ class EvidencePlace(NamedTuple):
 
 
 class FindingList(CardText):
-    """The findings; below them evidence, place and remedy of the one under the cursor."""
+    """The findings, then evidence, place and remedy of the one under the cursor."""
 
     def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="doctor")
@@ -55,10 +55,10 @@ class FindingList(CardText):
 
     def make_rows(self) -> list[Row]:
         seen, found, chosen = self.snapshot, self.findings, self.chosen_finding
-        since, _, told = seen.progress.partition(": ")
-        again = f" · again, {since}: {told.rpartition(': ')[2]}".rstrip(": ") if seen.looks and since else ""
-        said = clip(clip(self._describe_progress(), self._width - measure(again)) + again, self._width)
-        rows = [row((said, "warn" if seen.trouble else "dim"))]
+        since, _, step = seen.progress.partition(": ")
+        again = f" · again, {since}: {step.rpartition(': ')[2]}".rstrip(": ") if seen.looks and since else ""
+        head = clip(clip(self._describe_progress(), self._width - measure(again)) + again, self._width)
+        rows = [row((head, "warn" if seen.trouble else "dim"))]
         if seen.qualities:
             rows.append(row((clip(" · ".join(seen.qualities), self._width), "dim")))
         rows += [self._finding(number, one) for number, one in enumerate(found)]
@@ -75,27 +75,27 @@ class FindingList(CardText):
     def _describe_progress(self) -> str:
         seen = self.snapshot
         if not seen.looks:
-            return f"the doctor looks, {seen.progress}" if seen.progress else "the doctor looks …"
+            return f"the doctor checks, {seen.progress}" if seen.progress else "the doctor checks …"
         if seen.trouble:
             return seen.trouble
         is_file = self._view_model.position is not None
         how_far = "in the whole file" if is_file else f"up to scan {seen.scan}"
-        looked = f"{count(seen.conversations, 'conversation')} looked at, {how_far}"
+        scope = f"{count(seen.conversations, 'conversation')} checked, {how_far}"
         if self.findings:
-            return looked
+            return scope
         others = len(seen.findings)
-        return f"{HEALTHY}: {looked}" + (f"; {count(others, 'finding')} of others: a" if others else "")
+        return f"{HEALTHY}: {scope}" + (f"; {count(others, 'finding')} elsewhere: a" if others else "")
 
     def _finding(self, number: int, one: Finding) -> Row:
-        told = f"{one.confidence:.0%} sure"
+        confidence = f"{one.confidence:.0%} sure"
         whose = one.instance or one.connect
-        room = self._width - len(told) - 3
+        room = self._width - len(confidence) - 3
         is_chosen = one is self.chosen_finding
         text = f"{number + 1} {one.cause}" + (f"  {whose}" if whose else "")
         parts: list[Part] = [
             ("▸ " if is_chosen else "  ", "key"),
             (pad(clip(text, room), room + 1), "strong"),
-            (told, "on" if one.confidence >= SURE_CONFIDENCE else "warn"),
+            (confidence, "on" if one.confidence >= SURE_CONFIDENCE else "warn"),
         ]
         return row(*parts, style="cursor" if is_chosen else "")
 
@@ -115,7 +115,7 @@ class FindingList(CardText):
             when = "" if one.t_ns is None else f", {stamp(one.t_ns)} s"
             rows += self._labelled("s", [f"scan {place.scan}{when}"], "key")
         if stream is not None:
-            rows += self._labelled("b", [f"byte {stream.byte} of what came"], "key")
+            rows += self._labelled("b", [f"byte {stream.byte} of the received bytes"], "key")
         rows.append(rule(self._width, ("── remedy ", "dim")))
         for is_tried, label, style in ((True, "", "strong"), (False, "advice", "")):
             texts = [mend.text for mend in one.mend if mend.tried is is_tried]
@@ -135,25 +135,25 @@ class FindingList(CardText):
         return next(iter(on_it), self._view_model.selected)
 
     def place(self, of_byte: bool = False) -> EvidencePlace | None:
-        """Return the scan of the chosen finding, or its byte in the stream; None where it has none."""
+        """Return the place of the chosen finding: its scan, or its byte in the stream; None if unknown."""
         one, snapshot = self.chosen_finding, self._view_model.snapshot
         if one is None or snapshot is None:
             return None
         if of_byte:
             links = [each for each in snapshot.connections if each.name == one.connect]
-            is_first = bool(links) and links[0].incarnation <= 1  # a later one begins somewhere in the stream
+            is_first = bool(links) and links[0].incarnation <= 1  # a later one starts anywhere in the stream
             if one.byte is None or one.way != "to-plc" or not is_first:
                 return None
             return EvidencePlace(instance=self._finding_instance, byte=one.byte)
         scan = one.scan
-        if scan is None and one.t_ns is not None and one.t_ns >= 0:
+        if scan is None and one.t_ns is not None and one.t_ns >= 0:  # by the ledger, or else by the interval
             t_ns = one.t_ns
             known = (line.scan for line in self._view_model.lines if line.t_ns >= t_ns)
             scan = next(known, max(1, snapshot.scan - (snapshot.t_ns - t_ns) // max(snapshot.interval_ns, 1)))
         return None if scan is None else EvidencePlace(instance=self._finding_instance, scan=scan)
 
     def remedy(self) -> str:
-        """Return the line that applies the remedy: a command of the bench, a what-if of a recording."""
+        """Return the line that applies the remedy: a bench command, in a recording a what-if; "" for none."""
         one, picture = self.chosen_finding, self._view_model.live
         if one is None or picture is None:
             return ""
@@ -171,7 +171,7 @@ class FindingList(CardText):
 
 
 class DoctorScreen(ListDialog[EvidencePlace | None]):
-    """Answers with where to go; while it is open the doctor looks again and again."""
+    """Answers with the place to go to; while it is open, the doctor keeps checking."""
 
     BINDINGS: ClassVar = hidden_keys({
         "enter": "remedy", "s": "place(False)", "b": "place(True)", "a": "others", "J": "leave",

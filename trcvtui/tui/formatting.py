@@ -1,4 +1,4 @@
-"""Values as the screen writes them: pure functions, value in, text out."""
+"""Values as the screen writes them, and texts cut to a width."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def status_word(status: int) -> str:
 
 
 def lamp(on: bool, glowing: bool = False) -> str:
-    """Return the glyph of a lamp: lit, lit a moment ago, dark."""
+    """Return the sign of a lamp; `glowing`: it was lit a moment ago."""
     return ON_SIGN if on else GLOW_SIGN if glowing else OFF_SIGN
 
 
@@ -35,14 +35,14 @@ def measure(text: str) -> int:
 
 
 def clip(text: str, width: int) -> str:
-    """Return text in at most `width` columns; what is cut is shown to be cut."""
+    """Return text in at most `width` columns; `…` shows a cut."""
     if measure(text) <= width:
         return text
     return _cut_to_width(text, width - 1) + "…" if width > 0 else ""
 
 
 def pad(text: str, width: int, right: bool = False) -> str:
-    """Return text with blanks to `width` columns after it, or before it."""
+    """Return text padded to `width` columns: blanks after it, or before it (`right`)."""
     blanks = " " * max(0, width - measure(text))
     return blanks + text if right else text + blanks
 
@@ -57,7 +57,7 @@ def _cut_to_width(text: str, width: int) -> str:
 
 
 def clip_middle(text: str, width: int) -> str:
-    """Return a name in at most `width` columns; it keeps its end, where names differ."""
+    """Return a name in at most `width` columns; it keeps its end, because names often differ there."""
     if measure(text) <= width or width < 5:
         return clip(text, width)
     tail = (width - 1) // 2
@@ -65,7 +65,7 @@ def clip_middle(text: str, width: int) -> str:
     return f"{_cut_to_width(text, width - 1 - tail)}…{end}"
 
 
-plain: Final = one_line  # control characters are spelled out: what came from outside stays one line
+plain: Final = one_line  # a text from outside: one line, control characters spelled out
 
 
 @lru_cache(maxsize=64)
@@ -96,6 +96,6 @@ def _wrap_wide_text(text: str, width: int) -> Iterator[str]:
 def bar(have: int, need: int, width: int) -> tuple[str, str]:
     """Return the filled and the empty part of a progress bar of `width` characters."""
     filled = min(width, have * width // need) if need else 0
-    if have and not filled:
+    if have and not filled:  # the first byte shows at once
         filled = 1
     return "━" * filled, "─" * (width - filled)

@@ -1,4 +1,4 @@
-"""Framing advice: how the bytes of a ComBuffer may be cut, why, what it would give; enter sets a block so."""
+"""Framing advice: how to cut the bytes of a ComBuffer, with reasons and a preview; enter applies it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ GOOD_ENDINGS: Final = ("suffix", "size reached")
 
 
 def buffer_for(view_model: ViewModel) -> str:
-    """Return the ComBuffer that is looked at: that of the selected instance, the one it feeds, or any."""
+    """Return the ComBuffer of the selected instance, else the one that it feeds, else any."""
     project, instance = view_model.project, view_model.instance
     if instance is not None and block_row(instance.block).buffer_pin:
         return instance.connect
@@ -33,7 +33,7 @@ def buffer_for(view_model: ViewModel) -> str:
 
 
 def find_framed_block(buffer: str, view_model: ViewModel) -> str:
-    """Return the block that is set: the selected one, or the first that cuts this ComBuffer's bytes."""
+    """Return the instance to set: the selected one if it cuts this ComBuffer's bytes, else the first."""
     readers = [
         i.name for i in view_model.project.instances if i.connect == buffer and block_row(i.block).mark_pins
     ]
@@ -41,7 +41,7 @@ def find_framed_block(buffer: str, view_model: ViewModel) -> str:
 
 
 class FramingList(CardText):
-    """The proposals; below them evidence, preview and lines of the one under the cursor."""
+    """The proposals, then evidence, preview and command lines of the one under the cursor."""
 
     def __init__(self, instance: str, project: Callable[[], Project]) -> None:
         super().__init__(id="framings")
@@ -57,13 +57,13 @@ class FramingList(CardText):
         return proposals[self.cursor] if self.cursor < len(proposals) else None
 
     def lines(self) -> tuple[str, ...]:
-        """Return the bench lines that set the block so; raise UserError where it cannot be."""
+        """Return the bench lines that apply the chosen proposal; raise UserError where the block cannot."""
         chosen = self.chosen_proposal
         return make_commands(chosen, self._project(), self._instance) if chosen is not None else ()
 
     def make_rows(self) -> list[Row]:
         if self.advice is None:
-            return [row(("the recording is on its way …", "dim"))]
+            return [row(("waiting for the recorded bytes …", "dim"))]
         rows = [row((clip(self.advice.said, self._width), "dim"))]
         rows += [self._proposal(n, each) for n, each in enumerate(self.advice.proposals)]
         chosen = self.chosen_proposal
@@ -71,31 +71,31 @@ class FramingList(CardText):
 
     def _proposal(self, number: int, proposal: Proposal) -> Row:
         chosen = number == self.cursor
-        told = f"{proposal.frames} of {proposal.of_frames} frames end well"
-        room = self._width - len(told) - 7
+        result = f"{proposal.frames} of {proposal.of_frames} frames complete"
+        room = self._width - len(result) - 7
         title = proposal.title + self._describe_alike(number, proposal)
         parts: list[Part] = [
             ("▸ " if chosen else "  ", "key"),
             (f"{number + 1} ", "dim"),
             (pad(clip(title, room), room + 1), "strong" if proposal.framing is not None else "dim"),
-            (told, "on" if proposal.frames == proposal.of_frames else "warn"),
+            (result, "on" if proposal.frames == proposal.of_frames else "warn"),
         ]
         return row(*parts, style="cursor" if chosen else "")
 
     def _describe_alike(self, number: int, proposal: Proposal) -> str:
-        """Return which earlier one cuts alike; the numbers are those of `framing RD apply 1`."""
+        """Name an earlier proposal that gives the same cuts, by its number in `framing RD apply 1`."""
         proposals = self.advice.proposals if self.advice is not None else ()
         first = next(n for n, each in enumerate(proposals) if each.rank == proposal.rank)
-        return f" · cuts as {first + 1} does" if first != number else ""
+        return f" · same cuts as {first + 1}" if first != number else ""
 
     def _details(self, chosen: Proposal) -> list[Row]:
         rows = [rule(self._width, ("── why ", "dim"))]
         rows += self._labelled("for", chosen.evidence, "")
         rows += self._labelled("but", chosen.doubt, "warn")
         rows += self._labelled("instead", [chosen.instead] if chosen.instead else [], "strong")
-        rows.append(rule(self._width, ("── the bytes cut so ", "dim")))
+        rows.append(rule(self._width, ("── frames ", "dim")))
         rows += [self._frame(frame, chosen) for frame in chosen.preview]
-        return [*rows, rule(self._width, ("── enter does ", "dim")), *self._effect_rows()]
+        return [*rows, rule(self._width, ("── enter runs ", "dim")), *self._effect_rows()]
 
     def _effect_rows(self) -> list[Row]:
         problem = self.problem or ("" if self._instance else NO_READER)
@@ -128,7 +128,7 @@ class FramingList(CardText):
 
 
 class FramingScreen(ListDialog[tuple[str, ...]]):
-    """Answers with the bench lines to give, none when it is left."""
+    """Answers with the bench lines to run, none when you leave it."""
 
     BINDINGS: ClassVar = hidden_keys({"enter": "apply", "r": "again", "B": "leave"})
     DEFAULT_CSS = """
@@ -144,7 +144,7 @@ class FramingScreen(ListDialog[tuple[str, ...]]):
         self.list = FramingList(self.instance, lambda: view_model.project)
         super().__init__(self.list, ())
         self.list.set_title(None, "Framing advice", f"{self.buffer} → {self.instance or 'no block'}")
-        self.list.border_subtitle = "↑↓ choose · enter sets it · r: read again · page up, down · esc"
+        self.list.border_subtitle = "↑↓ choose · enter apply · r read again · page up, down · esc"
 
     def on_mount(self) -> None:
         self.action_again()

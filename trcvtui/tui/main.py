@@ -1,4 +1,4 @@
-"""The bench: all panes at once, or on a small screen the instances and one pane at a time."""
+"""The main screen: all panes at once, or on a small terminal the instances and one pane at a time."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ from trcvtui.udt.layout.rules import NO_CHOICE
 TABS_CLASS, PAIR_CLASS = "-tabs", "-pair"
 LEAST_PANE_ROWS: Final = 32  # rows below the list of instances
 LEAST_WIDTH, LEAST_HEIGHT, TINY_HEIGHT, ROOMY_HEIGHT, TALL_HEIGHT = 128, 38, 16, 43, 54
-BROAD, HIGH = 180, 56  # from here on STATUS stands beside timing and history; timing has a row of its own
-BOTH_WIDTH, BOTH_BELOW, HIGH_BELOW = 140, 39, 51  # from here on history and timing both stand
-PAIR_WIDTH, PAIR_HEIGHT = 100, 30  # from here on two panes stand side by side, or one above the other
+BROAD, HIGH = 180, 56  # from here on STATUS is beside timing and history, or timing has its own row
+BOTH_WIDTH, BOTH_BELOW, HIGH_BELOW = 140, 39, 51  # from here on history and timing are both visible
+PAIR_WIDTH, PAIR_HEIGHT = 100, 30  # from here on a small terminal shows two panes together
 MOST_LIST_ROWS: Final = 10  # rows of the list, its frame included
 LEAST_HISTORY_ROWS, MOST_HISTORY_ROWS, LEAST_BYTES_ROWS = 5, 12, 5
-MOST_PEERS_SHOWN: Final = 3  # that are seen at once
+MOST_PEERS_SHOWN: Final = 3  # visible without scrolling
 OTHER_LINES: Final = 3  # header, prompt, keys
-REST_ROW: Final = 0  # the row that takes what is left: bytes and members
+REST_ROW: Final = 0  # in place of a height: the row of bytes and members gets the remaining rows
 
 
 def size_classes(width: int, height: int, instances: int, block: int = ROWS) -> dict[str, bool]:
-    """Return the class names and whether each holds; `block` is the height that pane 2 needs."""
+    """Return each CSS class and whether it applies; `block` is the height that pane 2 needs."""
     below = height - min(MOST_LIST_ROWS, instances + 2)
     tabs = width < LEAST_WIDTH or height < LEAST_HEIGHT or below < LEAST_PANE_ROWS
     high = height >= HIGH and below >= HIGH_BELOW + block - ROWS
@@ -67,9 +67,9 @@ def size_classes(width: int, height: int, instances: int, block: int = ROWS) -> 
 def grid_rows(
     holds: Mapping[str, bool], height: int, timing: bool, block: int = ROWS, peers: int = 1
 ) -> tuple[int, ...]:
-    """Return the heights of the rows of panes in `height` rows: nothing that the panes say changes them.
+    """Return the heights of the rows of panes; they never depend on what the panes show.
 
-    `holds` are the classes of a size, `timing` whether timing was looked at after history.
+    `holds` is the result of `size_classes`; `timing`: timing was open after history.
     """
     tall = holds["-tall"]
     peer = 8 + max(0, min(MOST_PEERS_SHOWN, peers) - 1) if holds["-roomy"] else 8
@@ -77,9 +77,9 @@ def grid_rows(
         status, past = 11 if tall else 8, 12 if tall else 10 if timing else 7
         return status, min(past, height - status - LEAST_BYTES_ROWS - peer), REST_ROW, peer
     high = 10 if holds["-high"] else 0
-    strip = 0 if high else 2  # timing, and a strip of it below STATUS, wants more than the block
+    strip = 0 if high else 2  # timing, or its strip below STATUS, needs more rows than the block
     spare = height - block - strip - high - peer
-    half = (spare - (5 if high else 3)) // 2  # more for the bytes below it
+    half = (spare - (5 if high else 3)) // 2  # the bytes below it get the larger part
     history = max(LEAST_HISTORY_ROWS, min(MOST_HISTORY_ROWS, half))
     if holds["-broad"]:
         return block + strip, history, REST_ROW, peer
@@ -91,11 +91,11 @@ def grid_rows(
 
 BELOW_DIALOG_DELAY_S: Final = 0.5
 EXPORT_VERB, FIND = "export", "find"
-EXPORT_SYNTAX: Final = "export timing vcd, perhaps a FILE"
+EXPORT_SYNTAX: Final = "export timing vcd, or export timing vcd FILE"
 
 
 def run_timing_line(line: str, pane: Timing) -> str:
-    """Carry out a line; return what to tell about it, which may be nothing; raise UserError."""
+    """Carry out `find` or `export`; return a message, "" for none; raise UserError."""
     words = line.split(maxsplit=3)
     if words[0] == FIND:
         return _find(words[1:], pane)
@@ -110,7 +110,7 @@ def _find(words: list[str], pane: Timing) -> str:
         raise mistake("prompt", f"'{' '.join([FIND, *words])}'", "find and a code such as 7008 or 16#80C5")
     text = words[0].upper().removeprefix("W#").removeprefix("16#").removeprefix("0X")
     if not 1 <= len(text) <= 4 or not all(digit in "0123456789ABCDEF" for digit in text):
-        raise mistake("prompt", f"'{words[0]}'", "a code of four hexadecimal digits")
+        raise mistake("prompt", f"'{words[0]}'", "a code of up to four hexadecimal digits")
     pane.find(int(text, 16))
     return ""
 
@@ -121,16 +121,16 @@ if TYPE_CHECKING:
     from trcvtui.tui.forms.fields import ProjectPart
 
 ZOOM, LIST, FROZEN_CLASS, WITHIN_CLASS = "-zoom", "-list", "-frozen", "-within"
-MESSAGES_CLASS: Final = "-messages"  # their table and their members have the screen
-ENOUGH_TABLE_ROWS: Final = 22  # of pane 5: so high, the table stands among the panes
-SCENARIOS_LINE: Final = "scenarios"  # the line that is the screen's own
+MESSAGES_CLASS: Final = "-messages"  # the table of messages and its members take the whole screen
+ENOUGH_TABLE_ROWS: Final = 22  # rows of pane 5: with fewer, the table of messages takes the whole screen
+SCENARIOS_LINE: Final = "scenarios"  # a line that the screen carries out
 PAST_PANES: Final = {4, 8}  # history and timing
-PANE_PAIRS: Final = ({2, 3}, {5, 6})  # stand side by side: Block and STATUS, bytes and members
+PANE_PAIRS: Final = ({2, 3}, {5, 6})  # side by side: Block and STATUS, bytes and members
 PIN_KEY_LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - RESERVED))
 
 
 class MainScreen(FullScreen[None]):
-    """Hands what changed to the panes, and what the panes ask for to the app."""
+    """Passes new pictures to the panes, and requests of the panes to the app."""
 
     BINDINGS: ClassVar = [
         *[Binding(str(digit), f"pane({digit})", show=False) for digit in range(1, 9)],
@@ -160,10 +160,10 @@ class MainScreen(FullScreen[None]):
 
     def __init__(self, view_model: ViewModel, submit: Callable[[str], None]) -> None:
         super().__init__(view_model, KeyLine())
-        self._owed: Timer | None = None  # what came below a dialog will be shown
+        self._owed: Timer | None = None  # until it ends, news below a dialog are not drawn
         self._submit = submit
         self._pane = 3
-        self._past = 4  # history or timing, where one place is for both
+        self._past = 4  # history or timing: the open one where both share a place
         actions = PaneActions(submit, self.action_prompt, lambda text: self.prompt.show_error(text))
         self.instances = InstanceList(view_model, self.follow_selected)
         self.filter = FilterLine(
@@ -179,16 +179,16 @@ class MainScreen(FullScreen[None]):
         self.table = UdtTable(view_model)
         self.peer = PeerPanel(view_model, actions)
         self._grid = Container(id="panes")
-        self._rows = ""  # as the style sheet writes them
+        self._rows = ""  # heights in the notation of CSS
         self._sizes: dict[str, bool] = {}
         self._block_rows, self._pane_rows = ROWS, 0
-        self._instances = 0  # of the project, when the panes were arranged
+        self._instances = 0  # in the project when the panes were last arranged
         self.prompt = Prompt(
             view_model, self.peer.lines.wrap(submit), lambda: bool(getattr(self.app, "only_looks", False))
         )
 
     def compose(self) -> Iterator[Widget]:
-        self._fit(*self.app.size)  # before there are panes: afterwards all of them would be styled again
+        self._fit(*self.app.size)  # before the panes exist: a later change of classes styles them again
         self._grid.styles.grid_rows = self._rows = self._format_grid_rows()
         yield from (self.header, self.instances, self.tabs)
         with self._grid:
@@ -200,7 +200,7 @@ class MainScreen(FullScreen[None]):
         return {
             2: self.block,
             3: self.status,
-            8: self.timing,  # before 4: where all stand, the grid is filled in this order
+            8: self.timing,  # before 4: the grid is filled in this order
             4: self.history,
             5: self.received,
             6: self.table,
@@ -219,14 +219,13 @@ class MainScreen(FullScreen[None]):
         self.show()
 
     async def mount_fields(self) -> None:
-        """Make the fields that can be typed into: they need not stand in the first frame."""
+        """Make the input fields after the first frame: it is drawn earlier without them."""
         with self.app.batch_update():
             await self.prompt.mount_input()
             await self.peer.mount_fields()
             await self.mount(self.filter, before=self.tabs)
 
     def on_resize(self, event: events.Resize) -> None:
-        """Take all panes side by side only where nothing has to be cut."""
         self._fit(*event.size)
         self._arrange()
 
@@ -241,7 +240,7 @@ class MainScreen(FullScreen[None]):
 
     def show(self) -> None:
         self.set_class(self._view_model.is_frozen, FROZEN_CLASS)
-        if self._instances != len(self._view_model.project.instances):  # more of them leave less to the panes
+        if self._instances != len(self._view_model.project.instances):  # a longer list leaves fewer rows
             self._fit(*self.size)
             self._arrange()
         panes = self.header, self.instances, self.block, self.status, self.timing, self.history, self.table
@@ -253,7 +252,7 @@ class MainScreen(FullScreen[None]):
         self._show_keys()
 
     def show_soon(self) -> None:
-        """Show below a dialog: each time Textual paints both anew as a whole, so twice a second."""
+        """Draw below a dialog twice a second: Textual paints both screens completely each time."""
         self.prompt.show_answers(self._view_model.answers)
         self.peer.show_trial()
         if self._owed is None:
@@ -278,7 +277,7 @@ class MainScreen(FullScreen[None]):
         self.on_peer_selected()
 
     def run_own_line(self, line: str) -> bool:
-        """Carry out a line that is for the timing pane; return whether it is."""
+        """Carry out a line of the timing pane; return False for any other line."""
         if line.split(maxsplit=1)[:1] not in ([EXPORT_VERB], [FIND]):
             return False
         try:
@@ -289,14 +288,14 @@ class MainScreen(FullScreen[None]):
         return True
 
     def freeze(self, last_words: str) -> None:
-        """The engine has ended: say so with what can be done, and leave the last picture, its lamps grey."""
+        """Show that the engine has ended and what you can do; keep the last picture, its lamps grey."""
         self._set_running(False)
         self.prompt.show_error(last_words, stays=True)
 
     def show_restart(self) -> None:
         self._set_running(True)
         self.reset_bench()
-        self.prompt.inform("the engine is started anew")
+        self.prompt.inform("the engine restarts")
 
     def _set_running(self, runs: bool) -> None:
         self.header.ended = not runs
@@ -332,7 +331,7 @@ class MainScreen(FullScreen[None]):
         self.received.show()
 
     def on_past_selected(self, message: messages.PastSelected) -> None:
-        """Decode the job that the selected byte of the past belongs to, and show its member."""
+        """Decode the job of the selected byte in the past, and show the member at this byte."""
         of_job = self.received.face.job_of_cursor()
         mine = of_job is not None and of_job[0] == self._view_model.selected
         self.table.past = of_job[1:] if of_job is not None and mine else None
@@ -345,11 +344,11 @@ class MainScreen(FullScreen[None]):
         self.received.show()
 
     def on_message_chosen(self, message: messages.MessageChosen) -> None:
-        """Show the scan of a message in STATUS, history and over time; None: go back to now."""
+        """Show the scan of a message in STATUS, history and timing; None: go back to now."""
         if message.row is None:
             self.timing.action_now()
         else:
-            self.status.point_at(None)  # where the edge is not known any more, no other one explains it
+            self.status.point_at(None)  # the edge may be forgotten: then no other edge must explain the scan
             self.history.point_at(None)
             self.timing.go_to(message.row.scan)
         self.received.show()
@@ -377,8 +376,8 @@ class MainScreen(FullScreen[None]):
         self.received.job.show_link(job)
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
-        """Open the pane that got the focus, and name its keys; one that has lost it again stays closed."""
-        if event.widget is not self.focused:
+        """Open the pane that got the focus, and show its keys."""
+        if event.widget is not self.focused:  # it has lost the focus again
             return
         for digit, pane in self._panes().items():
             if pane in event.widget.ancestors_with_self:
@@ -399,14 +398,14 @@ class MainScreen(FullScreen[None]):
         self.set_focus(self._focus_target(digit))
 
     def watch_focused(self) -> None:
-        """Frame the pane in which the focus is; `:focus-within` would have all of its parts styled again."""
+        """Frame the pane with the focus; CSS `:focus-within` would style all of its parts again."""
         for pane in (self.received, self.peer):
             if pane.has_class(WITHIN_CLASS) != pane.has_focus_within:
                 pane.set_class(pane.has_focus_within, WITHIN_CLASS, update=False)
                 self.app.stylesheet.apply(pane)
 
     def go_to_place(self, place: EvidencePlace) -> None:
-        """Show a scan of an instance over time, or a byte of what it has received."""
+        """Show a scan of an instance in the timing pane, or a byte of its received stream."""
         if place.instance != self._view_model.selected:
             self._view_model.selected = place.instance
             self.follow_selected()
@@ -432,7 +431,7 @@ class MainScreen(FullScreen[None]):
         for digit, pane in self._panes().items():
             pane.display = digit in seen
         first, then = (self.timing, self.status) if self.has_class("-broad") else (self.status, self.timing)
-        if (order := self._grid.children).index(first) > order.index(then):  # a grid is filled in their order
+        if (order := self._grid.children).index(first) > order.index(then):  # a grid is filled in child order
             self._grid.move_child(first, before=then)
         self.tabs.mark(self._pane, *seen)
         if (rows := self._format_grid_rows()) != self._rows:
@@ -446,20 +445,20 @@ class MainScreen(FullScreen[None]):
         return " ".join("1fr" if each == REST_ROW else str(each) for each in self._heights())
 
     def _table_needs_screen(self) -> bool:
-        """Return whether the messages and their members take the screen: pane 5 is too low for them."""
+        """Return whether messages and members take the whole screen, because pane 5 has too few rows."""
         rows = self._pane_rows - 2 - (1 if self.has_class(TABS_CLASS) else sum(self._heights()))
         return self.received.is_table and self._pane in (5, 6) and rows < ENOUGH_TABLE_ROWS
 
     def _visible_tabs(self) -> set[int]:
         if self.has_class(MESSAGES_CLASS) and not self.has_class(ZOOM):
             return {5, 6} if self.size.width >= PAIR_WIDTH else {self._pane}
-        is_stream = self._pane in (5, 6) and self.received.is_past  # which wants the whole width
+        is_stream = self._pane in (5, 6) and self.received.is_past  # the stream needs the whole width
         if self.has_class(ZOOM) or not self.has_class(PAIR_CLASS) or is_stream:
             return {self._pane}
         return next((pair for pair in (*PANE_PAIRS, {3, 7}) if self._pane in pair), {self._pane})
 
     def action_zoom(self) -> None:
-        """Give the pane the whole screen, or take it back; the list of instances where it is a long one."""
+        """Give the whole screen to the pane, or to the list of instances if it is long; or undo that."""
         long_list = self.focused is self.instances and self.instances.show_vertical_scrollbar
         zoomed = next((each for each in (ZOOM, LIST) if self.has_class(each)), LIST if long_list else ZOOM)
         self.toggle_class(zoomed)
@@ -476,9 +475,9 @@ class MainScreen(FullScreen[None]):
         return self.focused in (self.instances, self.block, self.status)
 
     async def on_key(self, event: events.Key) -> None:
-        """Take a key that neither the pane with the focus nor the screen knows."""
+        """Handle a key that neither the pane with the focus nor the screen knows."""
         if event.is_printable:
-            event.stop()  # above, it would act again on what has the focus then
+            event.stop()  # the app would handle it a second time, with the new focus
             await self.run_action(f"app.press_from_afar({event.key!r})")
 
     def action_members(self) -> None:
@@ -487,7 +486,7 @@ class MainScreen(FullScreen[None]):
         self.table.show()
 
     def action_theirs(self) -> None:
-        """View DATA as theirs: in the layout that fits what came; as the PLC lays it out again."""
+        """View DATA in the layout that fits the received bytes, or in the PLC's own layout again."""
         from trcvtui.diagnosis.data_view import view_command  # read when first asked for
 
         decl, offer = self._view_model.declaration, self.status.offer()
@@ -495,7 +494,7 @@ class MainScreen(FullScreen[None]):
         if line:
             self._submit(line)
         else:
-            nothing = "no other layout fits what came: L opens the lab, V there takes theirs into DATA"
+            nothing = "no other layout fits the received bytes: L opens the lab, V there sets DATA to theirs"
             self.prompt.show_result("V", "", nothing if decl else "no DATA here")
 
     def action_yank(self) -> None:
@@ -513,7 +512,7 @@ class MainScreen(FullScreen[None]):
         if text := await self.received.table.csv():
             self._handle_yank((MESSAGES_CSV, text))
         else:
-            self.prompt.show_error("no message is there to be yanked")
+            self.prompt.show_error("no message to yank")
 
     def yank(self, letter: str) -> None:
         from trcvtui.tui.copy_formats import FORMATS
@@ -525,13 +524,13 @@ class MainScreen(FullScreen[None]):
         if text := form.write(subject):
             self._handle_yank((form, text))
         else:
-            self.prompt.show_error(f"nothing is there to yank as {form.name}")
+            self.prompt.show_error(f"nothing to yank as {form.name}")
 
     def _focused_pane(self) -> str:
         return self.focused.id or "" if self.focused is not None else ""
 
     def _find_copy_source(self, pane: str) -> CopySource | None:
-        """Return what a pane shows; None where its bytes are not here, which the prompt says."""
+        """Return what a pane shows; None if its bytes are missing, after an error on the prompt."""
         from trcvtui.tui.copy_formats import make_copy_source
 
         if pane in ("peers", "payload"):
@@ -575,7 +574,7 @@ class MainScreen(FullScreen[None]):
             if part.kind != "udt" or verb == "Remove"
         }
         if not choices:
-            self.prompt.show_error("nothing is there to change: A adds")
+            self.prompt.show_error("nothing to change: A adds a part")
             return
 
         def accept_choice(chosen: str | None) -> None:
@@ -599,7 +598,7 @@ class MainScreen(FullScreen[None]):
             self._submit(line)
 
     def remove_part(self, part: ProjectPart) -> None:
-        """Open the prompt with the line that removes a part: it is seen first, and what it does."""
+        """Open the prompt with the line that removes a part: you see its effect before you send it."""
         if not self._is_refused():
             self.action_prompt(f"remove {part.kind} {part.name}")
 
@@ -609,18 +608,18 @@ class MainScreen(FullScreen[None]):
         if self._view_model.project.undoable:
             self.action_prompt("undo")
         else:
-            self.prompt.show_error("no edit of the project is there to be taken back")
+            self.prompt.show_error("no edit of the project to undo")
 
     def action_save(self) -> None:
         self._submit("save project")
 
     def yank_line(self, line: str) -> None:
-        """Print a line of a shell, and put it where what is yanked goes."""
+        """Show a shell command, and yank it."""
         from trcvtui.tui.clipboard_and_files import yank
         from trcvtui.tui.copy_formats import CopyFormat
 
-        def report(told: str) -> None:
-            self.prompt.inform(f"{line} · {told}")
+        def report(text: str) -> None:
+            self.prompt.inform(f"{line} · {text}")
 
         if not self._is_refused():
             self.run_worker(yank(self.app, CopyFormat("", "it", lambda of: line), line, report, report))

@@ -1,4 +1,4 @@
-"""The vocabulary of the screen: what a widget asks for, and what it says was chosen."""
+"""Messages between the widgets of the screen: selections and requests."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class PaneActions(NamedTuple):
-    """Send a bench command line; open the prompt with one, or with several; say what is missing."""
+    """What a pane may do: send a bench command line, open the prompt with lines, show an error."""
 
     submit: Callable[[str], None]
     open_prompt: Callable[..., None]
@@ -24,45 +24,45 @@ class PaneActions(NamedTuple):
 
 
 class PeerSelected(Message):
-    """Another peer was selected in the view_model: composer and buttons speak for it."""
+    """Another peer was selected in the view model: composer and buttons now belong to it."""
 
 
 @dataclass
 class ByteSelected(Message):
-    """The cursor of a hex view went to the byte at `offset`; `of_job` tells the job's bytes from DATA."""
+    """The cursor of a hex view moved to the byte at `offset` of the job (`of_job`) or of DATA."""
 
     offset: int
     of_job: bool
 
 
 class PastSelected(Message):
-    """The cursor of the history went to another byte."""
+    """The cursor moved to another byte of the stream."""
 
 
 @dataclass
 class MessageChosen(Message):
-    """A row of the table of messages was chosen; None: the newest is followed."""
+    """A row of the table of messages was chosen; None: follow the newest."""
 
     row: MessageRow | None
 
 
 @dataclass
 class FieldSelected(Message):
-    """A row of the UDT table was chosen: its bytes."""
+    """A row of the UDT table was chosen; `field`: its bytes."""
 
     field: range
 
 
 @dataclass
 class CurveWanted(Message):
-    """The member of this path shall be drawn over time."""
+    """Draw the member of this path over time."""
 
     path: str
 
 
 @dataclass
 class EdgeSelected(Message):
-    """A STATUS edge of the past was chosen, in the history or over time; None: back to now."""
+    """A STATUS edge of the past was chosen, in the history or in the timing pane; None: back to now."""
 
     seq: int | None
     line: Line | None = None
@@ -70,26 +70,26 @@ class EdgeSelected(Message):
 
 @dataclass
 class KeyClicked(Message):
-    """A key named on the screen was clicked: its action shall be carried out."""
+    """A key named on the screen was clicked: run its action."""
 
     action: str
 
 
 class ButtonPointed(Message):
-    """Another button is under the cursor or the mouse, or none is any more."""
+    """Another button, or none, is under the cursor or the mouse."""
 
 
 class ScenarioChosen(Message):
-    """Another scenario file was chosen in the list: its text shall be shown."""
+    """Another scenario file was chosen in the list: show its text."""
 
 
 class RowSelected(Message):
-    """Another row of the lab's tree was chosen: its bytes."""
+    """Another row of the lab's tree was chosen: show its bytes."""
 
 
 @dataclass
 class FitWanted(Message):
-    """A profile of the ranking shall be theirs."""
+    """Take a profile of the ranking, by its number, as theirs."""
 
     number: int
 

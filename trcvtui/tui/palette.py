@@ -1,4 +1,4 @@
-"""Everything that can be done, by name, for the command palette."""
+"""The command palette: every action by name."""
 
 from __future__ import annotations
 
@@ -39,11 +39,10 @@ FIRST: Final = (
     "Save the project", "Save the session as a scenario", "Doctor", "Yank …", "Freeze the view",
     "View live again", "Trigger", "Scenarios", "UDT lab", "History: the ERROR before", "Help",
 )  # fmt: skip
-# Where the cursor goes by a key; it is not asked for by name.
-CURSOR_ACTIONS: Final = frozenset(("move", "page", "edge", "step", "place"))
+CURSOR_ACTIONS: Final = frozenset(("move", "page", "edge", "step", "place"))  # not listed in the palette
 WORD_SCORE: Final = 3.0  # the score of each letter, as in a title that has them side by side
-PEER_PANE, WRITE_ACTION = 7, "write"  # a pane, and an action, that write: they are pressed from no other pane
-BUTTON_ACTION: Final = "button"  # the palette tells more of these than a binding knows
+PEER_PANE, WRITE_ACTION = 7, "write"  # keys of this pane and this action write: other panes never press them
+BUTTON_ACTION: Final = "button"  # `_offer_peer` lists the buttons with their bench commands
 
 
 class PaneKey(NamedTuple):
@@ -102,7 +101,7 @@ async def _press(main: MainScreen, key: PaneKey) -> None:
 
 
 async def press_other_pane_key(main: MainScreen, key: str, missing: str = "") -> None:
-    """Do what a key that only looks means in the only pane that has it; else say which panes have it."""
+    """Press a key of another pane if one pane alone has it and it writes nothing; else name the panes."""
     found = [each for each in pane_keys(main) if each.binding.key == key]
     is_pin = key in PIN_LETTERS.values()
     if len(found) == 1 and found[0].digit != PEER_PANE and found[0].action != WRITE_ACTION:
@@ -128,7 +127,7 @@ class PaletteContext(NamedTuple):
     lab: Callable[[], None]
 
 
-# What else an action is looked for by: these words, where title or explanation has one of those.
+# Words that also find an action whose title or explanation contains one of the texts on the right.
 SEARCH_SYNONYMS: Final = {
     "search look": ("find", "some words", "a code", "filter"),
     "copy clipboard export": ("yank", "clipboard", "screenshot"),
@@ -137,9 +136,9 @@ SEARCH_SYNONYMS: Final = {
     "value number field": ("write", "member", "pin", "payload", "form", "resize", "curve"),
     "graph chart plot": ("curve", "timing"),
     "type structure struct layout": ("member", "udt", "theirs", "data variable", "resize"),
-    "record log": ("recording", "record", "save what", "save the session"),
+    "record log": ("recording", "record", "save the session"),
     "stop pause": ("hold", "freeze", "stop", "record", "trigger off", "stall", "quit"),
-    "start continue resume": ("go on", "plc run", "live", "record the run"),
+    "start continue resume": ("continue", "plc run", "live", "record the run"),
     "new create insert": ("add ", "create"),
     "delete": ("remove",),
     "edit modify settings": ("change", "set ", "theme"),
@@ -159,9 +158,9 @@ def search_words(title: str, about: str) -> set[str]:
 
 
 class OrderedCommands(SystemCommandsProvider):
-    """The palette before something is typed: the commands in the order of the app, not of the alphabet.
+    """Commands in the order of the app; Textual's own provider sorts by the alphabet.
 
-    A title is found by its letters, and by the beginnings of its search words.
+    You find a command by letters of its title, or by the beginnings of its search words.
     """
 
     async def discover(self) -> Hits:
@@ -169,10 +168,10 @@ class OrderedCommands(SystemCommandsProvider):
             yield DiscoveryHit(Content(title), callback, title, escape(about))
 
     async def search(self, query: str) -> Hits:
-        matcher, asked = self.matcher(query), re.findall(r"\w+", query.casefold())
+        matcher, typed = self.matcher(query), re.findall(r"\w+", query.casefold())
         for title, about, callback, _ in self.app.get_system_commands(self.screen):
             words, score = search_words(title, about), matcher.match(title)
-            if all(any(word.startswith(each) for word in words) for each in asked):
+            if all(any(word.startswith(each) for word in words) for each in typed):
                 score = max(score, WORD_SCORE * len(query))
             if score > 0:
                 yield Hit(score, matcher.highlight(escape(title)), callback, title, escape(about))
@@ -194,7 +193,7 @@ def _all(bench: PaletteContext) -> Iterator[SystemCommand]:
 def _offer_scans(bench: PaletteContext) -> Iterator[SystemCommand]:
     for title, key, line in (
         ("Hold the scans", "space", "hold"),
-        ("Let the scans go on", "space", "go"),
+        ("Continue the scans", "space", "go"),
         ("Trigger off", "", "trigger off"),
         ("PLC to STOP", "", "plc stop"),
         ("PLC to RUN", "", "plc run"),
@@ -204,15 +203,15 @@ def _offer_scans(bench: PaletteContext) -> Iterator[SystemCommand]:
         yield SystemCommand(title, about, partial(bench.submit, line))
     yield SystemCommand("One single scan", "run 1 · key .", bench.main.action_single_scan)
     frozen = bench.view_model.is_frozen
-    about = "the PLC runs on, the screen keeps what it shows · key F"
+    about = "the PLC keeps running, the screen stays as it is · key F"
     yield SystemCommand("View live again" if frozen else "Freeze the view", about, bench.main.action_freeze)
     about = "run to a STATUS, a pin or a value; the view freezes there · key T"
     yield SystemCommand("Trigger", about, bench.main.action_trigger)
-    yield SystemCommand("Mark", "mark: a saved session expects from here · key K", bench.main.action_mark)
+    yield SystemCommand("Mark", "mark: a saved session checks from here on · key K", bench.main.action_mark)
     save = "save scenario session.toml"
     yield SystemCommand("Save the session as a scenario", save, partial(bench.main.action_prompt, save))
     keep = "save recording session.pcapng"
-    yield SystemCommand("Save what has been up to now", keep, partial(bench.main.action_prompt, keep))
+    yield SystemCommand("Save the recording up to now", keep, partial(bench.main.action_prompt, keep))
 
 
 def _offer_block(bench: PaletteContext) -> Iterator[SystemCommand]:
@@ -229,17 +228,17 @@ def _offer_program(bench: PaletteContext) -> Iterator[SystemCommand]:
         yield SystemCommand(f"Add {what}", about, partial(bench.add, kind))
     from trcvtui.tui.forms.fields import list_parts
 
-    about = "a part of the project: its form, or `remove` · key E"
+    about = "change a part of the project in a form, or `remove` it · key E"
     yield SystemCommand("Change or remove …", about, bench.main.action_change)
     for part in list_parts(bench.view_model, peer_first=False):
         named = f"{part.kind} {part.name}"
         change = partial(bench.main.change_part, part)
         yield SystemCommand(f"Change {part!s}", f"set {named} …: a form", change)
         yield SystemCommand(f"Remove {part!s}", f"remove {named}", partial(bench.main.remove_part, part))
-    about = "undo: the newest add, set or remove of the project · key ctrl+z"
+    about = "undo: take back the last add, set or remove · key ctrl+z"
     yield SystemCommand("Undo", about, bench.main.action_undo)
-    about = "save project: what was added, changed and removed, into its file · key ctrl+s"
-    is_demo = bench.view_model.project.path == demo_path()  # which needs another name
+    about = "save project: all edits go into its file · key ctrl+s"
+    is_demo = bench.view_model.project.path == demo_path()  # never overwritten: it needs another name
     keep = partial(bench.main.action_prompt, "save project ") if is_demo else bench.main.action_save
     yield SystemCommand("Save the project", about, keep)
     instance = bench.view_model.instance
@@ -272,7 +271,7 @@ def _offer_peer(bench: PaletteContext) -> Iterator[SystemCommand]:
     for other in bench.view_model.peers:
         if other.name != peer.name:
             speak = partial(_select_peer, bench, other.name)
-            yield SystemCommand(f"Peer {other.name}", "speak for this peer", speak)
+            yield SystemCommand(f"Peer {other.name}", "select this peer", speak)
 
 
 def _offer_instances(bench: PaletteContext) -> Iterator[SystemCommand]:
@@ -287,16 +286,16 @@ def _offer_screen(bench: PaletteContext) -> Iterator[SystemCommand]:
         yield SystemCommand(f"Pane {name}", f"go there · key {digit}", partial(bench.main.action_pane, digit))
     main = bench.main
     for title, about, act in (
-        ("Members of DATA or of the job", "decode the other bytes · key v", main.action_members),
-        ("View DATA as theirs", "in the layout that fits what came, and back · key V", main.action_theirs),
+        ("Members of DATA or of the job", "decode one or the other · key v", main.action_members),
+        ("View DATA as theirs", "in the layout that fits the bytes, and back · key V", main.action_theirs),
         ("Zoom the pane", "alone on the screen, and back · key M", main.action_zoom),
         ("Command line", "type a bench command · key :", main.action_prompt),
         ("Scenarios", "read them, play them step by step · key S", main.action_scenarios),
-        ("UDT lab", "two profiles side by side, which one fits, the cure · key L", bench.lab),
+        ("UDT lab", "compare two layouts, see which one fits, get the cure · key L", bench.lab),
     ):
         yield SystemCommand(title, about, act)
     for title, about, action in (
-        ("Framing advice", "how the bytes on a ComBuffer may be cut into frames · key B", "app.framings"),
+        ("Framing advice", "how to cut the bytes of a ComBuffer into frames · key B", "app.framings"),
         ("Doctor", "what is wrong with the selected instance, and what mends it · key J", "app.doctor"),
         ("Thrown-away bytes", "noise, parts of frames, lost ones · key X", "app.dropped"),
     ):
@@ -319,8 +318,8 @@ def _recent_commands(main: MainScreen) -> Iterator[SystemCommand]:
             line = make_run_line(path)
             yield SystemCommand(f"Recent projects: {Path(path).name}", line, partial(main.yank_line, line))
     except UserError as wrong:
-        [told] = wrong.lines()
-        yield SystemCommand("Recent projects", told, partial(main.prompt.show_error, told))
+        [line] = wrong.lines()
+        yield SystemCommand("Recent projects", line, partial(main.prompt.show_error, line))
 
 
 def _select(bench: PaletteContext, name: str) -> None:

@@ -1,4 +1,4 @@
-"""What the peer pane can say: its buttons as a table, and the send command made of the composer's fields."""
+"""Bench commands of the peer pane: a table of its buttons, and the `send` of the composer's fields."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PAYLOAD_MODES: Final = (HEX, TEXT, UDT)
 
 @dataclass(frozen=True, slots=True)
 class Button:
-    """One button: letter, label and bench command for a peer; with `edit` the user completes it."""
+    """One button: letter, label and bench command for a peer; with `edit` you complete the command."""
 
     letter: str
     label: Callable[[PeerSnapshot], str]
@@ -69,7 +69,7 @@ CLEAR_BUTTON: Final = Button("u", _always("Clear faults"), _always("fault clear"
 
 
 def buttons_for(faults: bool, peer: PeerSnapshot | None = None) -> tuple[Button, ...]:
-    """Return the buttons that make sense for a peer; an armed fault turns its button into the end of it."""
+    """Return the buttons that make sense for a peer; while a fault is armed, `u` clears it."""
     silence = (SILENCE_BUTTON,) if peer is not None and peer.link else ()
     is_udp = peer is not None and peer.udp
     always = tuple(button for button in BUTTONS if not (is_udp and button.letter in CONNECTED_LETTERS))
@@ -80,14 +80,14 @@ def buttons_for(faults: bool, peer: PeerSnapshot | None = None) -> tuple[Button,
 
 
 def make_try_line(peer: str, mode: str, payload: str, instance: str, gap: str) -> str:
-    """Return the bench command that tries every split of a payload; of several pauses the first."""
+    """Return the bench command that tries every split of a payload; of several pauses it uses the first."""
     options = f" gap={gap.split(',')[0].strip()}" if gap.strip() else ""
     message = _quoted(payload) if mode == TEXT else payload.strip()
     return f"peer {peer} try-splits {mode} {message} on {instance}{options} differ=any"
 
 
 def receiver_for(link: str, selected: str, project: Project) -> str:
-    """Return the instance that takes a peer's messages: the selected one, else the first on its CONNECT."""
+    """Return the instance that receives from a peer: the selected one, else the first on its CONNECT."""
     names = [i.name for i in project.instances if i.connect == link and block_row(i.block).receives_stream]
     return selected if selected in names else next(iter(names), "")
 

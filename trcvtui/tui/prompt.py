@@ -1,4 +1,4 @@
-"""The command line: `:` opens it; closed, it shows the last command and what became of it."""
+"""The command line: `:` opens it; closed, it shows the last command and its answer."""
 
 from __future__ import annotations
 
@@ -19,36 +19,36 @@ from trcvtui.tui.widgets.typed_lines import TypedField, TypedLine
 
 MOST_KEPT_LINES: Final = 200
 MOST_ROWS: Final = 4
-MESSAGE_TIME_S: Final = 10.0  # then a message goes away, but for one that is to stay
-PREVIEWED_VERBS: Final = ("set", "remove", "undo")  # lines that change the project say what they will do
+MESSAGE_TIME_S: Final = 10.0  # then a message disappears, unless it `stays`
+PREVIEWED_VERBS: Final = ("set", "remove", "undo")  # the prompt shows the effect of these before enter
 
 
 class EchoLine(LineView, can_focus=False):
-    """The last command with its answer; what it tells takes up to four lines rather than lose its end."""
+    """The last command with its answer, in up to MOST_ROWS rows."""
 
     DEFAULT_CSS = "EchoLine { height: 1; background: $background; padding: 0 1; }"
 
     def __init__(self) -> None:
         super().__init__(id="echo")
-        self._line, self._error, self.waits, self._told = "", "", False, ""
+        self._line, self._error, self.waits, self._text = "", "", False, ""
         self._rows = 1
-        self.note = ""  # of a line that is still typed
+        self.note = ""  # the effect of the line that you are typing
         self._end: Timer | None = None
 
     def show_answer(
-        self, line: str, error: str = "", waits: bool = False, told: str = "", stays: bool = False
+        self, line: str, error: str = "", waits: bool = False, text: str = "", stays: bool = False
     ) -> None:
-        """Show a command and its answer for a while; a command that waits for it, until it comes."""
+        """Show a command and its answer for MESSAGE_TIME_S; `waits`: until the answer comes."""
         if self._end is not None:
             self._end.stop()
-        goes = bool(line or error or told) and not (waits or stays)
+        goes = bool(line or error or text) and not (waits or stays)
         self._end = self.set_timer(MESSAGE_TIME_S, lambda: self.show_answer("")) if goes else None
         self._line, self._error, self.waits = line, error, waits
-        self._told = " · ".join(map(str.strip, told.splitlines()))
+        self._text = " · ".join(map(str.strip, text.splitlines()))
         self._fit()
 
     def show_preview(self, note: str) -> None:
-        """Show what the line that is typed would do; "" shows the last command again."""
+        """Show the effect of the line that you are typing; "" shows the last command again."""
         if note != self.note:
             self.note = note
             self._fit()
@@ -65,15 +65,15 @@ class EchoLine(LineView, can_focus=False):
             return wrap_text(self.note, width)
         if self._error:
             return wrap_text(f"{self._line}  ✗ {self._error}", width)
-        return wrap_text(f"{self._line}  ✓ {self._told}".lstrip() if self._told else self._line, width)
+        return wrap_text(f"{self._line}  ✓ {self._text}".lstrip() if self._text else self._line, width)
 
     def row_count(self) -> int:
-        return len(self._texts()) if self.note or self._error or self._told else 1
+        return len(self._texts()) if self.note or self._error or self._text else 1
 
     def row_at(self, y: int) -> Row:
         if self.note:
             return row(("▸ " if y == 0 else "  ", "dim"), (self._texts()[y], ""))
-        if self._error or self._told:
+        if self._error or self._text:
             style = "error" if self._error else ""
             return row((": " if y == 0 else "  ", "dim"), (self._texts()[y], style))
         if not self._line:
@@ -96,15 +96,14 @@ class PromptInput(TypedField):
         self._prompt.recall(step)
 
     def action_complete(self) -> None:
-        """Complete the last word, without waiting for the suggestion to be drawn."""
+        """Complete the last word at once: the drawn suggestion may be late."""
         self._prompt.complete()
 
     async def action_submit(self) -> None:
         self._prompt.submit()
 
     def on_hide(self, event: events.Hide) -> None:
-        """Keep the focus where the prompt was opened again before its closing was drawn."""
-        if self._prompt.is_open:
+        if self._prompt.is_open:  # opened again before its closing was drawn: keep the focus
             event.prevent_default()
 
     def action_close(self) -> None:
@@ -112,7 +111,7 @@ class PromptInput(TypedField):
 
 
 class Prompt(Vertical):
-    """Echo and, while open, the input; remembers what was typed and which lines wait for their answer."""
+    """Echo line and, while open, the input; it keeps a history of lines, and lines that are sent later."""
 
     DEFAULT_CSS = "Prompt { height: auto; background: $background; }"
 
@@ -123,11 +122,11 @@ class Prompt(Vertical):
         only_looks: Callable[[], bool] = lambda: False,
     ) -> None:
         super().__init__(id="prompt")
-        self._only_looks = only_looks  # then no line is read: one may name a file
+        self._only_looks = only_looks  # then no line is previewed: a line may name a file
         self._view_model = view_model
         self._submit = submit
         self._echo = EchoLine()
-        self.show_preview = self._echo.show_preview  # what is wrong with a line that is typed elsewhere
+        self.show_preview = self._echo.show_preview  # also for a line that you type in another field
         self._input = PromptInput(self)
         self._open_line = TypedLine(":", self._input)
         self._open_line.id, self._open_line.display = "open-line", False
@@ -135,8 +134,8 @@ class Prompt(Vertical):
         self._lines: list[str] = []
         self._at = 0
         self._last = 0
-        self._steps: tuple[str, ...] = ()  # the line that was filled in, then those that go after its ✓
-        self._after = -1  # the number of the line whose ✓ the next step waits for
+        self._steps: tuple[str, ...] = ()  # the filled-in line, then the lines that follow its ✓
+        self._after = -1  # number of the line whose ✓ releases the next step
 
     def compose(self) -> list[Widget]:
         """Compose the closed prompt; the input comes right after the first frame."""
@@ -145,7 +144,7 @@ class Prompt(Vertical):
     # -- open and closed ----------------------------------------------------------------------------
 
     async def mount_input(self) -> None:
-        """Make the input, so that it is there before the first key is obeyed."""
+        """Make the input; the app handles keys only after that."""
         from trcvtui.tui.completion import BenchSuggester
 
         self._input.suggester = BenchSuggester(lambda: self._view_model.project)
@@ -156,9 +155,9 @@ class Prompt(Vertical):
         return self._open_line.display
 
     def open(self, text: str = "", *then: str) -> None:
-        """Open the command line with a text to complete. The very next key is typed into it.
+        """Open the command line with a text. The very next key is typed into it.
 
-        Each line of `then` goes after the ✓ of the one before, if the text is sent as it is.
+        If you send the text unchanged, each line of `then` follows after the ✓ of the line before.
         """
         self._steps, self._after = (text, *then), -1
         if not self._input.is_attached:
@@ -172,7 +171,7 @@ class Prompt(Vertical):
         self.screen.set_focus(self._input)
 
     def close(self) -> None:
-        """Close the command line; the pane that had the focus gets it back at once."""
+        """Close the command line; the focus returns at once to the pane that had it."""
         before, self._focus_before = self._focus_before, None
         self.screen.set_focus(before)
         self._open_line.display, self._echo.display = False, True
@@ -188,8 +187,8 @@ class Prompt(Vertical):
         if not self.is_open:
             return
         line = self._input.value.strip()
-        is_told = line.partition(" ")[0] in PREVIEWED_VERBS and not self._only_looks()
-        notes = [preview_edit(line, self._view_model.project)] if is_told else []
+        has_preview = line.partition(" ")[0] in PREVIEWED_VERBS and not self._only_looks()
+        notes = [preview_edit(line, self._view_model.project)] if has_preview else []
         notes += [f"then {step}" for step in self._steps[1:] if self._steps[0] == line]
         self._echo.show_preview(" · ".join(filter(None, notes)))
         self._echo.display = bool(self._echo.note)
@@ -228,14 +227,14 @@ class Prompt(Vertical):
         self._last = number
         self._echo.show_answer(line, waits=True)
 
-    def show_result(self, line: str, told: str, error: str = "") -> None:
+    def show_result(self, line: str, text: str, error: str = "") -> None:
         self.add_to_history(line)
-        self._echo.show_answer(line, error, told=told)
+        self._echo.show_answer(line, error, text=text)
 
     def show_answers(self, answers: dict[int, LineAnswer]) -> None:
         for number, answer in answers.items():
             if answer.error or number == self._last:
-                self._echo.show_answer(answer.line, answer.error, told=answer.told)
+                self._echo.show_answer(answer.line, answer.error, text=answer.told)
             if number == self._after and not answer.error:
                 self._submit(self._steps[0])
 
@@ -244,7 +243,7 @@ class Prompt(Vertical):
         return self._echo.waits
 
     def inform(self, text: str) -> None:
-        self._echo.show_answer("", told=text)
+        self._echo.show_answer("", text=text)
 
     def show_error(self, text: str, stays: bool = False) -> None:
         self._echo.show_answer("", text, stays=stays)

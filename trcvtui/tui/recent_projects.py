@@ -1,4 +1,4 @@
-"""The projects that were opened last: ten paths in a file of the state folder."""
+"""Recent projects: MOST_PROJECTS paths in a file of the state folder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_BYTES: Final = 100_000
 
 def recent_projects() -> list[str]:
     """Return their paths, the newest first; raise UserError."""
-    path, expected = paths.state_folder() / FILE, "a JSON list of paths; without the file it begins anew"
+    path, expected = paths.state_folder() / FILE, "a JSON list of paths; delete the file for a new list"
     try:
         found = json.loads(read_bytes(path, MOST_BYTES))
     except FileNotFoundError:
@@ -35,7 +35,7 @@ def recent_projects() -> list[str]:
 
 
 def remember_project(project: Path) -> None:
-    """Put a project first; where this cannot be written or read, nothing is changed."""
+    """Put a project first; if the file cannot be read or written, leave it."""
     path = os.path.abspath(project)
     if project != paths.demo_path():
         with suppress(OSError, UserError):
@@ -46,7 +46,7 @@ def remember_project(project: Path) -> None:
 
 
 def make_run_line(path: str) -> str:
-    """Return the line that opens a project in a shell; what cannot be printed stands there in octal."""
+    """Return the shell command that opens a project; bytes that cannot be printed are in octal."""
     if path.isprintable():
         return f"trcvtui run {quote(path)}"
     letters = (chr(c) if 32 <= c < 127 and c not in b"\\'" else f"\\{c:03o}" for c in os.fsencode(path))

@@ -1,4 +1,4 @@
-"""A recording on the main screen: the position line, and the keys that move in the recording."""
+"""A recording on the main screen: the position line, and the keys that move through the recording."""
 
 from __future__ import annotations
 
@@ -35,22 +35,22 @@ CLICK_ACTIONS: Final = {
     "W": "what_if",
     "9": "line",
 }
-PANE_KEYS: Final = {  # what a pane may have for itself
+PANE_KEYS: Final = {  # keys that a pane may use itself; the key line then leaves them out
     "←→": ("left", "right"), "shift": ("shift+left", "shift+right"), "!": ("exclamation_mark",),
     "+-": ("plus", "minus"), "space": ("space",), "g": ("g",),
 }  # fmt: skip
-CHANGES: Final = frozenset(("add", "change", "send"))  # what keys of panes do
-COMMAND_PANES: Final = frozenset(("block", "peer"))  # panes of which all keys do
+CHANGES: Final = frozenset(("add", "change", "send"))  # keys of panes that change the bench
+COMMAND_PANES: Final = frozenset(("block", "peer"))  # all keys of these panes change the bench
 POSITION_ROWS: Final = 2
 PRIORITY_ACTIONS: Final = frozenset((("at", "1"), ("at", "end"), ("prompt", "at ")))  # home, end and g
-TIMING_PANE: Final = 8  # the pane
-MOST_WHAT_IF_LINES: Final = 6  # lines of a what-if
+TIMING_PANE: Final = 8
+MOST_WHAT_IF_LINES: Final = 6
 HERE, PARTING_SIGN, ERROR, PAST, COMING = "█", "≠", "!", "━", "─"
 STYLES: Final = {HERE: "key", PARTING_SIGN: "warn", ERROR: "error", PAST: "key", COMING: "faint"}
 
 
 def position_bar(position: ReplayPosition, width: int) -> str:
-    """Return the whole recording in one line: where it stands, what has passed, where ERRORs come."""
+    """Return a bar of the whole recording: the present scan, what has passed, the ERRORs."""
     pieces, first = len(position.marks), position.first + 1
     scans = max(1, position.last_scan - position.first)
     here = max(0, position.scan - first) * width // scans
@@ -68,7 +68,7 @@ def position_bar(position: ReplayPosition, width: int) -> str:
 
 
 class PositionLine(LineView, inherit_bindings=False):
-    """Where the replay stands: in words, and in a bar over the whole width; a click goes there."""
+    """The position of the replay in words and as a bar over the whole width; a click goes to that scan."""
 
     DEFAULT_CSS = f"PositionLine {{ height: {POSITION_ROWS}; background: $background; padding: 0 1; }}"
 
@@ -87,8 +87,8 @@ class PositionLine(LineView, inherit_bindings=False):
         if y == 0:
             return row(*_position_parts(picture.position, picture.holding))
         if y >= POSITION_ROWS:
-            said = _what_if_lines(picture.position)[y - POSITION_ROWS : y - POSITION_ROWS + 1]
-            return row(*((line, "warn" if y == POSITION_ROWS else "") for line in said))
+            shown = _what_if_lines(picture.position)[y - POSITION_ROWS : y - POSITION_ROWS + 1]
+            return row(*((line, "warn" if y == POSITION_ROWS else "") for line in shown))
         signs = groupby(position_bar(picture.position, max(1, self.line_width)))
         return row(*((sign * len([*some]), STYLES[sign]) for sign, some in signs))
 
@@ -101,7 +101,7 @@ class PositionLine(LineView, inherit_bindings=False):
 
 
 class ReplayKeyLine(KeyLine):
-    """Of a pane the keys that look only, then those of the replay that the pane has not for itself."""
+    """Keys of the pane that change nothing, then keys of the replay that the pane does not use."""
 
     _commands = False
 
@@ -109,13 +109,14 @@ class ReplayKeyLine(KeyLine):
         panes = [*focused.ancestors_with_self] if focused is not None else []
         self._commands = not isinstance(focused, Input) and any(pane.id in COMMAND_PANES for pane in panes)
         acts = focused.screen.active_bindings if focused is not None else {}
-        own = {key for key, active in acts.items() if active.node in panes[:-2]}  # the screen and the app
+        own = {
+            key for key, active in acts.items() if active.node in panes[:-2]
+        }  # not the screen's and the app's
         self._everywhere = tuple([pair for pair in REPLAY_KEYS if not own & {*PANE_KEYS.get(pair[0], ())}])
         self._names = getattr(self.app, "key_names", {})
         super().show_keys_of(focused, holding)
 
     def show_keys(self, local: Keys, holding: bool) -> None:
-        """Leave out what would change the bench."""
         some = [pair for pair in local if pair[1] not in CHANGES and (not self._commands or pair[0] == "C")]
         self._actions = {key: action for key, action in CLICK_ACTIONS.items() if key not in dict(some)}
         super().show_keys(tuple(some), holding)
@@ -143,7 +144,7 @@ def _position_parts(position: ReplayPosition, holding: bool) -> Iterator[Part]:
 
 
 class ReplayScreen(MainScreen):
-    """All panes at one scan of a recording. Focused panes have their own keys first; 9 and esc go back."""
+    """All panes at one scan of a recording. A focused pane gets keys first; 9 and esc leave it."""
 
     BINDINGS: ClassVar = [
         Binding("left,comma", "at('-1')", "scan back", show=False),
@@ -152,7 +153,7 @@ class ReplayScreen(MainScreen):
         Binding("shift+right", "edge('+1')", "next edge", show=False),
         Binding("exclamation_mark", "at('error +1')", "next ERROR", show=False),
         Binding("quotation_mark,at", "at('error -1')", "ERROR before", show=False),
-        # Before a pane that has the same keys for its rows.
+        # With priority: panes have the same keys for their rows.
         Binding("home", "at('1')", "first scan", show=False, priority=True),
         Binding("end", "at('end')", "last scan", show=False, priority=True),
         Binding("g", "prompt('at ')", "go to a scan or time", show=False, priority=True),
@@ -167,7 +168,7 @@ class ReplayScreen(MainScreen):
         self.key_line = ReplayKeyLine(REPLAY_KEYS, CLICK_ACTIONS)
         self.position = PositionLine(view_model)
         self._position_rows = POSITION_ROWS
-        self._is_beside = False  # is a run with another parameter shown beside
+        self._is_beside = False  # the run of a what-if is shown beside the recorded one
 
     def compose(self) -> Iterator[Widget]:
         for widget in super().compose():
@@ -190,7 +191,7 @@ class ReplayScreen(MainScreen):
             self._fit(*self.size)
             position = self._view_model.position
             is_beside = position is not None and bool(position.what_if)
-            if is_beside != self._is_beside:  # both runs over time, or all panes again
+            if is_beside != self._is_beside:  # timing alone for both runs, or all panes again
                 self._is_beside = is_beside
                 self._open(TIMING_PANE)
                 if is_beside != self.has_class(ZOOM):
@@ -200,13 +201,13 @@ class ReplayScreen(MainScreen):
         self.position.show()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave `g`, home and end to a field that is typed into, and to the table of messages."""
+        """Leave `g`, home and end to an input field and to the table of messages."""
         is_typed = action in ("at", "prompt") and isinstance(self.focused, Input)
         is_of_table = (action, *parameters) in PRIORITY_ACTIONS and self.focused is self.received.table.first
         return not (is_typed or is_of_table) and super().check_action(action, parameters)
 
     def _takes_pins(self) -> bool:
-        return True  # the replay says that nothing can be changed
+        return True  # a pin key then gets the replay's refusal
 
     def action_at(self, where: str) -> None:
         self.received.table.messages.follow()
@@ -218,7 +219,7 @@ class ReplayScreen(MainScreen):
         super().go_to_place(place)
 
     def on_message_chosen(self, message: MessageChosen) -> None:
-        message.prevent_default()  # the time line moves, and all panes with it
+        message.prevent_default()  # in place of the main screen: the whole replay goes to that scan
         if message.row is not None:
             self._submit(f"at {message.row.scan}")
 
@@ -236,7 +237,6 @@ class ReplayScreen(MainScreen):
         self.set_focus(self.position)
 
     def action_calm(self) -> None:
-        """Leave what was opened, for the time line at last."""
         super().action_calm()
         self.action_line()
 

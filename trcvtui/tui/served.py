@@ -1,10 +1,10 @@
-"""The same screen in a browser on this machine, through textual-serve; to look at, unless told otherwise.
+"""The same screen in a browser on this machine, through textual-serve; read-only unless `--write` is given.
 
-Rule 1: 127.0.0.1 alone, and only for pages that come from here: another page in the same browser could else
-speak to the bench (the Host and the Origin of every request are looked at).
-Rule 2: only for who has the address that was printed: other users of this machine reach the port as well.
-The address holds a random token; the browser gets a cookie for it, and every later request shows that.
-Rule 3: there is one engine, which ends with this process; each tab is a process of its own that shows it.
+Rule 1: only on 127.0.0.1, and only for pages of this server: any other page in the same browser could
+command the bench. So the Host and the Origin of every request are checked.
+Rule 2: only with the printed address: other users of this machine can reach the port, too. The address
+holds a random token; the browser gets a cookie for it, and every later request must show the cookie.
+Rule 3: there is one engine, which ends with this process; each tab is a separate process that shows it.
 At most MOST_TABS run.
 """
 
@@ -36,18 +36,18 @@ if TYPE_CHECKING:
 
 HOST: Final = "127.0.0.1"
 TOKEN_PARAMETER: Final = "token"
-SOCKET_PATH: Final = "/ws"  # where textual-serve starts one
-MOST_CELLS: Final = 1000  # of a width or a height: a larger screen would take minutes to draw
+SOCKET_PATH: Final = "/ws"  # textual-serve starts a tab here
+MOST_CELLS: Final = 1000  # width or height: a larger screen would take minutes to draw
 SHUTDOWN_S: Final = 0.5  # for pages to close; a tab ends with its engine
-MOST_TYPED_CHARACTERS: Final = 1 << 16  # characters of one message
-# textual-serve's page asks another host for a font that it has itself.
+MOST_TYPED_CHARACTERS: Final = 1 << 16  # of one message
+# textual-serve's page loads a font from another host, although it has the font itself.
 OUTSIDE_LINK: Final = re.compile(r"<link[^>]*https?://(?!127\.0\.0\.1)[^>]*>")
 FONT: Final = """<style>@font-face {
       font-family: "Roboto Mono"; src: url("/static/fonts/RobotoMono-VariableFont_wght.ttf");
     }</style>"""
 QUIET_HEADERS: Final = {"Referrer-Policy": "no-referrer", "Cache-Control": "no-store"}
-FOREIGN_REFUSAL: Final = "this bench is only for pages of its own\n"
-UNKNOWN_REFUSAL: Final = "open the whole address that `trcvtui serve` has printed\n"
+FOREIGN_REFUSAL: Final = "this bench accepts only pages that it has sent itself\n"
+UNKNOWN_REFUSAL: Final = "open the whole address that `trcvtui serve` printed\n"
 FULL_REFUSAL: Final = f"{MOST_TABS} screens are open already; close one\n"
 PAGE_HEAD: Final = """<head>
     <title>%s</title>
@@ -60,20 +60,20 @@ PAGE_HEAD: Final = """<head>
 
 
 def refuse_root(write: bool, as_root: bool) -> None:
-    """Raise UserError when root lets a browser command without having said that this is meant."""
+    """Raise UserError if root runs `serve --write` without --as-root."""
     if write and not as_root and hasattr(os, "geteuid") and os.geteuid() == 0:
         found = "root, whose files a browser could then write"
         raise mistake("trcvtui serve --write", found, "another user, or --as-root if that is meant")
 
 
 class AccessControl:
-    """Who may come in: a page of our own (rule 1) that has shown the token once (rule 2)."""
+    """Which requests are served: those of our own pages (rule 1) with the token or its cookie (rule 2)."""
 
     def __init__(self, port: int) -> None:
         self.token = secrets.token_urlsafe(32)
         self.port = port
         self.address = f"http://{HOST}:{port}"
-        # A browser keeps one jar of cookies for all ports of a host.
+        # With the port in its name: a browser keeps the cookies of all ports of a host together.
         self.cookie = f"trcvtui-{port}"
         self._own = {f"{host}:{port}" for host in (HOST, "localhost")}
 
@@ -82,9 +82,9 @@ class AccessControl:
         return f"{self.address}/?{TOKEN_PARAMETER}={self.token}"
 
     def refusal(self, host: str, origin: str | None, is_socket: bool) -> str:
-        """Return why a request is refused whatever it shows, "" when it is not.
+        """Return why a request is refused, whatever token it shows; "" if it is not.
 
-        A browser names the Origin of each websocket; who does not is no page of ours.
+        A browser always names the Origin of a websocket: a request without it is not from our page.
         """
         if host.lower() not in self._own or (origin is None and is_socket):
             return FOREIGN_REFUSAL
@@ -92,11 +92,11 @@ class AccessControl:
         return FOREIGN_REFUSAL if origin is not None and (scheme != "http" or named not in self._own) else ""
 
     def is_token(self, shown: str | None) -> bool:
-        """Return whether this is the token, in a time that tells nothing of it."""
+        """Compare with the token, in a time that does not depend on where they differ."""
         return hmac.compare_digest((shown or "").encode(), self.token.encode())
 
     def grant_cookie(self) -> web.Response:
-        """Give the cookie, and the address without the token: that one shall not stay in the history."""
+        """Set the cookie and redirect to the address without the token, which keeps it out of the history."""
         from aiohttp import web
 
         answer = web.Response(status=303, headers={"Location": f"{self.address}/", **QUIET_HEADERS})
@@ -105,7 +105,7 @@ class AccessControl:
 
 
 def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None) -> None:
-    """Serve until Ctrl+C; raise UserError where that cannot be."""
+    """Serve until Ctrl+C; raise UserError."""
     try:
         import textual_serve.server  # noqa: F401
         from aiohttp import web
@@ -114,7 +114,7 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
         raise mistake("trcvtui serve", found, expected) from None
     door = open_listener(port)
     entrance = AccessControl(door.getsockname()[1])
-    how = "every command is carried out" if write else "read-only; --write lets it command"
+    how = "every command is carried out" if write else "read-only; --write allows commands"
     about = f"{project} in a browser, {how}; Ctrl+C ends it\n"
     try:
         with closing(EngineDriver(project, kernel, read_only=not write, is_shared=True)) as engine:
@@ -128,7 +128,7 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
 
 
 def restart_engine(engine: EngineDriver) -> str:
-    """Start another engine where the one before has ended, and say why it has; return why none begins."""
+    """Restart an engine that has ended, and print why it ended; return why none starts, "" if one runs."""
     try:
         engine.poll_picture()
     except EngineStopped as stopped:
@@ -137,7 +137,7 @@ def restart_engine(engine: EngineDriver) -> str:
         try:
             engine.wait_for_project()
         except (UserError, EngineStopped) as wrong:
-            engine.wait(EXIT_WAIT_S)  # for its end: the next tab tries again
+            engine.wait(EXIT_WAIT_S)  # its end must be over when the next tab tries again
             return f"{wrong}\n"
     return ""
 
@@ -145,17 +145,15 @@ def restart_engine(engine: EngineDriver) -> str:
 async def application(
     command: str, entrance: AccessControl, title: str, about: str, begin: Callable[[], str]
 ) -> web.Application:
-    """Return what answers the requests, and says first where it is; each tab is `begin` and `command`."""
+    """Return the web application, which prints its address first; a tab runs `begin`, then `command`."""
     from aiohttp import web
     from textual_serve.server import Server
 
     class LoopbackServer(Server):
-        """Answers only the pages that it has given out."""
-
         async def _process_messages(self, websocket: web.WebSocketResponse, app_service: AppService) -> None:
-            """Hand on what the page sends; textual-serve ends with a traceback on what it does not."""
+            """Pass on what the page sends; textual-serve's own ends with a traceback on any other message."""
             run, loop = app_service._task, asyncio.get_running_loop()
-            if run is not None:  # a page does not stand on when its process has ended
+            if run is not None:  # close the page when the process of its tab has ended
                 run.add_done_callback(lambda _: loop.create_task(websocket.close()))
             async for message in websocket:
                 match _parse_message(message.data):
@@ -163,13 +161,13 @@ async def application(
                         await app_service.send_bytes(typed.encode(errors="replace"))
                     case ["resize", {"width": width, "height": height}]:
                         await app_service.set_terminal_size(_parse_size(width), _parse_size(height))
-                    case ["ping", asked]:
-                        await websocket.send_json(["pong", asked])
+                    case ["ping", content]:
+                        await websocket.send_json(["pong", content])
                     case ["blur" | "focus" as what, *_]:
                         await getattr(app_service, what)()
 
         async def handle_index(self, request: web.Request) -> web.StreamResponse:
-            """Give the page out with a head of ours, and without what it would fetch from elsewhere."""
+            """Send the page with our own head, and without links to other hosts."""
             page = await super().handle_index(request)
             if isinstance(page, web.Response):
                 page.text = OUTSIDE_LINK.sub(FONT, page.text or "").replace(
@@ -179,7 +177,7 @@ async def application(
             return page
 
         async def on_startup(self, app: web.Application) -> None:
-            """Say where it is; textual-serve's own banner is left out."""
+            """Print the address in place of textual-serve's banner."""
             sys.stdout.write(f"{entrance.url}\n")
             sys.stdout.flush()
             sys.stderr.write(about)
@@ -189,21 +187,21 @@ async def application(
     @web.middleware
     async def _check_access(request, handler):  # type: ignore[no-untyped-def]
         refused = entrance.refusal(request.host, request.headers.get("Origin"), request.path == SOCKET_PATH)
-        if refused:
+        if refused:  # rule 1
             return web.Response(status=403, text=refused)
         if request.path == "/" and entrance.is_token(request.query.get(TOKEN_PARAMETER)):
             return entrance.grant_cookie()
-        if not entrance.is_token(request.cookies.get(entrance.cookie)):
+        if not entrance.is_token(request.cookies.get(entrance.cookie)):  # rule 2
             return web.Response(status=403, text=UNKNOWN_REFUSAL)
         if request.path != SOCKET_PATH:
             return await handler(request)
-        if screens.locked():
+        if screens.locked():  # rule 3: MOST_TABS run
             return web.Response(status=503, text=FULL_REFUSAL)
         async with screens:
             if wrong := begin():
                 return web.Response(status=503, text=wrong)
-            asked = request.query
-            size = {name: _parse_size(asked[name]) for name in ("width", "height") if name in asked}
+            query = request.query
+            size = {name: _parse_size(query[name]) for name in ("width", "height") if name in query}
             return await handler(request.clone(rel_url=request.rel_url.update_query(size)))
 
     app = await LoopbackServer(command, HOST, entrance.port, title=title)._make_app()
@@ -212,25 +210,25 @@ async def application(
 
 
 def _parse_message(data: object) -> object:
-    """Return what a message says, None for one that is no JSON."""
+    """Return the content of a message of the page, None if it is not JSON."""
     with suppress(ValueError, RecursionError):
         return json.loads(data) if isinstance(data, str) else None
     return None
 
 
-def _parse_size(asked: object) -> int:
-    """Return a width or a height that a screen can have; 80 in place of what is no number."""
-    text = str(asked)[:9]
+def _parse_size(value: object) -> int:
+    """Return a width or a height of 1 to MOST_CELLS; 80 if it is not a number."""
+    text = str(value)[:9]
     return min(max(int(text), 1), MOST_CELLS) if text.isdecimal() else 80
 
 
 def open_listener(port: int) -> socket.socket:
-    """Return a socket that listens on loopback; raise UserError for a port that cannot be had."""
+    """Return a socket that listens on loopback; raise UserError if the port is not free."""
     door = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:
         door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         door.bind((HOST, port))
-        door.listen()  # before the address is told
+        door.listen()  # before the address is printed
     except (OSError, OverflowError) as failed:
         door.close()
         raise mistake("--port", f"{port}: {failed}", "a free port, or 0 for any") from None
@@ -238,7 +236,7 @@ def open_listener(port: int) -> socket.socket:
 
 
 def command_line(project: Path, door: Path, write: bool, theme: str | None) -> str:
-    """Return what a tab is started with; textual-serve gives it to a shell."""
+    """Return the command of a tab, quoted for the shell that textual-serve starts."""
     words = [sys.executable, "-m", "trcvtui", "run", str(project), "--attach", str(door)]
     words += [] if write else ["--read-only"]
     words += ["--theme", theme] if theme else []

@@ -1,8 +1,8 @@
-"""What the user has set in the config folder: the look, and which key does what; a mistake is told in a line.
+"""The user's settings in the config folder: theme and keys. Each mistake in them is one line in `problems`.
 
 config.toml: theme = "dark" | "light" | "ansi" | one of Textual's, such as "nord"
 (without it the terminal's colours decide). keys.toml: action = "key", or a list of keys. Lower-case
-letters belong to the pins and the panes, so no action can take one that it has not by itself.
+letters belong to pins and panes: an action may only have one that it has by default.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ EXPECTED_KEY: Final = "one character, or a key such as f5, ctrl+k or pageup"
 
 @dataclass(frozen=True, slots=True)
 class ScreenSettings:
-    """`keymap` is action to keys, `names` what to call a key that is no longer the one it was."""
+    """`keymap`: the keys of an action; `names`: the new name of a default key that was changed."""
 
     theme: str = "dark"
     keymap: Mapping[str, str] = field(default_factory=dict)
@@ -50,11 +50,11 @@ def config_folder() -> Path:
 
 
 def load_settings(bindings: Iterable[BindingType], theme: str | None = None) -> ScreenSettings:
-    """Return what is set; `theme` is that of the command line and wins."""
+    """Return the settings; `theme` of the command line wins."""
     own = [binding for binding in bindings if isinstance(binding, Binding)]
     folder, problems = config_folder(), list[str]()
-    told = _read_table(folder / CONFIG_FILE, problems)
-    chosen = theme if theme in THEMES else _theme(told, folder / CONFIG_FILE, problems)
+    config = _read_table(folder / CONFIG_FILE, problems)
+    chosen = theme if theme in THEMES else _theme(config, folder / CONFIG_FILE, problems)
     keymap = _keymap(_read_table(folder / KEYMAP_FILE, problems), folder / KEYMAP_FILE, own, problems)
     names = {_format_key_name(b.key): _format_key_name(keymap[b.id]) for b in own if b.id in keymap}
     return ScreenSettings("ansi" if "NO_COLOR" in os.environ else chosen, keymap, names, tuple(problems))
@@ -62,7 +62,7 @@ def load_settings(bindings: Iterable[BindingType], theme: str | None = None) -> 
 
 def _read_table(path: Path, problems: list[str]) -> dict[str, Any]:
     try:
-        os.lstat(path)  # of a file that is not there is nothing to tell
+        os.lstat(path)  # a missing file is no problem; a dead link is one
         return read_toml(path)
     except FileNotFoundError:
         pass
@@ -74,41 +74,41 @@ def _read_table(path: Path, problems: list[str]) -> dict[str, Any]:
 
 
 def theme_for(environ: Mapping[str, str]) -> str:
-    """Return the look for a terminal as its variables describe it: at 16 colours or fewer its own ones."""
-    told = environ.get("TEXTUAL_COLOR_SYSTEM", "auto")  # what Textual goes by, in a browser too
-    system = told if told in COLOUR_SYSTEMS else "auto"
+    """Return the theme for a terminal by its variables; one of 16 colours or fewer keeps its own colours."""
+    name = environ.get("TEXTUAL_COLOR_SYSTEM", "auto")  # Textual uses it, also in a browser
+    system = name if name in COLOUR_SYSTEMS else "auto"
     console = Console(color_system=system, force_terminal=True, _environ=environ)
     return "ansi" if console.color_system in FEW_COLOUR_SYSTEMS else "dark"
 
 
-def _theme(told: Mapping[str, Any], path: Path, problems: list[str]) -> str:
-    by_itself = theme_for(os.environ)
-    for key in told:
+def _theme(config: Mapping[str, Any], path: Path, problems: list[str]) -> str:
+    default = theme_for(os.environ)
+    for key in config:
         if key != "theme":
             problems.append(f"{path}: found {quote(key)}, expected theme")
-    theme = told.get("theme", by_itself)
+    theme = config.get("theme", default)
     if isinstance(theme, str) and theme in THEMES:
         return theme
     problems.append(f"{path}: theme: found {quote(theme)}, expected one of {', '.join(THEMES)}")
-    return by_itself
+    return default
 
 
 # -- keys --------------------------------------------------------------------------------------------------
 
 
 def _keymap(
-    told: Mapping[str, Any], path: Path, bindings: list[Binding], problems: list[str]
+    config: Mapping[str, Any], path: Path, bindings: list[Binding], problems: list[str]
 ) -> dict[str, str]:
     own: dict[str, set[str]] = {}
     for binding in bindings:
         for key in binding.key.split(",") if binding.id else ():
             own.setdefault(str(binding.id), set()).add(_key(key) or key)
     keymap: dict[str, str] = {}
-    for action, given in told.items():
+    for action, given in config.items():
         if action not in own:
             problems.append(f"{path}: found {quote(action)}, expected {expected_name(action, own, 'action')}")
             continue
-        kept = {key: other for other in own if other not in told for key in own[other]}
+        kept = {key: other for other in own if other not in config for key in own[other]}  # keys in use
         kept |= {key: other for other, keys in keymap.items() for key in keys.split(",")}
         try:
             keymap[action] = ",".join(_keys(given, own[action], kept))
@@ -127,15 +127,15 @@ def _keys(given: object, own: set[str], kept: Mapping[str, str]) -> list[str]:
         if key is None:
             raise ValueError(f"found {quote(text)}, expected {EXPECTED_KEY}")
         if key in FIXED_KEYS or (len(key) == 1 and key.islower() and key not in own):
-            raise ValueError(f"found {quote(text)}, which pins and panes have, expected another key")
+            raise ValueError(f"found {quote(text)}, which pins and panes use, expected another key")
         if key in kept:
-            raise ValueError(f"found {quote(text)}, which {kept[key]} has, expected another key")
+            raise ValueError(f"found {quote(text)}, which {kept[key]} uses, expected another key")
         keys.append(key)
     return keys
 
 
 def _key(text: str) -> str | None:
-    """Return the name of a key as events carry it; None where there is no such key."""
+    """Return the name of a key as in key events; None for no key."""
     if len(text) == 1:
         return _character_to_key(text) if text.isprintable() and not text.isspace() else None
     if text in KEY_NAMES or text in ("full_stop", "colon", "backslash", "question_mark"):

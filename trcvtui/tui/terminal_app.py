@@ -1,4 +1,4 @@
-"""What each program on a terminal has, whatever it shows: looks, keys in order, signals, the collector."""
+"""The base of every screen: theme, keys in their order, signals, a dead terminal, garbage collection."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from trcvtui.tui.widgets.theme import COMPONENT_CLASSES, OWN_THEMES, THEMES, rea
 from trcvtui.tui.widgets.typed_lines import TypedField, dispatch_key
 
 TERMINAL_CHECK_S: Final = 1.0
-REST_INTERVAL_S: Final = 2.0  # without a key: the collector may look at what has lived for a while
-LONG_REST_COUNT: Final = 15  # such rests: and at all that was made since the start
-YOUNG_OBJECTS: Final = 2_000  # objects made until the collector looks at these: 1 to 2 ms
+REST_INTERVAL_S: Final = 2.0  # so long without a key: collect the middle generation
+LONG_REST_COUNT: Final = 15  # after so many such intervals: collect everything made since the start
+YOUNG_OBJECTS: Final = 2_000  # objects made before the collector visits them: 1 to 2 ms
 ENDING_SIGNAL_NAMES: Final = ("SIGTERM", "SIGHUP", "SIGQUIT")
 ENDING_SIGNALS: Final = [getattr(signal, name) for name in ENDING_SIGNAL_NAMES if hasattr(signal, name)]
 QUIT_ACTIONS: Final = frozenset(("app.quit", "quit"))
@@ -37,14 +37,14 @@ def _ordered_commands() -> type[Provider]:
 
 
 class TerminalApp(App[None]):
-    """A subclass calls `begin` when it is mounted, and `stand` after its first frame."""
+    """A subclass calls `start_terminal` when it is mounted, and `finish_start` after its first frame."""
 
     TITLE = "trcvtui"
     CSS_PATH = Path(__file__).with_name("styles.tcss")
     COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     ENABLE_COMMAND_PALETTE: ClassVar[bool] = True
     COMMANDS: ClassVar[set[type[Provider] | Callable[[], type[Provider]]]] = {_ordered_commands}
-    only_looks = False  # it changes nothing and starts no program
+    only_looks = False  # read-only: it changes nothing and starts no program
 
     def __init__(self, settings: ScreenSettings) -> None:
         super().__init__(ansi_color=True if "NO_COLOR" in os.environ else None)
@@ -53,28 +53,28 @@ class TerminalApp(App[None]):
         self.set_keymap(dict(settings.keymap))
         self._keys = self._rests = self._keys_seen = 0
         self._kept_keys: list[events.Key | events.Paste] = []
-        self._keeps_keys, self._is_up = True, False  # until that is there which they act on; since the start
-        self._ended_by = 0  # a signal
+        self._keeps_keys, self._is_up = True, False  # keys wait for what they act on; the start is over
+        self._ended_by = 0  # a signal that came before the start was over
         for theme in OWN_THEMES.values():
             self.register_theme(theme)
         if not self._look.ansi:
-            # Without its watcher: every rule would be read twice before the first frame.
+            # Without the watcher: it would read every rule twice before the first frame.
             self.set_reactive(TerminalApp.theme, self._look.name)
             self.stylesheet.set_variables(self.get_css_variables())
 
-    # -- what a subclass says -----------------------------------------------------------------------
+    # -- for subclasses -----------------------------------------------------------------------------
 
     async def mount_fields(self) -> None:
-        """Make what need not be in the first frame, such as fields that can be typed into."""
+        """Make widgets that the first frame does not need, such as input fields."""
 
     def show_start_message(self) -> None:
-        """Say what is to be known of this screen when it stands."""
+        """Show what you must know about this screen once it is up."""
 
     def end_children(self, is_dead: bool) -> None:
-        """Leave nothing; `is_dead`: the process ends at once after this."""
+        """End the processes of this screen; `is_dead`: this process ends right after."""
 
     def get_css_variables(self) -> dict[str, str]:
-        """Return the colours of the theme, with those in their place that could not be read."""
+        """Return the colours of the theme; unreadable ones are replaced."""
         colours = super().get_css_variables()  # its `theme_variables`, too
         colours.update(readable_colours(self.current_theme, colours))
         return colours
@@ -82,13 +82,12 @@ class TerminalApp(App[None]):
     # -- from the start to the end ------------------------------------------------------------------
 
     def on_load(self) -> None:
-        """Listen to signals before the terminal is asked for anything."""
-        if not self.is_headless:
+        if not self.is_headless:  # before Textual changes the terminal's mode
             self._end_on_signals()
 
     def start_terminal(self) -> None:
         if self._look.ansi:
-            self.theme = self._look.name  # with its watcher: native colours need it
+            self.theme = self._look.name  # with the watcher: native colours need it
         if not self.is_headless and not self.is_web:
             self.set_interval(TERMINAL_CHECK_S, self._leave_a_dead_terminal)
 
@@ -103,16 +102,16 @@ class TerminalApp(App[None]):
         self.set_interval(REST_INTERVAL_S, self._collect_at_rest)
 
     def _end_on_signals(self) -> None:
-        """Let these signals end the screen as `q` does: the terminal gets back what it had."""
+        """Let these signals end the screen as `q` does, so that the terminal's state is restored."""
         loop = asyncio.get_running_loop()
         for number in ENDING_SIGNALS:
-            if signal.getsignal(number) is signal.SIG_IGN:  # below nohup
+            if signal.getsignal(number) is signal.SIG_IGN:  # started by nohup
                 continue
-            with suppress(NotImplementedError, ValueError):  # not on every system, not beside the main thread
+            with suppress(NotImplementedError, ValueError):  # not on every system, only in the main thread
                 loop.add_signal_handler(number, self._end_by_signal, number)
 
     def _end_by_signal(self, number: int) -> None:
-        if not self._is_up:  # as soon as the screen is there
+        if not self._is_up:  # `finish_start` ends it
             self._ended_by = number
             return
         if not self.is_web:
@@ -121,15 +120,15 @@ class TerminalApp(App[None]):
         self.exit(return_code=128 + number)  # as a shell reports a signal
 
     def _leave_a_dead_terminal(self) -> None:
-        """End when the terminal is gone: below `make` no SIGHUP comes, and reading it would spin for ever."""
+        """End when the terminal is gone: under `make` no SIGHUP comes, and reading would spin for ever."""
         if not os.isatty(sys.__stdin__.fileno() if sys.__stdin__ else -1):
             self.end_children(True)
-            os._exit(HANG_UP_EXIT)  # there is nothing left to restore
+            os._exit(HANG_UP_EXIT)  # no terminal to restore
 
     # -- keys ---------------------------------------------------------------------------------------
 
     async def on_event(self, event: events.Event) -> None:
-        """Obey a key at once; those typed before everything is there are kept for the moment it is."""
+        """Handle a key at once, before the next one; keep keys for which the screen is not ready yet."""
         if isinstance(event, events.Key | events.Paste) and not event.is_forwarded:
             self._keys += 1
             if (self._keeps_keys or self._kept_keys) and not self._is_quit_key(event):
@@ -148,15 +147,15 @@ class TerminalApp(App[None]):
         return bound is not None and bound.binding.action in QUIT_ACTIONS
 
     async def process_kept_keys(self) -> None:
-        """Obey the keys that were kept, in their order; one of them may begin another wait."""
+        """Handle the kept keys in their order; one of them may begin another wait."""
         self._keeps_keys = False
         while self._kept_keys and not self._keeps_keys:
             if not await dispatch_key(self, self._kept_keys[0]):
                 await super().on_event(self._kept_keys[0])
-            del self._kept_keys[0]  # now: what comes meanwhile is kept, too
+            del self._kept_keys[0]  # only now: while it is handled, new keys queue behind it
 
     def copy_to_clipboard(self, text: str) -> None:
-        """Give a copied text to the terminal (OSC 52), and to a clipboard program."""
+        """Copy a text to the terminal (OSC 52) and to a clipboard program."""
         super().copy_to_clipboard(text)
         if not self.only_looks:
             from trcvtui.tui.clipboard_and_files import copy_by_program  # read when first asked for
@@ -166,7 +165,7 @@ class TerminalApp(App[None]):
     # -- the collector ------------------------------------------------------------------------------
 
     def _collect_at_rest(self) -> None:
-        """Look for cycles while no key comes; `gc.get_count` says what has been made since."""
+        """Collect garbage while no key comes, if `gc.get_count` shows new objects."""
         self._rests = self._rests + 1 if self._keys == self._keys_seen else 0
         self._keys_seen = self._keys
         _, older, oldest = gc.get_count()
@@ -177,15 +176,16 @@ class TerminalApp(App[None]):
 
 
 def _normalize_enter(event: events.Key | events.Paste) -> events.Key | events.Paste:
+    # Before raw mode the terminal driver turns the CR of enter into LF, which is ctrl+j.
     return events.Key("enter", "\r") if isinstance(event, events.Key) and event.key == "ctrl+j" else event
 
 
 def limit_garbage_collector() -> None:
-    """Let the collector look at young objects only, a few at a time; the others wait for a rest.
+    """Let the collector visit young objects only, a few at a time; older ones wait for a rest of the keys.
 
-    What lives now lives to the end. 50,000 young objects took 37 to 181 ms.
+    A collection of 50,000 young objects took 37 to 181 ms.
     """
     gc.enable()
     gc.collect()
-    gc.freeze()
+    gc.freeze()  # objects of the start live to the end
     gc.set_threshold(YOUNG_OBJECTS, 1_000_000, 1_000_000)

@@ -1,6 +1,6 @@
-"""The rows of a type in two layouts, listed as they stand open: members, elements and gaps.
+"""The visible rows of a type in two layouts: members, elements and gaps of the open branches.
 
-Rule: a long array stands closed, so that few rows are listed until one is opened by hand.
+Rule: a long array is closed at first, so that few rows are listed until you open it.
 """
 
 from __future__ import annotations
@@ -13,30 +13,30 @@ from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, PlacedUnion, indices
 from trcvtui.udt.types import Array, Struct, Type, Union, type_text
 
-MOST_OPEN_ELEMENTS: Final = 16  # elements of an array that stands open unasked
+MOST_OPEN_ELEMENTS: Final = 16  # an array of more elements is closed at first
 
 
 class Place(NamedTuple):
-    """Offset, size in bytes, and the bit of what is one bit."""
+    """Offset and size in bytes; `bit` of a single bit."""
 
     offset: int
     size: int
     bit: int | None = None
 
     def __str__(self) -> str:
-        """Return the offset, of a bit such as `2.5`."""
+        """Return the offset; of a bit, `2.5`."""
         return str(self.offset) if self.bit is None else f"{self.offset}.{self.bit}"
 
 
 Places = tuple[Place, Place]  # ours, theirs
-Key = tuple[int, ...]  # the number of the member or element at each level; a gap after it: -1 behind that
+Key = tuple[int, ...]  # the number of the member or element at each level; the gap after it: -1 appended
 
 
 class TreeRow(NamedTuple):
-    """One row: `is_open` is None for what cannot be folded; `leaf` is the number of its first leaf.
+    """One row: `is_open` is None if the row cannot be folded; `leaf` is the number of its first leaf.
 
-    A place of size 0 is a gap that this side has not. `moved`: it, or something in it, lies elsewhere on
-    the other side. A gap has no type.
+    A gap has no type; its size is 0 on a side without this gap. `moved`: the row, or a part of it, has
+    another place on the other side.
     """
 
     key: Key
@@ -65,9 +65,9 @@ class FoldTree:
         self._ours, self._theirs = ours, theirs
         pairs = zip(ours.leaves(), theirs.leaves(), strict=True)
         moves = ((a.offset, a.size, a.bit) != (b.offset, b.size, b.bit) for a, b in pairs)
-        self._moves = list(accumulate(moves, initial=0))  # leaves before each that lie elsewhere
-        self._flipped: set[Key] = set()
-        self._all: bool | None = None
+        self._moves = list(accumulate(moves, initial=0))  # for each leaf: how many before it have moved
+        self._flipped: set[Key] = set()  # branches that you toggled
+        self._all: bool | None = None  # the state of the other branches; None: as at first
         self._build_rows()
 
     def toggle(self, key: Key) -> None:
@@ -75,13 +75,13 @@ class FoldTree:
         self._build_rows()
 
     def open_all(self, is_open: bool | None) -> None:
-        """Open or close everything below the root; None: as it stood at first."""
+        """Open or close everything below the root; None: as at first."""
         self._all = is_open
         self._flipped.clear()
         self._build_rows()
 
     def row_of_leaf(self, leaf: int, opens: bool = False) -> int:
-        """Return the row of a leaf, or of the closed branch that it is in; `opens` opens those."""
+        """Return the row of a leaf, or of the closed branch around it; `opens`: open these branches."""
         y = self._row_before(leaf)
         while opens and not self.rows[y].is_leaf:
             self.toggle(self.rows[y].key)
@@ -120,8 +120,8 @@ class FoldTree:
             self._add_members(key, type_, ours, theirs, places, leaf)
 
     def _is_open(self, key: Key, node: Node) -> bool:
-        unasked = not isinstance(node, PlacedArray) or node.count <= MOST_OPEN_ELEMENTS
-        return (unasked if self._all is None or not key else self._all) != (key in self._flipped)
+        at_first = not isinstance(node, PlacedArray) or node.count <= MOST_OPEN_ELEMENTS
+        return (at_first if self._all is None or not key else self._all) != (key in self._flipped)
 
     def _add_elements(
         self, key: Key, type_: Type, ours: PlacedArray, theirs: PlacedArray, places: Places, leaf: int
@@ -142,7 +142,7 @@ class FoldTree:
         for number, inner in enumerate(types):
             places = _member(ours, number, at[0]), _member(theirs, number, at[1])
             first = leaf + ours.firsts[number]
-            if before is not None and not isinstance(ours, PlacedUnion):
+            if before is not None and not isinstance(ours, PlacedUnion):  # members of a UNION overlap
                 self._add_gap((*key, number - 1), before, (places[0].offset, places[1].offset), first)
             name = ours.names[number] or f"EXTENDS {getattr(inner, 'name', '')}"
             nodes = ours.nodes[number], theirs.nodes[number]

@@ -1,6 +1,6 @@
-"""What the lab knows: types from files, one of them laid out in two profiles, the bytes it is held against.
+"""The model of the lab: types from files, one of them laid out in two profiles, the bytes to compare with.
 
-Rule: nothing here commands the PLC; a type that changes in its file changes what is shown, not DATA.
+Rule: nothing here commands the PLC: a type that changes in its file changes the lab, not DATA.
 """
 
 from __future__ import annotations
@@ -26,15 +26,14 @@ from trcvtui.udt.type_set import NO_TYPES, TypeSet
 from trcvtui.udt.types import Type
 from trcvtui.wording import count
 
-# Rule: only what a message brought says how long the sender's telegram is; DATA and jobs are as long as ours.
+# Rule 1: only a message shows how long the sender's telegram is; DATA and jobs have the length of our type.
+# Rule 2: a saved file that breaks a good type changes nothing but the error line.
 
-# Rule: a save that breaks a good type changes nothing but the line that says what is wrong.
-
-FileStamp = tuple[int, int] | None  # time of the last change in ns, and size; None: not there
+FileStamp = tuple[int, int] | None  # time of the last change in ns, and size; None: no file
 
 
 class TypeFiles:
-    """Types of one or more files; `trouble` is what is wrong with what stands on the disk now."""
+    """Types of one or more files; `trouble`: the error in the files as they are on the disk now."""
 
     def __init__(
         self, paths: Iterable[Path], constants: Mapping[str, int], types: TypeSet | None = None
@@ -55,7 +54,7 @@ class TypeFiles:
         )
 
     def reload_if_changed(self) -> bool:
-        """Read the files again when one has changed; return whether the types are others now."""
+        """Read the files again if one has changed; return whether the types have changed."""
         stamps = self._file_stamps()
         if stamps == self._stamps:
             return False
@@ -63,7 +62,7 @@ class TypeFiles:
         return self._read_again()
 
     def add_constants(self, constants: Mapping[str, int]) -> bool:
-        """Read the files with more constants; return whether the types are others now."""
+        """Read the files with more constants; return whether the types have changed."""
         self.constants |= constants
         return self._read_again()
 
@@ -75,7 +74,7 @@ class TypeFiles:
             return False
         lost = [name for key, (name, _) in self.types.types.items() if key not in fresh.types]
         new = [problem for problem in fresh.problems if problem not in self.types.problems]
-        if lost and new:
+        if lost and new:  # rule 2
             self.trouble = str(new[0])
             return False
         self.types, self.trouble = fresh, ""
@@ -98,18 +97,18 @@ def _stamp(path: Path) -> FileStamp:
 
 DATA, JOB, LAST_JOB, MESSAGE, HEX = "data", "job", "last", "message", "hex"
 SOURCES: Final = (DATA, JOB, LAST_JOB, MESSAGE, HEX)
-MOST_MESSAGES: Final = 8  # that a judgement of profiles is made from
+MOST_MESSAGES: Final = 8  # profiles are judged by the newest messages
 SOURCE_TITLES: Final = {
     DATA: "DATA of the selected instance",
-    JOB: "what its running job has collected so far",
+    JOB: "the bytes of its running job so far",
     LAST_JOB: "its last job that ended with DONE",
     MESSAGE: "a message of the peer, as it was sent",
-    HEX: "hex that you type or paste",
+    HEX: "hex bytes that you type or paste",
 }
 
 
 class LabBytes:
-    """Which bytes are looked at; `back` counts the messages from the newest one."""
+    """The bytes that the lab shows; `back` counts messages back from the newest one."""
 
     def __init__(self, view_model: ViewModel) -> None:
         self._view_model = view_model
@@ -120,7 +119,7 @@ class LabBytes:
         self._last: JobSpan | None = None
 
     def choose_source(self) -> str:
-        """Take those of the running job where DATA was never written and none are chosen; return a remark."""
+        """Take the running job if DATA was never written and you have chosen nothing; return a remark."""
         if self.is_chosen or self.source not in (DATA, JOB):
             return ""
         declared, is_empty = self._view_model.declaration, not any(self._view_model.data)
@@ -136,7 +135,7 @@ class LabBytes:
         return any(one.jobs_done for one in snapshot.instances if one.data == instance.data and not one.sends)
 
     def request(self) -> HistoryRequest | None:
-        """Return what of the stream to ask for: also under DATA, profiles are judged by what was sent."""
+        """Return the request for the stream: messages judge the profiles even while DATA is shown."""
         instance = self._view_model.instance
         if instance is None:
             return None
@@ -151,9 +150,9 @@ class LabBytes:
         window, instance = self._view_model.past_window, self._view_model.instance
         if window is None or not instance or window.connect != instance.connect:
             return None
-        return window if window.content or window.begin == window.end else None  # else of DATA alone
+        return window if window.content or window.begin == window.end else None  # None: it has no stream yet
 
-    # -- what is there ------------------------------------------------------------------------------
+    # -- the bytes ----------------------------------------------------------------------------------
 
     @property
     def content(self) -> bytes:
@@ -198,11 +197,11 @@ class LabBytes:
         return messages[-1 - self.back] if messages else None
 
     def messages(self) -> list[StreamMessage]:
-        """Return the whole messages of the stream, oldest first."""
+        """Return the complete messages of the stream, oldest first."""
         return [] if self.window() is None else self._view_model.messages
 
     def _doubt(self) -> str:
-        """Return why it is not known where messages end, "" where it is: pauses part one size alone."""
+        """Return why the ends of messages are unknown, "" if known: pauses separate messages of one size only."""
         window, messages = self.window(), self.messages()
         sizes = [len(message.content) for message in messages if message.by_pauses]
         is_known = bool(messages) and not any(size % min(sizes) for size in sizes)
@@ -212,9 +211,9 @@ class LabBytes:
         return f" ({cause}: where a message ends is not known)"
 
     def evidence(self) -> tuple[list[bytes], bool]:
-        """Return what profiles are judged by, and whether its lengths are the sender's.
+        """Return the bytes to judge profiles by, and whether their lengths are the sender's (rule 1).
 
-        Where DATA or a job is shown the messages that they were made from say more.
+        For DATA or a job these are the messages that filled it: they say more.
         """
         known = [] if self._doubt() else [message.content for message in self.messages()]
         if known and self._has_messages():
@@ -238,40 +237,40 @@ class LabBytes:
 
 
 OURS, THEIRS = "ours", "theirs"
-FIRST_LAYOUT: Final = "natural8"  # what a C compiler does, unless it is ours
-OTHER_LAYOUT: Final = "packed"
+FIRST_LAYOUT: Final = "natural8"  # the guess for theirs: a C compiler
+OTHER_LAYOUT: Final = "packed"  # the guess if ours is natural8
 PROFILE_WORDS: Final = (*LAYOUTS, *LAYOUT_ALIASES, *BYTE_ORDERS, *TEXT_FORMS)
 
 
 class Lab:
-    """One type, two profiles, some bytes; what follows from them is made when it is asked for."""
+    """One type, two profiles, some bytes; layouts, tree and comparison are made on demand."""
 
     def __init__(self, view_model: ViewModel) -> None:
         self._view_model = view_model
         self.bytes = LabBytes(view_model)
-        self.opened: TypeFiles | None = None  # a file of the user's instead of the project's
+        self.opened: TypeFiles | None = None  # a file that you opened in place of the project's
         self._own = self._project_files()
         self._project = view_model.project
         ours = profile_of(view_model.project.layout)
         self.profiles = {OURS: ours, THEIRS: ours}
-        self._is_guess = True  # theirs: until another is chosen
-        self.news = ""  # what has happened to the files
+        self._is_guess = True  # theirs, until you choose it
+        self.news = ""  # the last event, in a sentence
         self.fits: tuple[Fit, ...] = ()
-        self._said_first = ""  # when the lab was opened
-        self.fitted = ""  # by what
-        self._is_early = False
-        self.asked_for: tuple[str, ...] = ()  # the constants that the user was asked for
-        self.revision = 0  # counts what changes rows
+        self._remark = ""  # of the bytes, when the lab was opened
+        self.fitted = ""  # names the bytes that `fits` was judged by
+        self._is_early = False  # judged before the messages had come
+        self.asked_for: tuple[str, ...] = ()  # the constants in the last question
+        self.revision = 0  # counts changes of type or profiles
         self.type_name = ""
         self.type: Type | None = None
         self.choose_type("")
 
     def choose_source(self) -> None:
-        """Look at the running job where DATA has never been written, unless other bytes were chosen."""
-        if self.news == self._said_first:
-            self.news = ""  # of the last time: DATA may have been written since
-        self._said_first = self.bytes.choose_source()
-        self.news = self._said_first or self.news
+        """Choose the bytes to show when the lab opens."""
+        if self.news == self._remark:
+            self.news = ""  # DATA may have been written since the remark
+        self._remark = self.bytes.choose_source()
+        self.news = self._remark or self.news
 
     # -- types --------------------------------------------------------------------------------------
 
@@ -285,7 +284,7 @@ class Lab:
 
     @property
     def base(self) -> Path:
-        """Return the folder in which names of files begin that are not found here."""
+        """Return the project's folder: a file name that does not exist here is tried there."""
         return self._view_model.project.base
 
     def type_names(self) -> list[str]:
@@ -300,7 +299,7 @@ class Lab:
         return known[0] if known else name
 
     def choose_type(self, name: str) -> None:
-        """Look at a type; "": at that of DATA, or the first one. Raise UserError where it is bad."""
+        """Show a type; "": that of DATA, or the first one. Raise UserError for a bad type."""
         names = self.type_names()
         name = name or next(iter(names), "")
         self.type_name, self.type = name, self._type(name) if name else None
@@ -309,7 +308,7 @@ class Lab:
         self._clear_results()
 
     def _guess_profile(self) -> Profile:
-        """Return what a sender is likely to have: what the type's source tells, else what compilers do."""
+        """Return the likely profile of a sender: by the type's source, else that of common compilers."""
         ours, sender = self.profiles[OURS], self.files.types.sender(self.type_name).layout
         if sender not in ("", ours.layout):
             return profile_of(LAYOUTS[sender])
@@ -323,12 +322,12 @@ class Lab:
         return self.files.types.get_type(name, "udt type")
 
     def open(self, path: Path) -> None:
-        """Look at the types of a file; raise UserError when it cannot be read, or has no good type."""
+        """Show the types of a file; raise UserError if it cannot be read or has no good type."""
         fresh = TypeFiles([path], self._view_model.project.constants)
         if not fresh.types.types and not fresh.types.unknown_constants:
             problems = fresh.types.problems
             raise UserError(problems) if problems else mistake(str(path), "no type", "a type")
-        self.opened, self.news = fresh, f"{path.name} is opened and watched"
+        self.opened, self.news = fresh, f"{path.name} is open; changes of the file are read at once"
         self.choose_type("")
 
     def use_project_types(self) -> None:
@@ -336,7 +335,7 @@ class Lab:
         self.choose_type("")
 
     def reload_if_changed(self) -> bool:
-        """Read files again that have changed; return whether anything has."""
+        """Read changed files again; return whether types or the error line have changed."""
         before, trouble = self.size_text, self.files.trouble
         if not self.files.reload_if_changed():
             if self.files.trouble == trouble:
@@ -364,11 +363,11 @@ class Lab:
     def add_constants(self, constants: dict[str, int]) -> None:
         self.files.add_constants(constants)
         self._choose_again()
-        left = self.files.types.unknown_constants
-        self.news = f"still unknown: {', '.join(left[:3])}" if left else "all constants are known"
+        unknown = self.files.types.unknown_constants
+        self.news = f"still unknown: {', '.join(unknown[:3])}" if unknown else "all constants are known"
 
     def follow_bench(self) -> None:
-        """Judge again once messages have come; take over another project: a fresh bench, an addition."""
+        """Judge again once messages have come; follow a changed project: a new bench, or an edit."""
         if self._is_early and self.bytes.window() is not None:
             self.rank_profiles()
         project = self._view_model.project
@@ -390,7 +389,7 @@ class Lab:
         self.fits, self.fitted = (), ""
 
     def layout(self, side: str) -> Layout | None:
-        """Return the type laid out on one side; None where there is none, or it cannot be."""
+        """Return the type laid out on one side; None without a type, or if the layout is impossible."""
         if side not in self._layouts:
             self._layouts[side] = self._lay_out(side)
         return self._layouts[side]
@@ -406,7 +405,7 @@ class Lab:
 
     def rules(self, side: str) -> LayoutRules:
         own, profile = self._view_model.project.layout, self.profiles[side]
-        if profile.layout == own.name:  # with what else the project says of it
+        if profile.layout == own.name:  # keep the other layout settings of the project
             base = replace(own, byte_order=profile.byte_order)
             return base if profile.text == own.text.name else replace(base, text=profile.rules.text)
         return profile.rules
@@ -447,7 +446,7 @@ class Lab:
         self.choose_profile(OURS, theirs)
         self.choose_profile(THEIRS, ours)
 
-    # -- what follows -------------------------------------------------------------------------------
+    # -- the comparison -----------------------------------------------------------------------------
 
     def comparison(self) -> Comparison | None:
         ours, theirs = self.layout(OURS), self.layout(THEIRS)
@@ -456,12 +455,12 @@ class Lab:
         return self._comparison
 
     def summary(self) -> Summary | None:
-        """Return how many members differ; it costs all of them."""
+        """Return how many members differ; it compares all of them."""
         comparison = self.comparison()
         return comparison.summary(comparison.rows(self.bytes.content)) if comparison else None
 
     def next_difference(self, leaf: int, step: int) -> int | None:
-        """Return the next leaf that differs, after or before one; None where there is none."""
+        """Return the number of the next differing leaf, after (`step` > 0) or before `leaf`; None for none."""
         comparison = self.comparison()
         if comparison is None:
             return None
@@ -473,7 +472,7 @@ class Lab:
     def rank_profiles(self) -> None:
         messages, is_framed = self.bytes.evidence()
         self.fits, self.fitted = (), self.bytes.evidence_name
-        self._is_early = self.bytes.window() is None  # the messages are still on their way
+        self._is_early = self.bytes.window() is None  # the engine has not sent the messages yet
         if self.type is not None and messages:
             own, sender = self.rules(OURS), self.files.types.sender(self.type_name).layout
             self.fits = rank(self.type, messages, self.type_name, framed=is_framed, own=own, sender=sender)
@@ -483,7 +482,7 @@ class Lab:
         if not self.fitted:
             return ""
         if not self.fits:
-            return f"{self.fitted}: there are no bytes to judge by"
+            return f"{self.fitted}: no bytes to judge by"
         return f"By {self.fitted}: {verdict(self.fits)}"
 
 

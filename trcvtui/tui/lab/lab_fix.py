@@ -1,4 +1,4 @@
-"""What cures a mismatch, as source text: padding members for one side, or swap code for the sender."""
+"""The cure of a mismatch as source text: padding members for one side, or swap code for the sender."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ KIND_TITLES: Final = {
 
 
 class Cure(NamedTuple):
-    """Lines of comment, and the text they are about; both are source that can be pasted."""
+    """Comment lines and the source text below them, ready to paste; `text` "": there is no cure."""
 
     comments: tuple[str, ...]
     text: str
@@ -36,7 +36,7 @@ class Cure(NamedTuple):
 
 
 def cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cure:
-    """Return the type that under `own` rules lies as is `wanted`, or the swap code."""
+    """Return a type whose layout under the rules `own` is that of `wanted`, or the swap code."""
     try:
         return _swap_cure(wanted, own, language) if kind == SWAP else _type_cure(wanted, own, kind, language)
     except UserError as refused:
@@ -44,9 +44,9 @@ def cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cur
 
 
 def cure_source(ours: LayoutRules, theirs: Layout, form: str) -> str:
-    """Return what `udt cure` prints: the type for our side and, where byte orders differ, the swap code.
+    """Return the output of `udt cure`: the type for our side and, where byte orders differ, the swap code.
 
-    `form` is the language, `st` or `scl`; `padded` is the type alone, in the language of our side.
+    `form` is the language, `st` or `scl`; `padded`: the type alone, in the language of our side.
     """
     from trcvtui.udt.cure.swap import language_of
 
@@ -61,9 +61,9 @@ def _type_cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) 
     is_scl = language == "scl"
     found = padded_type(wanted, own, is_scl)
     name = plain(wanted.name)
-    reached = "as it lies under" if found.is_possible else "as far as it can be as under"
+    reached = "laid out as under" if found.is_possible else "laid out as closely as possible to"
     comments = [f"{name} for {own.name}, {found.layout.size} bytes, {reached} {wanted.rules.name}"]
-    if found.layout.size > wanted.size > 0:  # LEN 0 is the whole
+    if found.layout.size > wanted.size > 0:  # not 0: LEN 0 means the whole variable
         block, act = ("receiving", "waits for") if kind == RECEIVER else ("sending", "sends")
         without = f"without LEN it {act} {found.layout.size} bytes"
         comments.append(f"LEN := {wanted.size} at the {block} block: {without}")
@@ -71,17 +71,17 @@ def _type_cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) 
     if own.byte_order != wanted.rules.byte_order:
         comments.append(f"the byte order differs, too: {KIND_TITLES[SWAP]} (c)")
     if found.type is wanted.type:
-        comments.append("nothing has to change: the gaps are the same")
+        comments.append("no change needed: the gaps are the same")
     if is_scl and (unions := _unions(wanted.type)):
         names = ", ".join(map(plain, unions[:MOST_UNIONS])) + ", ..." * (len(unions) > MOST_UNIONS)
-        comments.append(f"a UNION is bytes here, for SCL has none: {names}")
+        comments.append(f"SCL has no UNION, so these are bytes: {names}")
     name = found.layout.name
     text = scl_text(found.type, name, own) if is_scl else st_text(found.type, name)
     return Cure(tuple(comments), text)
 
 
 def _unions(type_: Type) -> list[str]:
-    """Return the members that are a UNION, or an ARRAY of one; those of a STRUCT in it with its name."""
+    """Return the members that are a UNION or an ARRAY of one, those of an inner STRUCT as `STRUCT.member`."""
     found = ["all of it"] if isinstance(type_, Union) else []
     for one in (part for part in all_parts(type_) if isinstance(part, Struct)):
         for member in all_members(one):
@@ -96,7 +96,7 @@ def _unions(type_: Type) -> list[str]:
 def _swap_cure(theirs: Layout, ours: LayoutRules, language: Language) -> Cure:
     order = theirs.rules.byte_order
     if ours.byte_order == order:
-        return Cure((f"both sides are {order}-endian: nothing is to be swapped",), "")
+        return Cure((f"both sides are {order}-endian: nothing to swap",), "")
     if not isinstance(theirs.type, Struct):
         return Cure(("swap code is written for a STRUCT",), "")
     found = swap_code(theirs, language)

@@ -1,6 +1,6 @@
-"""The lines that the lab obeys by itself: `udt open FILE`, `udt theirs natural8 big`, `udt hex 01 02` …
+"""The lines that the lab carries out itself: `udt open FILE`, `udt theirs natural8 big`, `udt hex 01 02` …
 
-The same words stand on the prompt of the bench; `lab` alone opens the lab.
+They also work on the prompt of the bench; `lab` alone opens the lab.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from trcvtui.wording import count
 
 MISTAKE_PLACE: Final = "udt"
 CONSTANT, RELOAD = "constant", "reload"
-MOST_HEX: Final = 65_535  # bytes, as many as a job has
+MOST_HEX: Final = 65_535  # bytes: the largest job
 LINE_SYNTAX: Final = (
     "open FILE, project, type NAME, ours|theirs LAYOUT little|big s7|cstr|nul, swap, bytes "
     "data|job|last|message, hex 01 02, fit, constant NAME=VALUE, or reload"
@@ -28,39 +28,39 @@ LINE_SYNTAX: Final = (
 
 
 def run_lab_line(line: str, lab: Lab) -> str:
-    """Carry out a line; return the pane that it is about, "" for none; raise UserError."""
+    """Carry out a line; return the pane to open, "" for none; raise UserError."""
     verb, _, rest = line.strip().partition(" ")
     if verb == LAB and not rest.strip():
         return ""
     word, _, rest = rest.strip().partition(" ")
     if verb != UDT or word not in _ACTIONS_BY_WORD:
         raise mistake(MISTAKE_PLACE, f"'{plain(line.strip())[:60]}'", f"udt {LINE_SYNTAX}")
-    pane, obey = _ACTIONS_BY_WORD[word]
-    obey(lab, rest.strip())
+    pane, act = _ACTIONS_BY_WORD[word]
+    act(lab, rest.strip())
     return pane
 
 
 def is_for_engine(line: str) -> bool:
-    """Return whether the bench has to know of it, too: what `save project` keeps, what `resize` takes."""
+    """Return whether the engine needs the line, too: it saves constants, and `resize` uses its types."""
     return line.split()[1:2] in ([CONSTANT], [RELOAD])
 
 
-def describe_outcome(lab: Lab, trouble: str, told: str) -> tuple[str, str]:
-    """Return the sentence below the panes, and its style: trouble first, then what has happened."""
+def describe_outcome(lab: Lab, trouble: str, message: str) -> tuple[str, str]:
+    """Return the sentence below the panes and its style: an error first, then the last result."""
     files, problems = lab.files, lab.files.types.problems
     bad = f"; w: {count(len(problems), 'problem')} in {files.name}" if problems else ""
     if trouble:
         return f"✗ {trouble}", "error"
     if files.trouble:
         return f"✗ {files.trouble} (the last good types stay)", "error"
-    if told or lab.news:
-        return f"{told or lab.news}{bad}", ""
-    return f"f: which profile fits? c: what cures it{bad}", "warn" if bad else "dim"
+    if message or lab.news:
+        return f"{message or lab.news}{bad}", ""
+    return f"f: which profile fits? c: the cure{bad}", "warn" if bad else "dim"
 
 
 def _open(lab: Lab, rest: str) -> None:
     if not rest:
-        raise mistake(MISTAKE_PLACE, "no name of a file", "udt open FILE")
+        raise mistake(MISTAKE_PLACE, "no file name", "udt open FILE")
     path = Path(rest).expanduser()
     lab.open(path if path.exists() else lab.base / path)
 
@@ -82,7 +82,7 @@ def _use_hex(lab: Lab, rest: str) -> None:
     lab.bytes.typed, lab.bytes.source, lab.bytes.is_chosen = content, HEX, True
 
 
-# By the word after `udt`: the pane that it is about, and what it does.
+# By the word after `udt`: the pane that it opens, and its action.
 _ACTIONS_BY_WORD: Final[dict[str, tuple[str, Callable[[Lab, str], object]]]] = {
     "open": ("tree", _open),
     "project": ("tree", lambda lab, _: lab.use_project_types()),

@@ -1,4 +1,4 @@
-"""Panes 2 to 4 of the lab: the bytes with the gaps drawn, the profiles that fit, the fix; two dialogs."""
+"""Panes 2 to 4 of the lab: the bytes with their gaps, the ranking of profiles, the cure; two dialogs."""
 
 from __future__ import annotations
 
@@ -22,8 +22,6 @@ from trcvtui.udt.literals import parse_integer
 
 
 class ProblemsScreen(ResultScreen):
-    """Closed by escape; every problem in as many lines as it needs."""
-
     BINDINGS: ClassVar = [Binding("w", "leave", show=False)]
 
     def __init__(self, problems: Sequence[str]) -> None:
@@ -44,7 +42,7 @@ NAME: Final = 34
 
 
 class NumberField(FormField):
-    """The value of one constant; empty: it stays unknown."""
+    """The value of one constant; empty: still unknown."""
 
     def __init__(self, name: str) -> None:
         super().__init__(placeholder="whole number")
@@ -60,7 +58,7 @@ class NumberField(FormField):
 
 
 class ConstantsForm(FieldsDialog[dict[str, int], NumberField]):
-    """Ends with the values that were given; none when it is left."""
+    """Ends with the values that you entered; None when you leave it."""
 
     DEFAULT_CSS = """
     ConstantsForm #form { width: 72; }
@@ -76,12 +74,12 @@ class ConstantsForm(FieldsDialog[dict[str, int], NumberField]):
         bad = [field for field in self._fields if field.value.strip() and field.number is None]
         for field in self._fields:
             field.set_class(field in bad, "-bad")
-        wrong = "✗ no whole number, such as 10 or 16#0A"
-        about = "bounds of arrays such as ARRAY[1..MAX]; `save project` keeps them"
+        wrong = "✗ not a whole number such as 10 or 16#0A"
+        about = "bounds of arrays such as ARRAY[1..MAX]; `save project` saves them"
         self._line.update(wrong if bad else about)
 
     def submit_field(self, field: NumberField) -> None:
-        """Go to the next empty field; after the last one, end with what was given."""
+        """Go to the next empty field; after the last one, end with the values."""
         empty = [field for field in self._fields if not field.value.strip()]
         if field.value.strip() and empty:
             self.set_focus(empty[0])
@@ -95,12 +93,12 @@ class ConstantsForm(FieldsDialog[dict[str, int], NumberField]):
 GAP: Final = "░"
 THEIR_GAP_SIGN: Final = "▒"
 MOST_REASONS: Final = 12
-MOST_GAP_ROWS: Final = 64  # rows of gaps
-MOST_CURED_LEAVES: Final = 20_000  # leaves of a type whose cure is written unasked
+MOST_GAP_ROWS: Final = 64  # rows whose gaps are cached
+MOST_CURED_LEAVES: Final = 20_000  # the cure of a larger type is written only when you ask for it
 
 
 class LabHex(HexView):
-    """Bytes; in the text column stands a sign where ours has padding, another where only theirs has."""
+    """Bytes; signs in the text column mark padding of ours, and padding of theirs alone."""
 
     KEYS: ClassVar = (("hjkl", "byte"), ("b", "which bytes"), ("[ ]", "message"))
 
@@ -167,8 +165,6 @@ def _is_gap(layout: Layout | None, place: int) -> bool:
 
 
 class FitList(LineView):
-    """Profiles, the best first; below the chosen one its reasons."""
-
     KEYS: ClassVar = (("↑↓", "profile"), ("enter", "as theirs"), ("f", "judge again"))
     BINDINGS: ClassVar = [Binding("enter,space", "apply", show=False)]
 
@@ -190,15 +186,15 @@ class FitList(LineView):
             return
         self._drawn = known
         self.cursor = max(0, min(self.cursor, len(fits) - 1))
-        said = self._lab.judgement or "f judges which profile fits the bytes at hand, and says why"
-        self._rows = [(row((line, "strong" if fits else "dim")), None) for line in wrap_text(said, width)]
+        head = self._lab.judgement or "f judges which profile fits the bytes, and shows why"
+        self._rows = [(row((line, "strong" if fits else "dim")), None) for line in wrap_text(head, width)]
         for number, found in enumerate(fits):
             chosen = number == self.cursor
             parts = [("▸" if chosen else " ", "key"), (f"{found.rank:>2} ", "dim")]
             parts += [(f"{found.score:+6.1f}  ", "strong"), (clip(reading_title(found), width - 12), "")]
             self._rows.append((row(*parts, style=self.cursor_style(chosen)), number))
             if chosen and found.same:
-                twins = wrap_text(f"no byte tells it from {same_readings_text(found)}", width - 5)
+                twins = wrap_text(f"the bytes fit equally well: {same_readings_text(found)}", width - 5)
                 self._rows += [(row((f"     {line}", "warn")), number) for line in twins]
             for reason in found.reasons[:MOST_REASONS] if chosen else ():
                 self._rows += self._reason(reason.points, reason.path, reason.text, width, number)
@@ -208,8 +204,8 @@ class FitList(LineView):
     ) -> list[tuple[Row, int | None]]:
         sign, style = ("+", "done") if points > 0 else ("-", "error")
         head = f"     {sign}{abs(points):.1f} "
-        said = text if text.startswith(path) else f"{plain(path)}: {text}"
-        first, *rest = wrap_text(said, width - len(head))
+        reason = text if text.startswith(path) else f"{plain(path)}: {text}"
+        first, *rest = wrap_text(reason, width - len(head))
         lines = [row((head, style), (first, ""))] + [row((" " * len(head) + line, "")) for line in rest]
         return [(line, number) for line in lines]
 
@@ -249,7 +245,7 @@ def _break_line(line: str, width: int) -> list[str]:
 
 
 class CureText(TextView):
-    """The padded type or the swap code, as it can be pasted."""
+    """The padded type or the swap code, ready to paste."""
 
     KEYS: ClassVar = (("c", "type | swap"), ("d", "ST | SCL"), ("y", "yank"))
 
@@ -270,18 +266,17 @@ class CureText(TextView):
         super().show()
 
     def write_cure(self) -> Cure:
-        """Return it, also while the pane is out of sight."""
         sides = (OURS, THEIRS) if self.kind == SENDER else (THEIRS, OURS)
         wanted = self._lab.layout(sides[0])
         if wanted is None:
-            return Cure((f"{sides[0]} has to be laid out first",), "")
+            return Cure((f"{sides[0]} has no layout",), "")
         return cure(wanted, self._lab.rules(sides[1]), self.kind, self.language)
 
     def _write_rows(self) -> None:
         self.set_title(4, "Cure", f"{KIND_TITLES[self.kind]}, {self.language.upper()}")
         ours = self._lab.layout(OURS)
         if not self.asked and ours is not None and ours.leaf_count > MOST_CURED_LEAVES:
-            self._rows = [row(("c writes it: the type is large", "dim"))]
+            self._rows = [row(("the type is large: c writes the cure", "dim"))]
             return
         self.found = self.write_cure()
         width = max(20, self.line_width)

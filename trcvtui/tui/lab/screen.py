@@ -1,6 +1,6 @@
-"""The UDT lab: a type laid out in two profiles on the same bytes, which profile fits, and what cures it.
+"""The screen of the UDT lab: one type in two profiles on the same bytes, the profile that fits, the cure.
 
-Rule: the lab looks. Only R and what `save project` keeps go to the bench, as commands.
+Rule: the lab changes nothing by itself. R, V, u and constants send bench commands.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ FOOTER_KEYS: Final = (
     (":", "command"), ("?", "help"), ("esc", "leave"),
 )  # fmt: skip
 OPEN_ACTION: Final = "ask('udt open ')"
-# Title, what stands after "key", action: the palette and the tests draw from it.
+# Title, key, action: for the palette and the tests.
 LAB_COMMANDS: Final = (
     ("Choose the type", "t", "type"),
     ("Choose our profile", "o", "profile('ours')"),
@@ -57,11 +57,11 @@ LAB_COMMANDS: Final = (
     ("Next difference", "n", "difference(1)"),
     ("Fold everything, open everything", "z", "fold_all"),
     ("Open a type file", "O", OPEN_ACTION),
-    ("Hex to look at", "X", "ask('udt hex ')"),
-    ("Constants that are unknown", "C", "constants"),
+    ("Enter hex bytes", "X", "ask('udt hex ')"),
+    ("Unknown constants", "C", "constants"),
     ("Problems in the type files", "w", "problems"),
-    ("Take a changed type into DATA", "R", "into_data"),
-    ("Let DATA lie as theirs", "V", "data_as_theirs"),
+    ("Apply a changed type to DATA", "R", "into_data"),
+    ("Lay out DATA as theirs", "V", "data_as_theirs"),
     ("Use this type for DATA", "u", "use"),
     ("Yank", "y", "yank"),
     ("Command line", ":", "ask('udt ')"),
@@ -72,7 +72,7 @@ KEY_ACTIONS: Final = {**{key: action for _, key, action in LAB_COMMANDS}, "o p":
 
 
 def find_yank_text(pane: str, lab: Lab, cure: CureText) -> tuple[CopyFormat, str] | None:
-    """Return what a pane is about, with its name; None where there is nothing."""
+    """Return the text of a pane and its format; None if the pane has no text."""
     match pane:
         case "tree":
             text, name, suffix = _comparison_text(lab), "both sides", ".txt"
@@ -105,7 +105,7 @@ def _ranking(lab: Lab) -> str:
     return "\n".join(lines) + "\n" if lines else ""
 
 
-RELOAD_INTERVAL_S: Final = 1.0  # between two looks at the files
+RELOAD_INTERVAL_S: Final = 1.0  # between two checks of the files
 TREE, BYTES, FIT, CURE = 1, 2, 3, 4
 PANE_NAMES: Final = ((TREE, "Members"), (BYTES, "Bytes"), (FIT, "Fit"), (CURE, "Cure"))
 PANE_DIGITS: Final = {"tree": TREE, "hex": BYTES, "fit": FIT, "cure": CURE}
@@ -113,8 +113,6 @@ PANES_BY_DIGIT: Final = {digit: name for name, digit in PANE_DIGITS.items()}
 
 
 class LabScreen(SideScreen[None]):
-    """Hands what changed to the panes, and what they ask for to the lab."""
-
     BINDINGS: ClassVar = hidden_keys({
         **{str(digit): f"pane({digit})" for digit, _ in PANE_NAMES},
         **{key: action for _, key, action in LAB_COMMANDS if len(key) == 1 and key not in ":?"},
@@ -127,7 +125,7 @@ class LabScreen(SideScreen[None]):
     def __init__(self, view_model: ViewModel, lab: Lab, say: Callable[[str], int | None]) -> None:
         super().__init__(view_model, say, FOOTER_KEYS, KEY_ACTIONS)
         self.lab = lab
-        self._trouble = self._told = ""
+        self._trouble = self._message = ""
         self._open = TREE
         self.tabs = TabLine(PANE_NAMES, TREE)
         self.head = LabHead(lab)
@@ -162,7 +160,7 @@ class LabScreen(SideScreen[None]):
         self.lab.follow_bench()
         self._view_model.past_wanted = self.lab.bytes.request()
         for answer in self.answers():
-            self._trouble, self._told = answer.error, answer.told or f"{answer.line} ✓"
+            self._trouble, self._message = answer.error, answer.told or f"{answer.line} ✓"
         for line in (self.header, self.head, self.columns, self.tree_view):
             line.show()
         self.hex.show_row(self.tree_view.chosen_row)
@@ -170,22 +168,22 @@ class LabScreen(SideScreen[None]):
         self.cure.show()
         self._members.border_title = pane_title(TREE, "Members", "≠ differs · ░ padding")
         self.hex.set_title(BYTES, "Bytes", f"{self.hex.link_text}░ padding, ▒ theirs")
-        self.outcome.write(*describe_outcome(self.lab, self._trouble, self._told))
+        self.outcome.write(*describe_outcome(self.lab, self._trouble, self._message))
         declared, name = self._view_model.declaration, self.lab.type_name
         is_other = declared is not None and name.casefold() not in ("", declared.type_name.casefold())
         self.show_keys((("u", f"use for {declared.name}"),) if declared is not None and is_other else ())
 
     def reload_files(self) -> None:
         if self.lab.reload_if_changed():
-            self._trouble = self._told = ""
+            self._trouble = self._message = ""
             self._ask_constants()
             self.show()
 
     # -- lines --------------------------------------------------------------------------------------
 
     def run_line(self, line: str) -> None:
-        """Carry out a line of the lab; any other goes to the bench."""
-        self._trouble = self._told = ""
+        """Carry out a line of the lab; send any other line to the bench."""
+        self._trouble = self._message = ""
         if not is_for_lab(line):
             self.send(line)
             return
@@ -221,8 +219,8 @@ class LabScreen(SideScreen[None]):
         profile = found.profile
         text = profile.text or self.lab.profiles[THEIRS].text
         self.run_line(f"udt theirs {profile.layout} {profile.byte_order} {text}")
-        beside = f"; beside it: {found.cause}" if found.cause.kind else ""
-        self._told = f"theirs is {profile} now{beside}; 4 or c: the cure"
+        also = f"; also: {found.cause}" if found.cause.kind else ""
+        self._message = f"theirs is now {profile}{also}; 4 or c: the cure"
         self.show()
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
@@ -289,7 +287,7 @@ class LabScreen(SideScreen[None]):
         self._apply_change(lambda: self.lab.bytes.step(step))
 
     def _apply_change(self, change: Callable[[], None]) -> None:
-        self._trouble = self._told = ""
+        self._trouble = self._message = ""
         change()
         self.show()
 
@@ -312,7 +310,7 @@ class LabScreen(SideScreen[None]):
         at = found.leaf if found is not None and found.key else -1
         leaf = self.lab.next_difference(at, step) if step > 0 or at >= 0 else None
         if leaf is None:
-            self._told = "no further member differs"
+            self._message = "no other member differs"
             self.show()
             return
         self.action_pane(TREE)
@@ -329,12 +327,12 @@ class LabScreen(SideScreen[None]):
         if self.lab.files.types.unknown_constants:
             self._ask_constants()
         else:
-            self._told = "every constant is known"
+            self._message = "every constant is known"
             self.show()
 
     def _ask_constants(self) -> None:
         names = self.lab.files.types.unknown_constants
-        if not names or names == self.lab.asked_for:
+        if not names or names == self.lab.asked_for:  # ask once; C asks again
             return
         self.lab.asked_for = names
         self.app.push_screen(ConstantsForm(names, self.lab.files.name), self._handle_constants)
@@ -346,20 +344,20 @@ class LabScreen(SideScreen[None]):
 
     def action_problems(self) -> None:
         lines = [str(problem) for problem in self.lab.files.types.problems]
-        self.app.push_screen(ProblemsScreen(lines or ["nothing is wrong in the files"]))
+        self.app.push_screen(ProblemsScreen(lines or ["no problem in the type files"]))
 
     def action_into_data(self) -> None:
-        """Let the PLC have the changed type: its types are read again, and DATA is resized."""
+        """Let the PLC read the types again, and resize DATA to the changed type."""
         declared = self._view_model.declaration
         if self.lab.opened is not None or declared is None:
-            self._trouble = "R is for DATA and the project's own files"
+            self._trouble = "R needs DATA and a type of the project's own files"
         else:
             self.send(f"{UDT} {RELOAD}")
             self.send(f"resize {declared.name} {declared.type_name}")
         self.show()
 
     def action_use(self) -> None:
-        """Let DATA of the selected instance have the type that is looked at; its file comes first."""
+        """Give DATA of the selected instance the lab's type; first add the type's file to the project."""
         declared, project, opened = self._view_model.declaration, self._view_model.project, self.lab.opened
         first, self._trouble = f"{UDT} {RELOAD}", ""
         if opened and not any(is_same_file(opened.paths[0], each) for each in project.udt_files):
@@ -367,24 +365,24 @@ class LabScreen(SideScreen[None]):
             self._trouble = find_mistake(first, project)
         if declared is None or not self.lab.type_name:
             what = "a type (t, O)" if declared is not None else "an instance with DATA to be selected"
-            self._trouble = f"u takes the type for DATA, and needs {what}"
+            self._trouble = f"u uses the type for DATA and needs {what}"
         elif not self._trouble:
             self.send(first)
             self.send(f"set data {declared.name} type={self.lab.type_name}")
         self.show()
 
     def action_data_as_theirs(self) -> None:
-        """Let DATA lie as theirs does: another cure, where the PLC can declare it so."""
+        """Give DATA the layout of theirs: another cure, if the PLC can declare it."""
         from trcvtui.diagnosis.data_view import make_choice, view_command
 
         declared, theirs = self._view_model.declaration, self.lab.profiles["theirs"]
         if self.lab.opened is not None or declared is None:
-            self._trouble = "V is for DATA and the project's own types"
+            self._trouble = "V needs DATA and the project's own types"
         elif line := view_command(declared, make_choice(theirs.layout, theirs.byte_order, theirs.text)):
             self.send(line)
-            self._told = f"{declared.name} lies as theirs: {line}"
+            self._message = f"{declared.name} gets the layout of theirs: {line}"
         else:
-            self._told = f"{declared.name} lies as theirs already"
+            self._message = f"{declared.name} already has the layout of theirs"
         self.show()
 
     def action_yank(self) -> None:
@@ -392,7 +390,7 @@ class LabScreen(SideScreen[None]):
 
         found = find_yank_text(PANES_BY_DIGIT[self._open], self.lab, self.cure)
         if found is None:
-            self._trouble = "nothing is there to yank"
+            self._trouble = "nothing to yank"
             self.show()
             return
         self.run_worker(yank(self.app, *found, self._show_text, partial(self._show_text, is_wrong=True)))
@@ -401,7 +399,7 @@ class LabScreen(SideScreen[None]):
         from trcvtui.tui.clipboard_and_files import yank
 
         layout, text = self.lab.layout(OURS), ""
-        self._trouble, self._told = "nothing is there to export", ""
+        self._trouble, self._message = "nothing to export", ""
         try:
             text = export(layout, name) if layout is not None else ""
         except UserError as refused:
@@ -413,11 +411,10 @@ class LabScreen(SideScreen[None]):
         self.run_worker(yank(self.app, form, text, self._show_text, partial(self._show_text, is_wrong=True)))
 
     def _show_text(self, text: str, is_wrong: bool = False) -> None:
-        self._told, self._trouble = ("", plain(text)) if is_wrong else (plain(text), "")
+        self._message, self._trouble = ("", plain(text)) if is_wrong else (plain(text), "")
         self.show()
 
     def action_leave(self) -> None:
-        """Go back to the bench; the lab keeps what was chosen."""
         self.dismiss()
 
     def palette_rows(self) -> Iterator[PaletteCommand]:

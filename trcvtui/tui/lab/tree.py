@@ -1,6 +1,6 @@
 """Pane 1 of the lab: the type as a tree, ours beside theirs; only the rows in view are decoded.
 
-A row that differs has the mark `≠`: in its place, its size, its type or its value.
+A row with the sign `≠` differs in place, size, type or value.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.report import leaf_type_text
 
-MOST_COMPARED: Final = 256  # rows of a type whose differences are counted with each picture
+MOST_COMPARED: Final = 256  # with more rows, differences are not counted: each picture would cost too much
 ROW_ACTIONS: Final = ("type", "profile('ours')", "profile('theirs')")
 
 
@@ -50,12 +50,12 @@ class LabHead(LineView, can_focus=False):
     def _side(self, side: str, keys: str) -> Row:
         profile, layout = self._lab.profiles[side], self._lab.layout(side)
         size = f" · {layout.size} B" if layout is not None else " · cannot be laid out so"
-        said = self._verdict() if side == THEIRS else ""
+        verdict = self._verdict() if side == THEIRS else ""
         return row(
             (keys[0], "key"), (f" {side:<7}", "dim"), (profile.layout, "strong"), (" · ", "dim"),
             (keys[1], "key"), (f" {profile.byte_order}-endian", "strong"), (" · ", "dim"),
             (keys[2], "key"), (f" STRING {profile.text}", "strong"), (size, "strong"),
-            (f"  {said}", "warn" if said.startswith("≠") else "dim"),
+            (f"  {verdict}", "warn" if verdict.startswith("≠") else "dim"),
         )  # fmt: skip
 
     def _verdict(self) -> str:
@@ -76,11 +76,11 @@ class LabHead(LineView, can_focus=False):
 MARK_WIDTH, OPEN_SIGN, CLOSED_SIGN, DIFFERS_SIGN = 2, "▾ ", "▸ ", "≠"
 LEAST_OFFSET_WIDTH, WIDE_OFFSET_WIDTH = 4, 8  # columns of an offset
 LEAST_SIZE_WIDTH: Final = 5
-NARROW_WIDTH: Final = 90  # columns, below which nothing is wasted
+NARROW_WIDTH: Final = 90  # in fewer columns than this, offset and type get less room
 
 
 class LeafCell(NamedTuple):
-    """One side of a leaf: the type that decides its bytes, its value, whether it is wholly there."""
+    """One side of a leaf: the type that decides its bytes, its value; `is_there`: all of its bytes exist."""
 
     type: str
     value: str
@@ -96,7 +96,7 @@ class TreeColumns(NamedTuple):
 
 
 def columns(width: int, lab: Lab) -> TreeColumns:
-    """Return the columns of a pane of that width: offsets and sizes take what the type needs."""
+    """Return the columns of a pane of that width: offset and size are as wide as the type needs."""
     layouts = [layout for side in (OURS, THEIRS) if (layout := lab.layout(side)) is not None]
     digits = len(str(max((layout.size for layout in layouts), default=0)))
     bits = 2 if any(layout.rules.bits & {"BOOL"} or layout.rules.takes_pack for layout in layouts) else 0
@@ -123,8 +123,6 @@ class ColumnHead(OneLine):
 
 
 class LabTree(LineView):
-    """Rows of the tree, each with its values on both sides."""
-
     KEYS: ClassVar = (("↑↓", "row"), ("space", "fold"), ("z", "all"), ("n N", "≠"))
     BINDINGS: ClassVar = hidden_keys({
         "right,l": "fold(True)", "left,h": "fold(False)", "space,enter": "fold(None)", "z": "fold_all",
@@ -226,14 +224,13 @@ class LabTree(LineView):
         return pad(clip(cell.value, width.value - 1), width.value), "printable" if cell.is_there else "ghost"
 
     def _gap(self, place: Place) -> str:
-        """Return the bytes of a gap: what is not 0 there is worth a look."""
         if not place.size:
             return ""
         there = self._lab.bytes.content[place.offset : place.offset + place.size]
-        return "░" * min(place.size, 4) + (" not 0!" if any(there) else "")
+        return "░" * min(place.size, 4) + (" not 0!" if any(there) else "")  # perhaps it is no padding
 
     def differs(self, found: TreeRow) -> bool:
-        """Return whether both sides differ in a row, or somewhere in a branch in its places."""
+        """Return whether the sides differ: in a leaf by place, type or value, in a branch by any place."""
         if self._lab.layout(THEIRS) is None:
             return False
         ours, theirs = self._cells.get((OURS, found.leaf)), self._cells.get((THEIRS, found.leaf))
@@ -258,7 +255,7 @@ class LabTree(LineView):
             self.post_message(RowSelected())
 
     def show_leaf(self, leaf: int, opens: bool = False) -> None:
-        """Put the cursor on a leaf, or on the closed branch that it is in."""
+        """Move the cursor to a leaf, or to the closed branch around it."""
         tree = self._lab.tree
         if tree is not None:
             y = tree.row_of_leaf(leaf, opens)
@@ -266,7 +263,7 @@ class LabTree(LineView):
             self.go_to(y, tells=opens)
 
     def action_fold(self, wanted: bool | None) -> None:
-        """Open or close the branch under the cursor, None: the other one; closing the closed goes up."""
+        """Open or close the branch under the cursor, None: toggle it; False on any other row goes up."""
         tree, found = self._lab.tree, self.chosen_row
         if tree is None or found is None:
             return
@@ -290,7 +287,7 @@ class LabTree(LineView):
         was, self.cursor = self.cursor, y
         found = self.chosen_row
         sign = MARK_WIDTH + 2 * len(found.key) if found is not None else 0
-        if was == y or sign <= x < sign + 2:
+        if was == y or sign <= x < sign + 2:  # a second click on the row, or one on its fold sign
             self.action_fold(None)
         self.go_to(y)
 

@@ -128,7 +128,7 @@ async def test_the_curve_has_its_figures_moves_with_new_messages_and_stands_wher
         await desk.press("plus", "plus")
         assert "min 6.0 · max 100.0 · 3 messages" in desk.text, "6.0 is what DATA held at its beginning"
         await desk.press("left")
-        assert "stands: end follows again" in title(desk)
+        assert "paused: end follows again" in title(desk)
         before = desk.text
         await desk.do(*sent(200.0))
         assert "now 200.0 · min 6.0 · max 8.0 · 2 m" in desk.text and "200.0" not in before
@@ -168,7 +168,7 @@ async def test_keys_of_the_curve_come_before_those_of_a_replay() -> None:
     ("lines", "member", "said"),
     [
         ([], 3, "no message has ended yet"),
-        (sent(1.0), 4, "tag is no number: it has no curve"),
+        (sent(1.0), 4, "tag is not a number: it has no curve"),
         (sent(float("nan"), float("inf")), 3, "speed now Infinity · no number in view"),
         (sent(-3.4e38, 3.4e38), 3, "min -3.4e+38 · max 3.4e+38 · 2 messages"),
         (["peer P1 send hex 01 02", "run 3", "peer P1 rst", "run 3"], 3, "speed now - · no number in view"),
@@ -186,7 +186,7 @@ async def test_a_type_that_changes_and_an_instance_that_goes_are_said_while_the_
         await desk.do("resize rx ARRAY[0..5] OF DINT")
         assert "has no member speed any more" in desk.text
         await desk.do("delete TRCV_C_1")
-        assert "TRCV_C_1 is not there any more" in desk.text
+        assert "TRCV_C_1 does not exist any more" in desk.text
 
 
 async def test_a_lost_connection_is_a_gap_with_marks_below_it() -> None:

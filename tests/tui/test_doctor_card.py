@@ -146,7 +146,7 @@ async def test_a_shows_those_of_all_and_arrows_choose() -> None:
 
 async def test_a_right_line_is_healthy_and_others_are_not_forgotten() -> None:
     async with card(FixedJudge(FOUND[2])) as (newcomer, _screen):
-        assert "healthy: 1 conversation looked at, up to scan 80; 1 finding of others: a" in read(newcomer)
+        assert "healthy: 1 conversation looked at, up to scan 80; 1 finding elsewhere: a" in read(newcomer)
 
 
 def seen_finding(cause: str, instance: str, **more: Any) -> Finding:

@@ -115,7 +115,7 @@ async def test_a_message_goes_after_ten_seconds_but_not_that_of_an_ended_engine(
         assert "told" not in looker.text and "type a bench command" in looker.text and echo.size.height == 1
         looker.driver.stopped = "killed"
         await follow(looker.app, looker.pilot)
-        assert "R starts the engine anew" in looker.text and ending(echo) is None
+        assert "R restarts the engine" in looker.text and ending(echo) is None
 
 
 # -- help, palette, end --------------------------------------------------------------------------------
@@ -177,7 +177,7 @@ async def test_after_the_end_of_the_engine_the_lamps_are_grey_and_r_starts_it_an
         looker.driver.stopped = "killed"
         await follow(looker.app, looker.pilot)
         assert lamp_colour(looker) == grey
-        assert "R starts the engine anew" in looker.text
+        assert "R restarts the engine" in looker.text
         await looker.press("R")
         assert looker.driver.restarts == 1
         again = [f"set TRCV_C_{n} EN_R=1 CONT=1 LEN=0 ADHOC=0" for n in (1, 2)]

@@ -96,7 +96,7 @@ async def test_an_entry_goes_to_its_pane_and_does_what_the_key_does(
         ("graph", "Pane Timing"),
         ("type", "UDT lab"),
         ("structure", "Members of DATA or of the job"),
-        ("record", "Save what has been up to now"),
+        ("record", "Save the recording up to now"),
         ("stop", "Hold the scans"),
         ("delete", "Remove instance TRCV_C_1"),
     ],

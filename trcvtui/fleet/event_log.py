@@ -1,8 +1,8 @@
-"""Events of one instance as a reader keeps them: the newest, each once, and how many are missing.
+"""The newest events of one instance, each once, and how many are missing.
 
-An event is BOOT-SEQ; in each run of an agent (BOOT) SEQ counts from 1 without gaps. What lies between two
-numbers is missing until `recent` or a late message brings it. Of a run MOST_SEQS numbers are known one by
-one; what lies below them counts as known.
+The id of an event is BOOT-SEQ; in each run of an agent (BOOT) SEQ counts from 1 without gaps. A number that is
+skipped is missing until `recent` or a late message brings it. MOST_SEQS numbers of a run are known one by one;
+all numbers below them count as received.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 from trcvtui.fleet.topics import MOST_RECENT, EventMessage
 
-MOST_RUNS: Final = 4  # of an agent, that are told apart
+MOST_RUNS: Final = 4  # of an agent; older ones only keep their number of missing events
 MOST_SEQS: Final = 1024  # of a run
 
 
@@ -30,11 +30,13 @@ class KeptEvent(NamedTuple):
 
 
 class _RunSeqs:
-    """Which numbers of one run have come. From `first` on none may be missing."""
+    """The received numbers of one run; those before `first` are not missed."""
 
     def __init__(self, first: int) -> None:
         self._first, self._top = first, first - 1
-        self._floor = self._counted = 0  # up to which all count as known; how many came from `first` on
+        self._floor = self._counted = (
+            0  # all up to `_floor` count as received; `_counted` came from `first` on
+        )
         self._come: set[int] = set()
 
     def add(self, seq: int) -> bool:
@@ -44,7 +46,7 @@ class _RunSeqs:
         self._counted += seq >= self._first
         self._top = max(self._top, seq)
         if len(self._come) > MOST_SEQS:
-            kept = sorted(self._come)[MOST_SEQS // 2 :]
+            kept = sorted(self._come)[MOST_SEQS // 2 :]  # bounds the memory against a hostile agent
             self._floor, self._come = kept[0] - 1, set(kept)
         return True
 
@@ -54,25 +56,24 @@ class _RunSeqs:
 
 
 class EventLog:
-    """What is known of the events of one instance. `kept`: the newest, the oldest first."""
+    """The events of one instance; `kept`: the newest ones, in order of time."""
 
     def __init__(self) -> None:
         self.kept: list[KeptEvent] = []
         self._runs: dict[str, _RunSeqs] = {}
-        self._lost = 0  # in runs that are no longer told apart
+        self._lost = 0  # events missing in runs before the newest MOST_RUNS
         self._has_begun = False
 
     def begin_counting(self) -> None:
-        """What came before we looked has come: from now on nothing may be missing, a new run begins at 1."""
+        """From now on count every missing event of a new run: its first one has number 1."""
         self._has_begun = True
 
     @property
     def missing(self) -> int:
-        """Return how many events there were that have not come."""
         return self._lost + sum(run.missing for run in self._runs.values())
 
     def add_events(self, events: Iterable[EventMessage]) -> list[KeptEvent]:
-        """Take events, the oldest first; return those that are new."""
+        """Add events, given in order of time; return the new ones."""
         fresh = []
         for event in events:
             boot, _, number = event.id.partition("-")
@@ -101,9 +102,9 @@ def _make_kept_event(event: EventMessage, boot: str, seq: int) -> KeptEvent:
     names = (f"16#{event.status}" if event.status else "", cause.get("call"), cause.get("errno"))
     title = str(cause.get("cause") or " ".join(str(each) for each in names if each) or event.kind)
     peer = cause.get("peer")
-    told = f"{text} ({peer})" if peer and str(peer) not in text else text
+    text = f"{text} ({peer})" if peer and str(peer) not in text else text
     scan = cause.get("scan")
     return KeptEvent(
-        event.t, seq, boot, event.kind, event.status or "", title, told,
+        event.t, seq, boot, event.kind, event.status or "", title, text,
         str(cause.get("file") or ""), scan if isinstance(scan, int) else None,
     )  # fmt: skip

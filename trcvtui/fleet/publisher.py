@@ -1,8 +1,8 @@
-"""What an agent gives the broker, and when: the newest of each retained topic, and a queue of events.
+"""An agent's messages to the broker: the newest one of each retained topic, and a queue of events.
 
-Rule 1: after each connection the retained topics go first, `QUEUE_DELAY_NS` later the queue, oldest first.
-Rule 2: an event leaves the queue when the broker has acknowledged it; past the bound old figures go first.
-Rule 3: what the broker refuses stays, and is sent again after a pause that grows; the rest goes on meanwhile.
+Rule 1: after each connection the retained topics go first, the queue `QUEUE_DELAY_NS` later, oldest first.
+Rule 2: an event leaves the queue when the broker acknowledges it; a full queue drops its oldest figures first.
+Rule 3: a refused message is kept and sent again after a growing pause; meanwhile other messages are sent.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from trcvtui.fleet.disk_queue import EVENT, FIGURES, DiskQueue
 
 QUEUE_DELAY_NS: Final = 2_000_000_000
 LEAST_GAP_NS: Final = 1_000_000_000  # between two messages of one retained topic
-RESEND_NS, MOST_RESEND_NS = 5_000_000_000, 300_000_000_000  # before what was refused is sent again
+RESEND_NS, MOST_RESEND_NS = 5_000_000_000, 300_000_000_000  # before a refused message is sent again
 MOST_UNDERWAY: Final = 200  # messages that the broker has not acknowledged
 
 
 class _PendingMessage(NamedTuple):
-    """A message that the broker has not acknowledged; `number` in the queue, 0: it is not in there."""
+    """A message that the broker has not acknowledged; `number` is that of the queue, 0: not in the queue."""
 
     topic: str
     number: int
 
 
 class _RetainedTopic:
-    """The newest message of a topic, made when it goes; from `due_at` on it may."""
+    """The newest message of a topic; `payload` makes it when it is sent, not before `due_at`."""
 
     __slots__ = ("due_at", "gap", "is_sent", "payload")
 
@@ -44,25 +44,24 @@ class _RetainedTopic:
 
 
 class Publisher:
-    """Gives the broker what it shall have, as far as it is there. `say` tells the user, a line each."""
+    """Sends retained and queued messages while the broker is connected; `say` prints a line for the user."""
 
     def __init__(self, connection: BrokerConnection, queue: DiskQueue, say: Callable[[str], None]) -> None:
         self._connection, self.queue, self._say = connection, queue, say
         self._retained: dict[str, _RetainedTopic] = {}
         self._underway: dict[int, _PendingMessage] = {}  # by the number of the connection
         self._sent_up_to = 0
-        self._again_at, self._pause = 0, RESEND_NS  # when what was refused is sent again, and the next pause
+        self._again_at, self._pause = 0, RESEND_NS  # time of the next resend, and the pause after it
         self._up_at: int | None = None
-        self._told = ""
+        self._last_report = ""
         self.dropped_told = 0
 
     @property
     def is_up(self) -> bool:
-        """Return whether the broker has taken us."""
         return self._up_at is not None
 
     def retain(self, topic: str, payload: bytes | Callable[[], bytes], gap: int = LEAST_GAP_NS) -> None:
-        """Let a topic have a new message; of several within `gap` ns the newest goes out."""
+        """Set the message of a topic; of several within `gap` ns only the newest is sent."""
         made = (lambda: payload) if isinstance(payload, bytes) else payload
         held = self._retained.get(topic)
         if held is None:
@@ -72,17 +71,16 @@ class Publisher:
             held.payload, held.is_sent = made, False
 
     def clear_all_but(self, is_used: Callable[[str], bool]) -> None:
-        """Clear the topics of earlier runs that are used no more: the broker would keep them for ever."""
+        """Clear unused topics of earlier runs: otherwise the broker keeps them for ever."""
         for topic in self.queue.list_topics():
             if topic not in self._retained and not is_used(topic):
-                self.retain(topic, b"")
+                self.retain(topic, b"")  # MQTT 5, 3.3.1.3: an empty payload clears the topic
 
     def send_event(self, topic: str, payload: bytes) -> None:
-        """Send an event, now or later."""
         self._queue_message(EVENT, topic, payload)
 
     def figures(self, topic: str, payload: bytes) -> None:
-        """Retain figures; while the broker is away they are queued, too."""
+        """Retain figures; queue them, too, while the broker is not connected."""
         self.retain(topic, payload)
         if not self.is_up:
             self._queue_message(FIGURES, topic, payload)
@@ -90,21 +88,20 @@ class Publisher:
     def _queue_message(self, kind: int, topic: str, payload: bytes) -> None:
         if self.queue.put(kind, topic, payload):
             return
-        number = self._connection.publish(topic, payload)  # without a disk it goes at once, or not at all
+        number = self._connection.publish(topic, payload)  # the queue failed: send it at once or drop it
         if number is None:
             self.queue.dropped[kind] += 1
         else:
             self._underway[number] = _PendingMessage(topic, 0)
 
     def advance(self, now: int) -> None:
-        """Hear what the broker says, and send what may be sent."""
         for news in self._connection.news():
             match news:
                 case ConnAck():
                     self._begin_connection(now)
                 case ConnectionLost(why):
                     self._up_at = None
-                    self._report(f"{why}; what comes is kept, the next try follows")
+                    self._report(f"{why}; messages are queued until the next try succeeds")
                 case BrokerRefusal(why):
                     self._report(why)
                 case PublishAck(number) if number in self._underway:
@@ -116,11 +113,11 @@ class Publisher:
         if self._sent_up_to and now >= self._again_at > 0:
             self._sent_up_to = self._again_at = 0
         self._send_retained(now)
-        if now >= self._up_at + QUEUE_DELAY_NS:
+        if now >= self._up_at + QUEUE_DELAY_NS:  # rule 1
             self._send_queued()
 
     def _handle_ack(self, done: _PendingMessage) -> None:
-        if done.number:
+        if done.number:  # rule 2
             self.queue.delete(done.number)
         held = self._retained.get(done.topic)
         if held is not None and held.is_sent and not held.payload():
@@ -128,10 +125,10 @@ class Publisher:
             del self._retained[done.topic]
 
     def _handle_refusal(self, refused: _PendingMessage, why: str, now: int) -> None:
-        if now >= self._again_at:
+        if now >= self._again_at:  # rule 3: several refusals before then count as one
             self._again_at, self._pause = now + self._pause, min(2 * self._pause, MOST_RESEND_NS)
             seconds = (self._again_at - now) // 1_000_000_000
-            self._say(one_line(f"the broker refuses '{refused.topic}': {why}; tried again in {seconds} s"))
+            self._say(one_line(f"the broker refuses '{refused.topic}': {why}; next try in {seconds} s"))
         if refused.topic in self._retained:
             held = self._retained[refused.topic]
             held.is_sent, held.due_at = False, self._again_at
@@ -142,12 +139,12 @@ class Publisher:
         self._underway.clear()
         for held in self._retained.values():
             held.is_sent, held.due_at = False, 0
-        self._report("the broker is there")
+        self._report("connected to the broker")
         dropped = self.queue.dropped
         if sum(dropped.values()) > self.dropped_told:
             self.dropped_told = sum(dropped.values())
             self._say(
-                f"no room while the broker was away: {dropped[FIGURES]} figures, {dropped[EVENT]} events"
+                f"dropped because the queue was full: {dropped[FIGURES]} figures, {dropped[EVENT]} events"
             )
 
     def _send_retained(self, now: int) -> None:
@@ -176,6 +173,6 @@ class Publisher:
             self._sent_up_to = n
 
     def _report(self, line: str) -> None:
-        if line != self._told:
-            self._told = line
+        if line != self._last_report:
+            self._last_report = line
             self._say(one_line(line))

@@ -1,7 +1,7 @@
-"""All lines of all sites as a reader knows them: which are there, what each shows, the worst first.
+"""All lines of all sites as a reader knows them: the state of each, and their order, the worst first.
 
-Rule 1: what has no room is refused with one line, and the lines that are there go on.
-Rule 2: times are those of our clock. How wrong an agent's clock is, its live messages tell.
+Rule 1: a name beyond MOST_NAMES is refused with one line; the known lines stay.
+Rule 2: all times are by our clock. The live messages of an agent show the error of its clock.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ V = TypeVar("V")
 
 MOST_NAMES: Final = 30_000  # of agents, lines and instances together
 HOUR_S: Final = 3600
-HOUR_BUCKETS: Final = 12  # of the hour, in the sparkline
+HOUR_BUCKETS: Final = 12  # columns of the sparkline
 BUCKET_S: Final = HOUR_S // HOUR_BUCKETS
-UP_STATES: Final = frozenset(("connected", "created", "up"))  # states of a line
-STUCK_S: Final = 10  # a job that has some of its bytes has got no more for so long
-CLOCK_TOLERANCE_S: Final = 2.0  # by so much a clock may be wrong
-CLOCK_BUCKET_S: Final = 300  # a clock is judged by the least delay in this and the bucket before
-MOST_DELAY_S: Final = 3e8  # a time that is more wrong is none
-# What a line shows, the worst first. HAD: good, with ERRORs in the last hour.
+UP_STATES: Final = frozenset(("connected", "created", "up"))  # states of a line that works
+STUCK_S: Final = 10  # an unfinished job that got no byte for so long
+CLOCK_TOLERANCE_S: Final = 2.0  # a smaller error of a clock is ignored
+CLOCK_BUCKET_S: Final = 300  # the least delay in this bucket and the one before gives the error of a clock
+MOST_DELAY_S: Final = 3e8  # about 10 years: a message with a larger error of time gets our time
+# The state of a line, the worst first. HAD: good, with ERRORs in the last hour.
 OFFLINE, STALE, ERROR, FINDING, STUCK, AWAY, HAD, GOOD = range(8)
 STATES: Final = ("offline", "no scan", "ERROR", "finding", "stuck", "not connected", "good", "good")
 
 
 CAUSE_TEXTS: Final = {
     STALE: "the agent's engine makes no scan",
-    STUCK: "a job has some of its bytes and gets no more",
+    STUCK: "an unfinished job gets no more bytes",
     AWAY: "the line is not connected",
 }
 
@@ -52,23 +52,22 @@ class FleetInstance:
     def __init__(self, name: str) -> None:
         self.name, self.log = name, EventLog()
         self.status: StatusMessage | None = None
-        self.found_at = 0.0  # since when its finding is told, by the agent's clock
+        self.found_at = 0.0  # the first message with its present finding, by the agent's clock
 
 
 class FleetAgent:
     def __init__(self, site: str, name: str) -> None:
         self.site, self.name = site, name
         self.state: StateMessage | None = None
-        self.since = 0.0  # a last will tells the time when it was left
+        self.since = 0.0  # begin of its state; not the time in a last will: that is the agent's start
         self.lines: dict[str, FleetLine] = {}
-        self.without_lines = FleetLine(self, "")  # stands for it as long as none has come
-        self.has_begun = False  # all that the broker has retained of its events has come
+        self.without_lines = FleetLine(self, "")  # its row until its first line has come
+        self.has_begun = False  # all its retained events have come
         self.is_heard = True  # its state has come on this connection
-        # The least of each bucket: ours less its time.
-        self._delays: deque[tuple[int, float]] = deque(maxlen=2)
+        self._delays: deque[tuple[int, float]] = deque(maxlen=2)  # by bucket the least of our time minus its
 
     def note_delay(self, t: float, wall: float) -> None:
-        """Take that a message that was made when it was sent, at `t`, has come just now."""
+        """Note that a live message, sent at `t` by the agent's clock, has come at `wall`."""
         bucket, delay = int(wall // CLOCK_BUCKET_S), wall - t
         while self._delays and not bucket - 1 <= self._delays[0][0] <= bucket:
             self._delays.popleft()
@@ -79,12 +78,12 @@ class FleetAgent:
 
     @property
     def skew_s(self) -> float:
-        """Return how far its clock is behind ours, below 0: ahead; a delay only makes a message older."""
-        skew = min((delay for _, delay in self._delays), default=0.0)
+        """Return how far its clock is behind ours, below 0: ahead."""
+        skew = min((delay for _, delay in self._delays), default=0.0)  # the network only adds to it
         return skew if abs(skew) > CLOCK_TOLERANCE_S else 0.0
 
     def to_our_time(self, t: float, wall: float) -> float:
-        """Return a time of its clock by ours, never in the future."""
+        """Convert a time of the agent's clock to ours, never in the future."""
         return min(t + self.skew_s, wall)
 
     @property
@@ -92,7 +91,7 @@ class FleetAgent:
         return self.state is not None and self.state.state == "offline"
 
     def begin_counting(self) -> None:
-        """Take that what came before we looked has come."""
+        """Note that all retained events have come: from now on missing ones are counted."""
         self.has_begun = True
         for line in self.lines.values():
             for instance in line.instances.values():
@@ -100,30 +99,30 @@ class FleetAgent:
 
 
 class FleetLine:
-    """One line. `rank`: lines in its order have the worst first."""
+    """One line; sorted by `rank`, the worst line is first."""
 
     def __init__(self, agent: FleetAgent, name: str) -> None:
         self.agent, self.name = agent, name
         self.figures: FiguresMessage | None = None
         self.instances: dict[str, FleetInstance] = {}
-        self.errors: dict[int, int] = {}  # of the hour: the bucket by its number since 1970
+        self.errors: dict[int, int] = {}  # of the last hour, by the number of the bucket since 1970
         self.newest_error: KeptEvent | None = None  # of any instance
-        self.errors_hour = 0  # of the last hour, when it was judged
+        self.errors_hour = 0  # of the last hour, at the last `judge`
         self.shows = GOOD
         self.rank: tuple[object, ...] = ()
 
     @property
     def worst_instance(self) -> FleetInstance | None:
-        """Return the instance to tell of: with ERROR, a finding, some of its bytes, else the most errors."""
+        """Return the instance to show: with ERROR, a finding, an unfinished job, else with the most errors."""
         return max(self.instances.values(), key=_badness, default=None)
 
     @property
     def cause(self) -> str:
-        """Return what to group by: why it shows what it shows."""
+        """Return the cause of its state, for groups."""
         if self.shows == OFFLINE:
             return "the agent is offline"
         if not self.name and self.shows == AWAY:
-            return "the agent has told no line"
+            return "the agent has sent no line"
         newest, worst = self.newest_error, self.worst_instance
         if self.shows == FINDING and worst is not None and worst.status is not None:
             return worst.status.finding
@@ -137,17 +136,17 @@ class FleetLine:
 
     @property
     def is_lacking(self) -> bool:
-        """Return whether something is known to be on the broker that has not come."""
+        """Return whether retained messages of it should be on the broker that have not come."""
         has_status = any(each.status is not None for each in self.instances.values())
         return self.figures is None or not has_status or self.missing > 0
 
     def shown_since(self, wall: float) -> float | None:
-        """Return since when it shows what it shows: seconds of UTC since 1970, by our clock."""
+        """Return the begin of its state: seconds of UTC since 1970, by our clock."""
         worst = self.worst_instance
         status = worst.status if worst is not None else None
-        told = [self.agent.to_our_time(each.t, wall) for each in (self.figures, status) if each is not None]
+        times = [self.agent.to_our_time(each.t, wall) for each in (self.figures, status) if each is not None]
         if self.shows in (OFFLINE, STALE):
-            return min(max([self.agent.since, *told]), wall)
+            return min(max([self.agent.since, *times]), wall)
         if status is None or worst is None:
             return None
         if self.shows == FINDING:
@@ -156,21 +155,21 @@ class FleetLine:
         return self.agent.to_our_time(status.t, wall) - max(0.0, age)
 
     def stuck_s(self, instance: FleetInstance, wall: float) -> float:
-        """Return for how long a job of an instance has some of its bytes and gets no more."""
+        """Return how long an unfinished job of an instance has got no more bytes."""
         status = instance.status
         if status is None or not 0 < status.here < status.wanted:
             return 0.0
         return wall - self.agent.to_our_time(status.t, wall)
 
     def errors_an_hour(self, wall: float) -> int:
-        """Return the ERRORs of the last hour: those that came, or as many as its agent counts."""
+        """Return the ERRORs of the last hour: those that came, or the agent's count if that is larger."""
         oldest = int(wall // BUCKET_S) - HOUR_BUCKETS
         for bucket in [each for each in self.errors if each <= oldest]:
             del self.errors[bucket]
         figures = self.figures
         is_new = figures is not None and self.agent.to_our_time(figures.t, wall) > wall - HOUR_S
-        told = figures.errors_an_hour if figures is not None and is_new else 0
-        return max(sum(self.errors.values()), int(told))
+        counted = figures.errors_an_hour if figures is not None and is_new else 0
+        return max(sum(self.errors.values()), int(counted))
 
     def sparkline(self, wall: float) -> list[int]:
         """Return the ERRORs of each twelfth of the last hour, the oldest first."""
@@ -178,10 +177,10 @@ class FleetLine:
         return [self.errors.get(bucket, 0) for bucket in range(newest - HOUR_BUCKETS + 1, newest + 1)]
 
     def judge(self, wall: float) -> None:
-        """Find out what it shows, and its rank."""
+        """Set its state and its rank."""
         self.errors_hour = self.errors_an_hour(wall)
         self.shows = self._judge_state(wall)
-        is_of_agent = self.shows in (OFFLINE, STALE)  # its lines stand together, by their names
+        is_of_agent = self.shows in (OFFLINE, STALE)  # the lines of an agent stay together, sorted by name
         since = self.agent.since if is_of_agent else self.shown_since(wall) if self.shows < HAD else None
         names = self.agent.site, self.agent.name, self.name
         self.rank = (self.shows, wall if since is None else since, -self.errors_hour, *names)
@@ -204,7 +203,7 @@ class FleetLine:
 
     @property
     def filter_text(self) -> str:
-        """Return what a filter looks in, small letters."""
+        """Return the text that a filter searches, in small letters."""
         state = self.figures.state if self.figures is not None else ""
         last = self.newest_error.title if self.newest_error is not None and self.errors_hour else ""
         names = f"{self.agent.site}/{self.agent.name}/{self.name}"
@@ -221,27 +220,28 @@ def _badness(instance: FleetInstance) -> tuple[bool, bool, bool, int]:
 
 
 class SeenFleet:
-    """Takes message by message; `ordered` gives the lines."""
+    """All agents; `apply` adds a message, `sort_lines` returns the lines."""
 
     def __init__(self) -> None:
         self.agents: dict[tuple[str, str], FleetAgent] = {}
         self.names = 0  # of agents, lines and instances
-        self.version = 0  # another number: something is shown otherwise
+        self.version = 0  # counts changes
 
     # -- messages ----------------------------------------------------------------------------------------
 
     def apply(self, topic: Topic, message: AnyMessage | None, wall: float, is_retained: bool = False) -> None:
-        """Take what came on a topic, None: it was cleared; raise UserError for what has no room."""
+        """Add a message of a topic, None: the topic was cleared; raise UserError for too many names."""
         self.version += 1
         if message is None:
             self._forget(topic)
             return
         site, name, on = topic.site, topic.agent, topic.line
         agent = self._get_or_make(self.agents, topic[:2], "agent", name, lambda: FleetAgent(site, name))
-        is_will = isinstance(message, StateMessage) and message.state == "offline"  # its time is of the begin
+        # A last will was made when the agent started: its time is not the time of the loss.
+        is_will = isinstance(message, StateMessage) and message.state == "offline"
         if not is_retained and isinstance(message, FiguresMessage | RecentMessage):
             agent.note_delay(message.t, wall)
-        if abs(wall - message.t) > MOST_DELAY_S:
+        if abs(wall - message.t) > MOST_DELAY_S:  # a hostile or unset clock
             message = replace(message, t=wall)
         if isinstance(message, StateMessage):
             agent.state, agent.is_heard = message, True
@@ -262,7 +262,7 @@ class SeenFleet:
             self._add_events(line, instance, (message,), wall)
 
     def mark_missing(self, wall: float) -> None:
-        """Take each agent for offline that has not come back with the broker: its last will is forgotten."""
+        """Mark agents that did not return with the broker as offline: a restarted broker lost their last wills."""
         for agent in self.agents.values():
             if not agent.is_heard and not agent.is_offline and agent.state is not None:
                 agent.state, agent.since = replace(agent.state, state="offline", t=wall), wall
@@ -287,7 +287,7 @@ class SeenFleet:
 
     def _get_or_make(self, of: dict[K, V], key: K, what: str, name: str, make: Callable[[], V]) -> V:
         if key not in of:
-            if self.names >= MOST_NAMES:
+            if self.names >= MOST_NAMES:  # rule 1
                 raise mistake("fleet", f"one more {what}, '{name}'", f"{MOST_NAMES} names at most")
             self.names += 1
             of[key] = make()
@@ -316,7 +316,6 @@ class SeenFleet:
         return [line for each in agents for line in each.lines.values() or (each.without_lines,)]
 
     def sort_lines(self, wall: float) -> list[FleetLine]:
-        """Return the lines, the worst first."""
         lines = self.lines
         for line in lines:
             line.judge(wall)

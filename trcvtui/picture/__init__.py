@@ -1,1 +1,1 @@
-"""What engine and screen say to each other: lines and requests, and pictures of the bench."""
+"""The protocol between engine and screen: command lines, requests, and pictures of the bench."""

@@ -1,4 +1,4 @@
-"""What the screen gets when it asks the engine: one frozen update of the bench; and what it may ask for."""
+"""The screen's request to the engine, and the answer: a picture, one frozen update of the bench."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ if TYPE_CHECKING:  # the screen's process starts the engine before it knows what
     from trcvtui.project.project import Project
 
 NO_DOCTOR_SNAPSHOT, NO_TIMING = DoctorSnapshot(), EngineTiming()
-MostItems = Meta(max_length=64)  # a picture is made at once: what a screen asks for is bounded
+MostItems = Meta(max_length=64)  # a request is bounded, so that a picture costs the scans little
 
 
 class UpdateRequest(Struct, frozen=True):
-    """What the screen wants: the ledger's news after `since_seq`, the bytes of these variables and jobs.
+    """A request: lines of the ledger after `since_seq`, and the bytes of these variables and jobs.
 
-    `waves` are the instances whose pins are drawn over time, with the number of the last change it knows.
-    `bench` and `project` are the numbers of those that the screen knows, as the last picture told them.
+    `waves`: instances whose pins are drawn over time, with the number of the last change on the screen.
+    `bench` and `project`: their numbers in the last picture; other numbers since then bring them again.
     """
 
     since_seq: int = 0
@@ -46,27 +46,29 @@ class UpdateRequest(Struct, frozen=True):
     waves: Annotated[tuple[tuple[str, int], ...], MostItems] = ()
     history: HistoryRequest | None = None
     recordings_of: Annotated[tuple[str, ...], MostItems] = ()  # ComBuffers
-    doctor: bool = False  # whether it shall look
+    doctor: bool = False  # the doctor shall look
     messages: tuple[str, int, int] | None = None  # rows of an instance, from a number on, up to a scan
 
 
-MOST_NUMBER: Final = 1 << 32  # of lines of a screen
+MOST_NUMBER: Final = 1 << 32  # of the command lines of a screen
 _REQUEST_DECODER: Final = Decoder(tuple[Annotated[int, Meta(ge=1, lt=MOST_NUMBER)], bytes] | UpdateRequest)
 
 
 def decode_request(content: bytes) -> tuple[int, str] | UpdateRequest:
-    """Return what a screen says; raise ValueError or MsgspecError. A file it names may be no text."""
-    said = _REQUEST_DECODER.decode(content)
-    return said if isinstance(said, UpdateRequest) else (said[0], said[1].decode(errors="surrogatepass"))
+    """Return the numbered line or the request of a screen; raise ValueError or MsgspecError."""
+    found = _REQUEST_DECODER.decode(content)
+    if isinstance(found, UpdateRequest):
+        return found
+    return found[0], found[1].decode(errors="surrogatepass")  # a file name in a line may be no valid text
 
 
 class BenchUpdate(Struct, frozen=True):
-    """The bench after its last scan. `holding` is True while no scans pass.
+    """The bench after its last scan. `holding`: the scans are held.
 
-    `bench` counts the fresh benches, `project_number` what its project has become; `project` comes only where
-    the screen does not know it yet. `player` is there while a scenario is loaded, `trial` from the first
-    `try-splits` on. `facts` come of the instances in `partial_of`. `armed` is the trigger that is waited for;
-    with `fired` this is the picture of the very scan in which one fired, and the PLC has gone on since.
+    `bench` counts the benches, `project_number` the versions of the project; `project` comes only if the
+    screen does not have this version. `player`: while a scenario is loaded; `trial`: from the first
+    `try-splits` on. `facts` are those of the instances in `partial_of`. `armed` is the waiting trigger; with
+    `fired` this is the picture of the scan in which a trigger fired, while the PLC is already further.
     """
 
     snapshot: Snapshot
@@ -86,18 +88,18 @@ class BenchUpdate(Struct, frozen=True):
     trial: TrialSnapshot | None = None
     waves: tuple[WaveformDelta, ...] = ()
     history: HistoryWindow | None = None
-    unsaved: int = 0  # edits of the project that are in no file
+    unsaved: int = 0  # edits of the project that are not saved
     unsaved_word: str = "addition"
     facts: tuple[tuple[str, ConnectFacts], ...] = ()
     armed: str = ""
     fired: TriggerEvent | None = None
-    recorded: str = ""  # the file that the run is recorded in with its size, or why nothing is recorded
+    recorded: str = ""  # the recording's file with its size, or why nothing is recorded
     is_recording: bool = False  # by the black box, so that `record stop` ends it
-    recordings: tuple[tuple[str, LineRecording], ...] = ()  # of the ComBuffers that were asked for
-    over: str = ""  # why nothing more comes from the line that is shown
-    position: ReplayPosition | None = None  # of a replay in its recording
-    shadows: frozenset[str] = frozenset()  # instances that look on at conversations of others
-    talks: tuple[ConversationSnapshot, ...] = ()  # these conversations, the newest first
+    recordings: tuple[tuple[str, LineRecording], ...] = ()  # of the ComBuffers in `recordings_of`
+    over: str = ""  # why the watched line brings nothing more
+    position: ReplayPosition | None = None  # of a replay
+    shadows: frozenset[str] = frozenset()  # instances that follow a watched conversation
+    talks: tuple[ConversationSnapshot, ...] = ()  # the watched conversations, the newest first
     doctor: DoctorSnapshot = NO_DOCTOR_SNAPSHOT
     messages: MessagesDelta | None = None
     begun_ns: int | None = None  # UTC of time 0, None: simulated time
@@ -107,9 +109,9 @@ UNSAVED_COMMANDS: Final = ("create ", "delete ", "resize ")  # `save project` le
 
 
 def restore_commands(snapshot: Snapshot, project: Project) -> Iterator[str]:
-    """Yield the lines that bring a fresh bench to where this one stood: its inputs, what TCON had built.
+    """Yield the lines that restore inputs and TCON connections on a new bench.
 
-    A pin whose edge does something is left out: nothing is sent or reset once more.
+    A pin that acts on a rising edge is left out: nothing is sent or reset again.
     """
     for instance in snapshot.instances:
         levels = {pin.name for pin in project.pins(instance.block) if not pin.edge}

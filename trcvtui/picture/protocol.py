@@ -1,6 +1,6 @@
-"""What a screen may do with its engine, and how that ends.
+"""The interface of an engine for a screen, and the end of an engine.
 
-Rule: importing this costs next to nothing, because nothing else happens before the engine is started.
+Rule: importing this costs almost nothing, because it happens before the engine is started.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ if TYPE_CHECKING:
 
 
 MOST_TABS: Final = 8  # of `serve`
-READ_ONLY: Final = "this screen is read-only; `trcvtui serve --write`, or `run` without --read-only, commands"
-READ_ONLY_COMMANDS: Final = frozenset(("expect", "find"))  # first words: they compare, and go to an edge
+READ_ONLY: Final = "this screen is read-only; to command: `serve --write`, or `run` without --read-only"
+READ_ONLY_COMMANDS: Final = frozenset(("expect", "find"))  # first words: a comparison, and a move to an edge
 
 
 def reads_only(line: str) -> bool:
-    """Return whether a read-only screen may give a line: its engine carries out no other one."""
+    """Return whether a read-only screen may send a line; its engine refuses any other, too."""
     return line.strip().partition(" ")[0] in READ_ONLY_COMMANDS
 
 
 class EngineStopped(Exception):
-    """The engine process has ended; its last words say why, the last line of them in short.
+    """The engine process has ended; the text says why, its last line in short.
 
-    `ends_screen`: nothing can be shown any more, not even that. `is_internal`: an error of this program, or
-    a signal, has ended it; `folder`: where its recording is, None: there is none.
+    `ends_screen`: the screen cannot continue. `is_internal`: an error of this program, or a signal, has
+    ended the engine; `folder`: the folder of its recording, None: no recording.
     """
 
     ends_screen = is_internal = False
@@ -34,7 +34,7 @@ class EngineStopped(Exception):
 
 
 class Driver(Protocol):
-    """What a screen may do with a bench; `is_shared`: other tabs of `serve` have it, too."""
+    """What a screen may do with a bench; `is_shared`: other tabs of `serve` use it, too."""
 
     is_shared: bool
 
@@ -48,7 +48,7 @@ class Driver(Protocol):
         """Return the newest picture that has arrived since the last call."""
 
     def describe_cuts(self) -> str:
-        """Return what is cut when the screen quits, in words; "" for nothing."""
+        """Return the connections that are cut when the screen quits, in words; "" for none."""
 
     def restart(self) -> None: ...
 

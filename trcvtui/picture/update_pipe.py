@@ -1,8 +1,8 @@
-"""A picture on its way from the engine to the screen: one pickle, and of the snapshot what has changed.
+"""The transport of a picture from the engine to the screen: a pickle with the changed parts of the snapshot.
 
-Rule 1: a picture costs by what has changed. On the screen's side the other parts are the same objects.
-Rule 2: pickling and writing stop when a gap's time is up, and go on in the next one; a picture never changes.
-Rule 3: a screen that does not read never makes a scan wait: only as much is written as the channel takes.
+Rule 1: the cost depends on the changed parts only. On the screen's side the others stay the same objects.
+Rule 2: pickling and writing stop when the time of a gap is up, and continue in the next: a picture is frozen.
+Rule 3: a screen that does not read never delays a scan: the engine writes only what the channel takes.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ if TYPE_CHECKING:
 SLICE_ITEMS: Final = 64  # parts or lines: 200 us at most
 WRITE_BYTES: Final = 1 << 16  # with one write: about 10 us
 READ_BYTES: Final = 1 << 18
-LENGTH_HEAD: Final = struct.Struct("!i")  # before each message, as multiprocessing writes it
-MOST_PICTURE: Final = (1 << 31) - 1  # bytes: what a length can say
+LENGTH_HEAD: Final = struct.Struct("!i")  # before each message, as in multiprocessing
+MOST_PICTURE: Final = (1 << 31) - 1  # bytes: the largest length in the head
 
 T = TypeVar("T")
 
 
 class UpdateMessage(NamedTuple):
-    """A picture without the parts of its snapshot and without lines, which come after it in slices.
+    """A picture without the parts of its snapshot and without lines: those follow in slices.
 
-    `parts`: of each kind how many there are, and in how many slices come those that have changed.
+    `parts`: for each kind the number of parts, and the number of slices with the changed ones.
     """
 
     update: BenchUpdate
@@ -46,7 +46,7 @@ class UpdateMessage(NamedTuple):
 
 
 class UpdatePipe:
-    """The engine's end: one picture at a time on its way into the channel."""
+    """The engine's end: it writes one picture at a time."""
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
@@ -61,27 +61,27 @@ class UpdatePipe:
         self._pickling = self._pickle_picture(picture)
 
     def advance(self, until: int) -> None:
-        """Pickle and write until the time is up, but one slice at least; stop when the channel is full."""
+        """Pickle and write until the time is up, but at least one slice; stop when the channel is full."""
         while self._pickling is not None:
             message = next(self._pickling)
             if message:
                 self._pickling = None
                 self.post(message)
-            if clock.now_ns() >= until:
+            if clock.now_ns() >= until:  # rule 2
                 return
         while self._unsent and self._write() and clock.now_ns() < until:
             pass
 
     def finish(self) -> None:
-        """Write the rest of a message that has begun, however long the screen takes: another one follows."""
+        """Write the rest of a begun message, however long the screen takes: another one must follow it."""
         while self._unsent:
             self._unsent = self._unsent[os.write(self._channel.fileno(), self._unsent) :]
 
     def _pickle_picture(self, picture: BenchUpdate) -> Iterator[bytes]:
-        """Yield b"" after each slice, the whole message at last."""
+        """Yield b"" between slices, and at last the whole message."""
         snapshot = picture.snapshot
         kinds = snapshot.instances, snapshot.connections, snapshot.data
-        changed = [
+        changed = [  # rule 1: the parts of a snapshot are frozen, so identity is enough
             [*_slices([(n, part) for n, part in enumerate(kind) if n >= len(sent) or part is not sent[n]])]
             for kind, sent in zip(kinds, self._sent, strict=True)
         ]
@@ -105,12 +105,12 @@ class UpdatePipe:
 
     def _write(self) -> bool:
         descriptor = self._channel.fileno()
-        os.set_blocking(descriptor, False)
+        os.set_blocking(descriptor, False)  # rule 3
         try:
             self._unsent = self._unsent[os.write(descriptor, self._unsent[:WRITE_BYTES]) :]
         except OSError as why:
             if not isinstance(why, BlockingIOError):
-                self._unsent = self._unsent[:0]  # the screen is gone, as its reader will find
+                self._unsent = self._unsent[:0]  # the screen is gone: the engine notices it when it reads
             return False
         finally:
             os.set_blocking(descriptor, True)
@@ -118,7 +118,7 @@ class UpdatePipe:
 
 
 class MessageReader:
-    """Whole messages of a channel, each of `most` bytes at most; nobody waits for the rest of one."""
+    """Complete messages of a channel, each of `most` bytes at most; it never waits for the rest of one."""
 
     def __init__(self, channel: Channel, most: int) -> None:
         self._channel, self._most = channel, most
@@ -126,7 +126,7 @@ class MessageReader:
         self._has_ended = False
 
     def read_message(self) -> bytes | None:
-        """Return the next message, None while no whole one is there; raise EOFError after the last one."""
+        """Return the next message, None while it is incomplete; raise EOFError after the last one."""
         if sys.platform == "win32":
             return self._channel.recv_bytes(self._most) if self._channel.poll() else None
         while True:
@@ -150,7 +150,7 @@ class MessageReader:
             read = os.read(descriptor, READ_BYTES)
         except BlockingIOError:
             return False
-        except OSError:  # a reset: the other end had not read all; what it said before that is here
+        except OSError:  # a reset: the other end ended with unread bytes; its own messages are already read
             read = b""
         finally:
             os.set_blocking(descriptor, True)
@@ -160,9 +160,9 @@ class MessageReader:
 
 
 class UpdateReader(MessageReader):
-    """The screen's end. A message is taken when the whole of it is there; nobody waits for more.
+    """The screen's end.
 
-    The engine writes a picture in the gaps of several scans: a screen that waited would stand still.
+    The engine writes a picture in the gaps of several scans: a screen that waited for it would freeze.
     """
 
     def __init__(self, channel: Channel) -> None:
@@ -170,7 +170,7 @@ class UpdateReader(MessageReader):
         self._parts: Sequence[list[Any]] = [], [], []  # of the last picture
 
     def next(self) -> Any:
-        """Return the next message, None while no whole one is there; raise EOFError after the last one."""
+        """As `read_message`, with a picture put together."""
         message = self.read_message()
         return None if message is None else self._load_message(message)
 
@@ -194,7 +194,7 @@ def _slices(items: Sequence[T]) -> Iterator[Sequence[T]]:
     return (items[first : first + SLICE_ITEMS] for first in range(0, len(items), SLICE_ITEMS))
 
 
-# Pickled as a plain tuple a line takes a quarter of the time.
+# A line pickled as a plain tuple takes a quarter of the time.
 
 
 def _flatten_line(line: Line) -> tuple[Any, ...]:

@@ -1,1 +1,1 @@
-"""What surrounds the PLC, frozen for the screen; the PLC itself is in `plc/snapshot.py`."""
+"""Frozen states of everything around the PLC, for the screen; that of the PLC is in `plc/snapshot.py`."""

@@ -1,4 +1,4 @@
-"""What a bench says beside its PLC: answers to lines, punctuality, triggers, peers and their checks."""
+"""Snapshots of a bench: answers to command lines, punctuality, triggers, peers and their checks."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from msgspec import Struct
 
 
 class LineAnswer(Struct, frozen=True):
-    """What became of one submitted line: `error` is empty when it was taken; `told` is more than "done".
+    """The answer to one line: `error` is "" on success; `told` is a result beyond "done".
 
-    `edit`: the line, with what it was given, where it has changed the program and not inputs alone.
+    `edit`: the line with all its values, if it has changed the program and not only inputs.
     """
 
     number: int
@@ -21,8 +21,8 @@ class LineAnswer(Struct, frozen=True):
 class EngineTiming(Struct, frozen=True):
     """How punctual the scans are. Times in ns; `mode` names what the operating system granted.
 
-    `overruns` and the latest start are those of a bad time, 0 after 10 good seconds.
-    `late_by_picture`: so many scans were late because of a picture.
+    `overruns` and `late_ns`, the latest start, are 0 again after 10 seconds without a late scan.
+    `late_by_picture`: the number of scans that a picture has delayed.
     """
 
     scans: int = 0
@@ -33,7 +33,7 @@ class EngineTiming(Struct, frozen=True):
 
 
 class TriggerEvent(Struct, frozen=True):
-    """A trigger that has fired, and in which scan; `number` counts them on this bench from 1."""
+    """A trigger that has fired in `scan`; `number` counts from 1 on each bench."""
 
     number: int
     text: str
@@ -43,7 +43,7 @@ class TriggerEvent(Struct, frozen=True):
 
 
 class ReplySnapshot(Struct, frozen=True):
-    """A reply rule as `replies` of a project has it; `missed` are hits of a flood that were not answered."""
+    """A reply rule as in `replies` of a project; `missed`: hits without an answer, because too many came."""
 
     rule: str
     hits: int
@@ -51,13 +51,13 @@ class ReplySnapshot(Struct, frozen=True):
 
 
 class CheckTally(Struct, frozen=True):
-    """What a receiver of checked frames has seen; `shifts` are places where the stream lost its beat."""
+    """Counters of a receiver of checked frames; `shifts`: how often the start of a frame was not in its place."""
 
     frames: int
     lost: int
     doubled: int
     shifts: int
-    strange: int  # bytes that were no frame
+    strange: int  # bytes outside frames
 
     @property
     def is_good(self) -> bool:
@@ -65,7 +65,7 @@ class CheckTally(Struct, frozen=True):
 
 
 class CheckSnapshot(Struct, frozen=True):
-    """Self-checking traffic: frames sent, what DATA has shown of them, and what has come back."""
+    """Self-checking traffic: frames sent, the tally of those in DATA, and of those that came back."""
 
     sent: int
     data: CheckTally | None
@@ -73,7 +73,7 @@ class CheckSnapshot(Struct, frozen=True):
 
 
 class SentMessage(Struct, frozen=True, array_like=True):
-    """A message that a peer has sent: its number (from 1), size, and what it begins with."""
+    """A message that a peer has sent: its number (from 1), size in bytes, and first bytes."""
 
     number: int
     size: int
@@ -97,7 +97,7 @@ class PeerSnapshot(Struct, frozen=True):
     received_here: int = 0  # on the current or last connection
     udp: bool = False
     replies: tuple[ReplySnapshot, ...] = ()
-    link: str = ""  # the CONNECT that it talks to, "" where none is known
-    silent: bool = False  # that wire is down
+    link: str = ""  # the CONNECT of its connection, "" if unknown
+    silent: bool = False  # the wire of `link` is down
     check: CheckSnapshot | None = None
     last_sent: tuple[SentMessage, ...] = ()  # the newest first

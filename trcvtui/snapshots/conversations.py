@@ -1,26 +1,26 @@
-"""Conversations of others that are watched or go through a tap."""
+"""Conversations between other programs: watched, or through a tap."""
 
 from __future__ import annotations
 
 from msgspec import Struct
 
-TAP, ARMED_TAP = "tap", "armed tap"  # the `kernel` of a tap's screen; armed: its keys act without a question
+TAP, ARMED_TAP = "tap", "armed tap"  # `kernel` of a tap's screen; armed: its keys act without confirmation
 
 
 class DirectionSnapshot(Struct, frozen=True):
-    """One direction of a conversation of others: counters; `rate` in bytes a second, of the last second.
+    """Counters of one direction; `rate` in bytes per second, of the last second.
 
-    `held`: bytes that a tap holds back, None: it lets them go; `first`: the first of these; `held_ns`: for
-    how long it has held back.
-    `round_trip_ns` and `window` of who receives, as the stack of a tap knows them; None: unknown.
+    `held`: bytes that a tap holds back, None: it forwards them; `first`: the first of these bytes;
+    `held_ns`: how long the tap has been holding. `round_trip_ns` and `window` of the receiver, as the TCP
+    stack of a tap knows them; None: unknown.
     """
 
     size: int
     rate: int
     segments: int
-    again: int  # bytes that were sent again
+    again: int  # bytes of retransmissions
     missing: int
-    is_closed: bool  # who receives has told a window of 0
+    is_closed: bool  # zero window: the receiver takes no bytes
     held: int | None = None
     first: bytes = b""
     round_trip_ns: int | None = None
@@ -29,10 +29,10 @@ class DirectionSnapshot(Struct, frozen=True):
 
 
 class ConversationSnapshot(Struct, frozen=True):
-    """A conversation of others. `tap` is the tap that it goes through, "" for one that is only watched.
+    """A conversation of other programs. `tap`: the tap on its way, "" if it is only watched.
 
     `seconds`: bytes of both directions in each of the newest seconds.
-    `handshake_ns`: from SYN to the ACK of its answer.
+    `handshake_ns`: from SYN to the ACK of the SYN-ACK.
     """
 
     number: int
@@ -47,5 +47,5 @@ class ConversationSnapshot(Struct, frozen=True):
 
     @property
     def held_ns(self) -> int | None:
-        """Return for how long a tap has held back one of its directions, the longer time; None: neither."""
+        """Return how long a tap has been holding a direction, the longer of both; None: it holds none."""
         return max((w.held_ns for w in (self.to_plc, self.from_plc) if w.held is not None), default=None)

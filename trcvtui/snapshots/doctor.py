@@ -1,4 +1,4 @@
-"""What the doctor has found: one class from the rule that speaks to the screen, JSON, report and MQTT."""
+"""The doctor's findings: one class for the rules, the screen, JSON, the report and MQTT."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from trcvtui.blocks.conditions import Condition
 
 
 class Remedy(Struct, frozen=True, forbid_unknown_fields=True):
-    """One remedy in words; as a bench command, as `--set` of a what-if, None: it is none.
+    """One remedy in words; `command` is its bench command, `set` its `--set` of a what-if; None: it has none.
 
-    `tried`: the evidence was judged again with it, and nothing was left. Any other one is advice.
+    `tried`: the rules judged the evidence again with it, and found nothing. Any other remedy is advice.
     """
 
     text: str
@@ -25,8 +25,6 @@ class Remedy(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Ends(Struct, frozen=True, forbid_unknown_fields=True):
-    """The ends of a conversation, and how they speak."""
-
     plc: str
     partner: str
     protocol: str
@@ -36,12 +34,12 @@ class Ends(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Finding(Struct, frozen=True, forbid_unknown_fields=True):
-    """One cause: how sure, the evidence, where it shows, what mends it; `mend` () is that of the cause.
+    """One cause: its confidence (0 to 1), evidence, place and remedies; `mend` (): the remedies of `cause`.
 
     `way` is to-plc, from-plc, or "": both; `at` is UTC in ns, byte of the direction, size, packet; `instance`
-    and `connect` "": of no one alone. A fact is proved by the protocol; a remark is worth knowing, and no
-    fault. `packets` are numbers in the capture, `filter` is for Wireshark; `status` are STATUS words in hex
-    that it leads to, `explains` symptoms of blocks. `t_s` is in the capture, `t_ns` and `scan` in the run.
+    and `connect` "": it belongs to no single one. A fact is proved by the protocol; a remark is no fault.
+    `packets` are numbers in the capture, `filter` is for Wireshark; `status`: STATUS words in hex that the
+    cause leads to; `explains`: symptoms of blocks. `t_s` is in the capture, `t_ns` and `scan` in the run.
     """
 
     confidence: float
@@ -54,9 +52,9 @@ class Finding(Struct, frozen=True, forbid_unknown_fields=True):
     is_fact: bool = False
     packets: tuple[int, ...] = ()
     status: tuple[str, ...] = ()
-    leads_to: tuple[Condition, ...] | None = None  # in place of what the cause leads to
+    leads_to: tuple[Condition, ...] | None = None  # None: the conditions of `cause`
     filter: str = ""
-    trial: object = None  # of a rule: what it offers, and how that can be tried
+    trial: object = None  # of a rule: the remedies that it offers, and how to try them
     cause: str = ""
     title: str = ""
     explains: tuple[str, ...] = ()
@@ -72,7 +70,7 @@ class Finding(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class DoctorSnapshot(Struct, frozen=True):
-    """What the doctor has found, the surest first; it looked so often, last at the run up to `scan`."""
+    """The doctor's findings, the surest first, after `looks` looks; the last look was up to `scan`."""
 
     looks: int = 0
     scan: int = 0
@@ -81,4 +79,4 @@ class DoctorSnapshot(Struct, frozen=True):
     trouble: str = ""
     progress: str = ""  # while it looks: "4.5 s: reads night.pcapng: 40%"
     remarks: tuple[Finding, ...] = ()  # worth knowing, and no fault
-    qualities: tuple[str, ...] = ()  # what the captures lack, as it is shown
+    qualities: tuple[str, ...] = ()  # what the captures lack, in sentences

@@ -1,4 +1,4 @@
-"""Where a replay stands in its recording."""
+"""The position of a replay in its recording."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from typing import Final
 from msgspec import Struct
 
 CANNOT_CHANGE_TEXT: Final = "a recording cannot be changed: W tries another value"
-WHAT_IF: Final = "what-if "  # before the name of an instance: the same one in a run with another parameter
+WHAT_IF: Final = "what-if "  # before an instance's name: this instance in the run of the what-if
 
 
 class ReplayPosition(Struct, frozen=True):
-    """Where a replay stands in its recording. `last_scan` is known for sure once the recording `is_read`.
+    """The position of a replay. `last_scan` and `last_t_ns` may grow until the recording `is_read`.
 
-    `wanted` is the scan that it goes to, times are ns of the run; `marks` has 1 for each piece of the run in
-    which an ERROR comes, 0 for the others. `what_if` is what there is to say of a run with another parameter;
-    it parts from the recorded one in scan `parts_at`, 0: nowhere yet.
+    `wanted` is the scan that the replay goes to; times are ns of the run; `marks` has a byte for each piece
+    of the run: 1 with an ERROR, else 0. `what_if` are the lines about a run with another parameter; it differs
+    from the recorded run from scan `parts_at` on, 0: not yet.
     """
 
     scan: int
@@ -27,9 +27,9 @@ class ReplayPosition(Struct, frozen=True):
     speed: str
     errors: int
     marks: bytes
-    first: int = 0  # the scan before those that are in it
+    first: int = 0  # the scan before the first recorded one
     note: str = ""
     what_if: tuple[str, ...] = ()
     parts_at: int = 0
-    first_ns: int | None = None  # UTC of time 0, where it is that of a capture
-    beside: tuple[str, ...] = ()  # what is told of the capture
+    first_ns: int | None = None  # UTC of time 0, if a capture gives it
+    beside: tuple[str, ...] = ()  # lines about the capture

@@ -1,4 +1,4 @@
-"""How far a scenario or a split test has come."""
+"""The progress of a scenario, and of a split test."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ TO_COME, NOW, DONE, HELD, FAILED = "to come", "now", "done", "held", "failed"
 
 
 class StepSnapshot(Struct, frozen=True):
-    """One step of a scenario: its number (0: a command of `start`), its line, its state, what was found."""
+    """One step of a scenario; `number` 0: a command of `start`; `found`: what a failed step found."""
 
     number: int
     line: str
@@ -17,9 +17,9 @@ class StepSnapshot(Struct, frozen=True):
 
 
 class PlayerSnapshot(Struct, frozen=True):
-    """How far a scenario has been played.
+    """The progress of a scenario.
 
-    `current` is the place in `steps` of the one that runs or comes next; `scans_of_step` count in that one.
+    `current` is the index in `steps` of the step that runs or comes next, `scans_of_step` its scans so far.
     `traces` are the newest STATUS runs of each instance.
     """
 
@@ -37,7 +37,7 @@ class PlayerSnapshot(Struct, frozen=True):
 
 
 class SplitRow(Struct, frozen=True):
-    """What cuts `first` to `last` (0: the whole message) have come to; `same`: as the whole message.
+    """The result of the cuts after byte `first` to `last` (0: uncut); `same`: as the whole message.
 
     `walk` is the STATUS walk in the notation of a trace, `lengths` the RCVD_LEN of each DONE.
     """
@@ -57,7 +57,7 @@ class SplitRow(Struct, frozen=True):
 
 
 class TrialSnapshot(Struct, frozen=True):
-    """How far `try-splits` has come; `state` is running, finished, cancelled or failed."""
+    """The progress of `try-splits`; `state` is running, finished, cancelled or failed."""
 
     peer: str
     instance: str

@@ -75,12 +75,12 @@ class FindingList(CardText):
     def _describe_progress(self) -> str:
         seen = self.snapshot
         if not seen.looks:
-            return f"the doctor checks, {seen.progress}" if seen.progress else "the doctor checks …"
+            return f"the doctor looks, {seen.progress}" if seen.progress else "the doctor looks …"
         if seen.trouble:
             return seen.trouble
         is_file = self._view_model.position is not None
         how_far = "in the whole file" if is_file else f"up to scan {seen.scan}"
-        scope = f"{count(seen.conversations, 'conversation')} checked, {how_far}"
+        scope = f"{count(seen.conversations, 'conversation')} looked at, {how_far}"
         if self.findings:
             return scope
         others = len(seen.findings)

@@ -59,7 +59,7 @@ async def test_a_packed_sender_is_offered_by_the_size_of_what_came(size: tuple[i
 async def test_where_nothing_speaks_for_another_layout_v_says_so() -> None:
     async with at_the_desk(WIDE, *UP) as desk:
         await desk.press("V")
-        assert "no other layout fits what came: L opens the lab" in desk.text
+        assert "no other layout fits the received bytes: L opens the lab" in desk.text
         assert rx(desk).size == 24
 
 

@@ -1,1 +1,1 @@
-"""The screen of `trcvtui fleet`: all lines of all sites, and one of them in full."""
+"""The screen of `trcvtui fleet`: all lines of all sites, and the card of one line."""

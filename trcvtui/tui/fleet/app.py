@@ -1,4 +1,4 @@
-"""`trcvtui fleet`: twenty times a second it hears the broker, twice a second the list is ordered anew."""
+"""The screen of `trcvtui fleet`: it reads the broker 20 times a second and sorts the list twice a second."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ from trcvtui.wording import count
 
 NS_PER_S: Final = 1_000_000_000
 FRAME_S: Final = 1 / 20
-READ_BUDGET_NS: Final = 20_000_000  # of a frame, for messages
-ORDER_INTERVAL_NS: Final = NS_PER_S // 2  # between two orders of the list
-AGE_INTERVAL_NS: Final = 10 * NS_PER_S  # until errors are looked at whether they are of the last hour
+READ_BUDGET_NS: Final = 20_000_000  # of each frame, for messages
+ORDER_INTERVAL_NS: Final = NS_PER_S // 2  # between two sorts of the list
+AGE_INTERVAL_NS: Final = 10 * NS_PER_S  # so often errors older than an hour are dropped, without any message
 NO_MATCH_LINES: Final = ("  no line has these words in its names, its state or its STATUS; esc: all",)
 NO_DATA_LINES: Final = ("  nothing has come from the broker yet",)
 FOOTER_KEYS: Final = (("/", "filter"), ("g", "group"), ("ctrl+p", "palette"), ("?", "help"), ("q", "quit"))
@@ -45,37 +45,37 @@ KEY_ACTIONS: Final = {
 }  # fmt: skip
 HELP_TABLES: Final[tuple[tuple[str, KeyTable], ...]] = (
     ("Lines", (
-        ("↑ ↓, j k", "choose a line; from then on the cursor stays on it, wherever it goes"),
-        ("home, end or G", "the worst, whichever that is; the last one"),
-        ("enter or →", "the card of a line; a group opens and closes; the mouse: click it twice"),
+        ("↑ ↓, j k", "choose a line; the cursor follows this line when the list is sorted again"),
+        ("home, end or G", "the first row: the cursor stays on the worst line; the last row"),
+        ("enter or →", "open the card of a line, or open and close a group; mouse: double click"),
         ("←", "to the head of the group"),
-        ("/", "list only those with these words: names, `offline`, `ERROR`, a state, a code; esc: all"),
-        ("g", "in groups by site, by cause, all in one list"),
-        ("P", "a picture of the screen as SVG, its path is told"),
+        ("/", "only lines with these words: names, `offline`, `ERROR`, a state, a code; esc: all"),
+        ("g", "group by site, by cause, or not at all"),
+        ("P", "save the screen as an SVG file; the path is shown"),
         ("ctrl+p", "command palette"),
         ("? or F1", "this help"),
         ("q or ctrl+q", "quit"),
     )),
     ("Order", (
-        ("1", "lines whose agent is offline, then those whose engine makes no scan"),
+        ("1", "lines whose agent is offline, then lines whose engine makes no scan"),
         ("2", "lines with ERROR now; then with a finding of the doctor"),
-        ("3", "stuck: a job has some of its bytes and got no more for 10 s; then not connected"),
-        ("4", "errors in the last hour; among lines that show the same, the longest first"),
+        ("3", "stuck: an unfinished job got no more bytes for 10 s; then not connected"),
+        ("4", "errors in the last hour; within one state, the line that has been in it longest is first"),
     )),
     ("Signs", (
         ("✗ ■ ▲", "offline or no scan; good or, in red, ERROR; a finding, or stuck"),
         ("□ ◆", "not connected; good, with errors in the last hour"),
-        ("·▁▂▃▄▅▆▇█", "errors in five minutes each: none, 1, from 2, 4, 8, 16, 32, 64, 128 on"),
-        ("was 80AA, +1", "after the STATUS: that of the last ERROR, of the last hour; more instances"),
-        ("● ◆ ○", "a group: some have to be looked after; errors in the last hour; none"),
-        ("clock?", "after the STATUS: the agent's clock is wrong; the card tells by how much"),
-        ("? in state", "the agent has told no figures of this line yet"),
+        ("·▁▂▃▄▅▆▇█", "errors in each five minutes: 0, 1, from 2, 4, 8, 16, 32, 64, 128 on"),
+        ("was 80AA, +1", "after the STATUS: the last ERROR within an hour; one more instance"),
+        ("● ◆ ○", "a group: some lines need attention; errors in the last hour; none"),
+        ("clock?", "after the STATUS: the agent's clock is wrong; the card shows by how much"),
+        ("? in state", "the agent has sent no figures of this line yet"),
     )),
 )  # fmt: skip
 
 
 class FleetHeader(WordLine):
-    """Which broker, whether it is there, how many lines, how many of them are bad."""
+    """The broker and its state, the number of lines, and how many of them are bad."""
 
     def __init__(self, broker: BrokerAccess, pattern: str, reader: FleetReader) -> None:
         super().__init__(id="header")
@@ -104,7 +104,7 @@ class FleetHeader(WordLine):
 
 
 class FleetScreen(Screen[None]):
-    """Head, filter, list, what is to be told, keys."""
+    """Header, filter, list, message, keys."""
 
     BINDINGS: ClassVar = hidden_keys({
         "slash": "filter", "g": "group", "escape": "calm", "question_mark,f1": "help",
@@ -117,7 +117,7 @@ class FleetScreen(Screen[None]):
         self._typed = self._by = ""
         self._opened: set[str] = set()
         self._ordered_at = self._aged_at = -AGE_INTERVAL_NS
-        self._shown = -1, False  # the version of the fleet, and whether its broker was there
+        self._shown = -1, False  # the version of the fleet, and whether its broker was connected
         self.head = FleetHeader(broker, pattern, reader)
         self.heads = FleetColumnHead()
         self.table = FleetTable(self.utc_seconds)
@@ -127,7 +127,6 @@ class FleetScreen(Screen[None]):
         self._frame = Vertical(id="fleet-frame")
 
     def utc_seconds(self) -> float:
-        """Return seconds of UTC since 1970."""
         return clock.wall_ns() / NS_PER_S
 
     def compose(self) -> Iterator[Widget]:
@@ -146,7 +145,7 @@ class FleetScreen(Screen[None]):
     # -- what is shown ------------------------------------------------------------------------------
 
     def advance(self, now: int) -> bool:
-        """Order the list anew where something has changed; ages go on. False: that was a moment ago."""
+        """Sort the list if something has changed, else update ages; return False if it is too early."""
         if now < self._ordered_at + ORDER_INTERVAL_NS:
             return False
         self._ordered_at = now
@@ -170,16 +169,17 @@ class FleetScreen(Screen[None]):
         nothing = NO_AGENT_LINES if self._reader.is_up else NO_DATA_LINES
         self.table.nothing = NO_MATCH_LINES if ordered and not lines else nothing
         self.table.set_entries(entries)
-        told = [f"by {self._by}"] if self._by else []
-        told += [f"{len(lines)} of {len(ordered)} with {plain(self._typed)}, esc: all"] if self._typed else []
-        self._frame.border_title = pane_title(None, "Lines", " · ".join([*told, "the worst first"]))
+        words = [f"by {self._by}"] if self._by else []
+        if self._typed:
+            words.append(f"{len(lines)} of {len(ordered)} with {plain(self._typed)}, esc: all")
+        self._frame.border_title = pane_title(None, "Lines", " · ".join([*words, "the worst first"]))
 
     def show_outcome(self) -> None:
         reader = self._reader
         words, style = reader.told, "warn"
         if not reader.is_up:
-            before = "; what is shown was so before" if self.head.shown else ""
-            words, style = f"{reader.why}{before}; the next try follows", "error"
+            before = "; the list shows the last known state" if self.head.shown else ""
+            words, style = f"{reader.why}{before}; retrying", "error"
         self.outcome.display = bool(words)
         self.outcome.write(words, style)
         self.head.show()
@@ -201,7 +201,7 @@ class FleetScreen(Screen[None]):
         self.order()
 
     def action_calm(self) -> None:
-        """Show all lines again, then all in one list."""
+        """Clear the filter; without one, the grouping."""
         if self._typed:
             self.filter.clear()
         elif self._by:
@@ -229,8 +229,6 @@ class FleetScreen(Screen[None]):
 
 
 class FleetHelpScreen(ResultScreen):
-    """Closed by the keys that opened it, and by escape."""
-
     BINDINGS: ClassVar = [Binding("question_mark,f1", "leave", show=False)]
 
     def __init__(self) -> None:
@@ -278,10 +276,10 @@ class FleetApp(TerminalApp):
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         main = self.main
-        yield SystemCommand("Filter", "list only lines with some words · key /", main.action_filter)
-        yield SystemCommand("Group", "by site, by cause, all in one list · key g", main.action_group)
+        yield SystemCommand("Filter", "only lines with some words · key /", main.action_filter)
+        yield SystemCommand("Group", "by site, by cause, or not at all · key g", main.action_group)
         for name, theme in OWN_THEMES.items():
-            yield SystemCommand(f"Theme {name}", "another look", partial(setattr, self, "theme", theme.name))
+            yield SystemCommand(f"Theme {name}", "colours", partial(setattr, self, "theme", theme.name))
         yield SystemCommand("Screenshot", "save the screen as an SVG file · key P", self.action_picture)
         yield SystemCommand("Help", "keys and signs · key ?", main.action_help)
         yield SystemCommand("Quit", "end the screen · key q", self.exit)

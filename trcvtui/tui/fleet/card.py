@@ -1,4 +1,4 @@
-"""The card of one line: what it shows, its instances, its last events and findings."""
+"""The card of one line: its state, its instances, its last findings and events."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DAY_FORMAT: Final = "%Y-%m-%d"
 
 
 def time_text(t: float, wall: float) -> str:
-    """Return a time of the day here, with the date of another day; an agent may tell any number."""
+    """Return the local time of day, on another day with the date; "?" for a number that is no time."""
     try:
         then, now = datetime.fromtimestamp(t), datetime.fromtimestamp(wall)
     except (OverflowError, OSError, ValueError):
@@ -39,13 +39,13 @@ class FleetCard(CardText):
         for instance in self._line.instances.values():
             rows += self._instance(instance)
         for title, is_wanted in (("findings", True), ("events", False)):
-            told = [each for each in self._events() if (each[1].kind == "finding") == is_wanted]
+            listed = [each for each in self._events() if (each[1].kind == "finding") == is_wanted]
             missing = self._line.missing if title == "events" else 0
-            if told or missing or title == "events":
+            if listed or missing or title == "events":
                 rows.append(rule(self._width, (f"── {title} ", "dim"), *_missing(missing)))
-                rows += self._event_rows(told)
-            if not told and title == "events":
-                rows.append(row(("none is known", "dim")))
+                rows += self._event_rows(listed)
+            if not listed and title == "events":
+                rows.append(row(("none known", "dim")))
         return rows
 
     def _line_rows(self) -> Iterator[Row]:
@@ -53,16 +53,16 @@ class FleetCard(CardText):
         figures, agent = line.figures, line.agent.state
         state = figures.state if figures is not None else "?"
         since = line.shown_since(wall) if line.shows == OFFLINE else line.agent.since
-        told = f"{agent.state} since {time_text(since or 0, wall)}" if agent is not None else "not heard"
+        shown = f"{agent.state} since {time_text(since or 0, wall)}" if agent is not None else "unknown"
         version = f", trcvtui {plain(agent.version)}" if agent is not None else ""
         yield from self._labelled("line", [plain(state)], "" if line.shows != OFFLINE else "faint")
         yield from self._labelled(
-            "agent", [told + version], "error" if line.shows in (OFFLINE, STALE) else ""
+            "agent", [shown + version], "error" if line.shows in (OFFLINE, STALE) else ""
         )
         if skew := line.agent.skew_s:
             behind = "behind" if skew > 0 else "ahead of"
-            told = f"{age(int(abs(skew) * SECOND))} {behind} ours; all times are ours"
-            yield from self._labelled("clock", [told], "warn")
+            shown = f"{age(int(abs(skew) * SECOND))} {behind} ours; all times are ours"
+            yield from self._labelled("clock", [shown], "warn")
         recorded = next((event for _, event in self._events() if event.file), None)
         if recorded is not None:
             host = f" on {plain(agent.host)}" if agent is not None else ""
@@ -72,7 +72,7 @@ class FleetCard(CardText):
                 f"{size_text(figures.received)}/s in",
                 f"{size_text(figures.sent)}/s out",
                 f"{figures.done_a_minute:g} DONE a minute",
-                f"told {since_text(line.agent.to_our_time(figures.t, wall), wall)} ago",
+                f"sent {since_text(line.agent.to_our_time(figures.t, wall), wall)} ago",
             ]
             yield from self._labelled("figures", [" · ".join(parts)], "")
         hour = f" {count(line.errors_hour, 'error')} in the last hour"
@@ -82,7 +82,7 @@ class FleetCard(CardText):
         rows = [rule(self._width, (f"── {plain(instance.name)} ", "dim"), *_missing(instance.log.missing))]
         status = instance.status
         if status is None:
-            return [*rows, row(("no STATUS has come", "dim"))]
+            return [*rows, row(("no STATUS received yet", "dim"))]
         style = "error" if status.error else "done" if status.done else "busy" if status.busy else "strong"
         lamps: list[Part] = [
             (f"{name}{lamp(on)} ", lit if on else "faint")
@@ -107,11 +107,11 @@ class FleetCard(CardText):
         kept = [(event, each.name) for each in instances for event in each.log.kept]
         return [(name, event) for event, name in sorted(kept, reverse=True)]
 
-    def _event_rows(self, told: list[tuple[str, KeptEvent]]) -> Iterator[Row]:
+    def _event_rows(self, listed: list[tuple[str, KeptEvent]]) -> Iterator[Row]:
         wall = self._wall()
-        times = [time_text(self._line.agent.to_our_time(event.t, wall), wall) for _, event in told]
+        times = [time_text(self._line.agent.to_our_time(event.t, wall), wall) for _, event in listed]
         wide = max(map(len, times), default=0) + 2
-        for when, (name, event) in zip(times, told, strict=True):
+        for when, (name, event) in zip(times, listed, strict=True):
             whose = f"{plain(name)}: " if len(self._line.instances) > 1 else ""
             what = f"{event.title}: {event.text}" if event.kind == "finding" else event.text
             what += f" · scan {event.scan}" if event.scan else ""
@@ -128,8 +128,6 @@ def _missing(events: int) -> list[Part]:
 
 
 class FleetCardScreen(ListDialog[None]):
-    """The card above the list; what comes meanwhile is shown."""
-
     DEFAULT_CSS = "FleetCardScreen FleetCard { width: 104; height: auto; max-height: 100%; }"
 
     def __init__(self, line: FleetLine, wall: Callable[[], float]) -> None:

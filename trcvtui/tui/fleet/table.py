@@ -1,7 +1,7 @@
-"""The list of `trcvtui fleet`: one row a line, or the head of a group; only rows in view are made.
+"""The list of `trcvtui fleet`: a row is a line or the head of a group; only rows in view are made.
 
-Rule: the list is ordered anew while it is read. Until the cursor is moved it stays on the worst row;
-then it stays on its line, at its place on the screen.
+Rule: the list is sorted again while you read it. The cursor stays on the worst row until you move it; then
+it stays on its line, and that line at its place on the screen.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from trcvtui.wording import age, count
 
 STATE_WIDTH, CODE_WIDTH, SINCE_WIDTH, SPARK_WIDTH, HOUR = 13, 5, 7, 12, 5  # columns
 FIXED_WIDTH: Final = 4 + STATE_WIDTH + CODE_WIDTH + 1 + SINCE_WIDTH + 1 + SPARK_WIDTH + HOUR
-NAME: Final = 32  # columns; what is left goes to the words of the STATUS
+NAME: Final = 32  # columns; the text of the STATUS gets the rest
 LEAST_TEXT_WIDTH, MOST_TEXT_WIDTH = 12, 60
-STATE_STYLES: Final = {  # of what a line shows: the lamp, its style, that of the words
+STATE_STYLES: Final = {  # by the state of a line: the lamp, its style, the style of the words
     OFFLINE: ("✗", "error", "error"),
     STALE: ("✗", "error", "error"),
     ERROR: ("■", "error", "error"),
@@ -35,13 +35,13 @@ STATE_STYLES: Final = {  # of what a line shows: the lamp, its style, that of th
 }
 SPARK_BLOCKS: Final = "·▁▂▃▄▅▆▇█"  # none, 1, 2 and more, 4 and more .. 128 and more
 NO_AGENT_LINES: Final = (
-    "  no line yet: on the broker is nothing of an agent below trcvtui/v1",
-    "  trcvtui agent PROJECT.toml --mqtt ... publishes there",
+    "  no line yet: the broker has nothing from an agent below trcvtui/v1",
+    "  trcvtui agent PROJECT.toml --mqtt ... publishes a project",
 )
 
 
 def spark_parts(errors: Sequence[int]) -> list[Part]:
-    """Return a sparkline; its scale is the same for all lines, so that rows can be compared."""
+    """Return a sparkline; all lines have the same scale, so that you can compare rows."""
     drawn = "".join(SPARK_BLOCKS[min(each.bit_length(), len(SPARK_BLOCKS) - 1)] for each in errors)
     return [(drawn, "error" if any(errors) else "faint")]
 
@@ -51,14 +51,14 @@ def since_text(t: float | None, wall: float) -> str:
 
 
 def state_of(line: FleetLine) -> str:
-    """Return one word for what a line shows; where it is good, its state."""
+    """Return the state in a word: that of the connection, unless something worse is known."""
     if line.shows in (ERROR, AWAY, HAD, GOOD):
         return line.figures.state if line.figures else "?"
     return STATES[line.shows]
 
 
 def describe_status(line: FleetLine) -> str:
-    """Return what there is to say of it: a finding, of what there is too little, the words of the STATUS."""
+    """Return the text of the worst instance: its finding, the bytes that it lacks, or its STATUS."""
     status = line.worst_instance.status if line.worst_instance is not None else None
     if status is None:
         return ""
@@ -68,14 +68,14 @@ def describe_status(line: FleetLine) -> str:
 
 
 class FleetColumns(NamedTuple):
-    """Widths of the columns that change with that of the screen."""
+    """Widths of the columns that depend on the width of the screen."""
 
     name: int
     text: int
 
 
 def columns_of(width: int) -> FleetColumns:
-    """Return the widths: names first, then the words of the STATUS."""
+    """Return the widths: names first, the text of the STATUS if enough is left."""
     left = max(8, width - FIXED_WIDTH)
     text = min(MOST_TEXT_WIDTH, left - NAME - 1)
     return FleetColumns(left - text - 1, text) if text >= LEAST_TEXT_WIDTH else FleetColumns(left, 0)
@@ -98,8 +98,6 @@ class FleetColumnHead(OneLine):
 
 
 class FleetTable(LineView, inherit_bindings=False):
-    """The lines; `row_at` makes those in view."""
-
     KEYS: ClassVar = (("↑↓", "line"), ("enter", "card"))
     BINDINGS: ClassVar[list[BindingType]] = [
         *MOVES[:4],  # `g` groups
@@ -111,7 +109,7 @@ class FleetTable(LineView, inherit_bindings=False):
         self._wall = wall
         self.entries: Sequence[Entry] = ()
         self.cursor = 0
-        self._is_moved = False  # by a key or the mouse: from then on the cursor stays on its line
+        self._is_moved = False  # by a key or the mouse (the rule)
         self.nothing: Sequence[str] = NO_AGENT_LINES
 
     # -- what is shown ------------------------------------------------------------------------------
@@ -126,7 +124,7 @@ class FleetTable(LineView, inherit_bindings=False):
         place = _place_of(here, entries) if self._is_moved else 0
         self.cursor = min(before, max(0, len(entries) - 1)) if place is None else place
         self.resize_rows()
-        if self._is_moved and self.cursor != before:
+        if self._is_moved and self.cursor != before:  # its line keeps its place on the screen (the rule)
             self.scroll_to(y=top + self.cursor - before, animate=False)
         self.show()
 
@@ -163,13 +161,13 @@ class FleetTable(LineView, inherit_bindings=False):
         return [(pad(clip(text, width - len(more)), width - len(more)) + f"{more} ", style)] if width else []
 
     def _group(self, group: FleetGroup, columns: FleetColumns) -> list[Part]:
-        told = "".join(f" · {number} {STATES[shows]}" for shows, number in group.shown)
-        style = "error" if any(shows <= ERROR for shows, _ in group.shown) else "warn" if told else "dim"
-        words = f"  {count(group.lines, 'line')}{told}"
+        sick = "".join(f" · {number} {STATES[shows]}" for shows, number in group.shown)
+        style = "error" if any(shows <= ERROR for shows, _ in group.shown) else "warn" if sick else "dim"
+        words = f"  {count(group.lines, 'line')}{sick}"
         room = columns.name + STATE_WIDTH + CODE_WIDTH + 1 + columns.text + bool(columns.text)
         name = clip(plain(group.name), max(8, room - len(words) - 1))
         return [
-            ("● ", style) if told else ("◆ ", "warn") if group.errors_an_hour else ("○ ", "done"),
+            ("● ", style) if sick else ("◆ ", "warn") if group.errors_an_hour else ("○ ", "done"),
             (name, "strong"),
             (pad(clip(words, room - len(name)), room - len(name)), style),
             *self._hour("", group.sparkline, group.errors_an_hour),
@@ -195,7 +193,7 @@ class FleetTable(LineView, inherit_bindings=False):
         self.go_to(self.cursor + rows)
 
     def action_edge(self, direction: int) -> None:
-        """Choose the first row, and stay on whatever is the worst; or the last one."""
+        """Go to the first row, and stay on the worst line; or to the last row."""
         self.go_to(direction * len(self.entries))
         self._is_moved = direction > 0
 

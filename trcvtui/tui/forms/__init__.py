@@ -1,1 +1,1 @@
-"""Forms: what is added, changed, chosen, composed."""
+"""Forms of the screen: add and change parts of a project, choose messages, fill in a UDT."""

@@ -1,4 +1,4 @@
-"""A form for what is added to the project: fields, what may stand in them, and the command that they make."""
+"""The forms that add or change a part of the project: fields with choices, and the command they make."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ FILE_HINT = "a file of types: tab completes its path, ↑↓ choose one beside t
 
 
 class ChoiceField(FormField):
-    """One field; where something is known to fit, up and down walk through it."""
+    """One field; if it has `choices`, up and down walk through them."""
 
     def __init__(self, key: str, choices: tuple[str, ...], value: str, proposed: str = "") -> None:
         super().__init__(value)
@@ -51,12 +51,11 @@ class ChoiceField(FormField):
         cast("AddScreen", self.screen).submit()
 
     def convert_paste(self, text: str) -> str:
-        """Let the form keep a STRUCT for a file: the name of that stands here then."""
+        """Give a pasted STRUCT to the form, which keeps it for a file; this field gets the file's name."""
         is_type = self.key == FILE_KEY and (len(text.splitlines()) > 1 or "END_STRUCT" in text.upper())
         return cast("AddScreen", self.screen).keep_type(text) if is_type else super().convert_paste(text)
 
     async def handle_change(self) -> None:
-        """Let the form have the fields that this one asks for."""
         await cast("AddScreen", self.screen).handle_field_change(self)
 
     def action_step(self, step: int) -> None:
@@ -72,7 +71,7 @@ class ChoiceField(FormField):
 
 
 class AddScreen(FormDialog[str]):
-    """Ends with the command, "" when it is left."""
+    """Ends with the command, "" when you leave it."""
 
     ENTER_VERB: ClassVar = "add"
     BINDINGS: ClassVar = [Binding("tab", "complete", show=False)]
@@ -92,7 +91,7 @@ class AddScreen(FormDialog[str]):
         self._block = given.get("block", "")
         self._fields: list[ChoiceField] = []
         self._rows = VerticalScroll(can_focus=False)
-        self._paste, self._is_pasted = (Path(), ""), False  # the file that a paste becomes, and what it holds
+        self._paste, self._is_pasted = (Path(), ""), False  # file and content of a paste; the line names it
 
     def compose(self) -> Iterator[Widget]:
         with Vertical(id="form") as form:
@@ -124,7 +123,7 @@ class AddScreen(FormDialog[str]):
         if self.kind == "udt":
             known = [each.name for each in project.udts]
             files = tuple([name for name in type_files_in(project.base) if name not in known])
-            return [AddField(FILE_KEY, "none is new beside the project", files)]
+            return [AddField(FILE_KEY, "no new type file beside the project", files)]
         name = AddField("name", "a name of its own", first=propose_name(self.kind, project, self._block))
         return [name, *fields_of(self.kind, project, self._block)]
 
@@ -141,7 +140,7 @@ class AddScreen(FormDialog[str]):
         return make_add(self.kind, name.value, {field.key: field.value for field in others}, self._project())
 
     def action_complete(self) -> None:
-        """Complete the path of a file of types; leave any other field."""
+        """Complete the path of a type file; in any other field go to the next field."""
         field, found = self._fields[0], None
         if self.focused is field and field.key == FILE_KEY:
             found = complete(ADD_UDT + field.value, self._project())
@@ -151,7 +150,7 @@ class AddScreen(FormDialog[str]):
             field.choose(found.removeprefix(ADD_UDT))
 
     def keep_type(self, text: str) -> str:
-        """Keep a pasted type; return the name of the file that enter writes, "" for what cannot be one."""
+        """Keep a pasted type; return the name of the file that enter writes, "" for a bad type."""
         try:
             self._paste = prepare_pasted_type(text, self._project().base)
         except UserError as refused:
@@ -161,20 +160,20 @@ class AddScreen(FormDialog[str]):
         return self._paste[0].name
 
     def _check_fields(self, fault: str = "") -> bool:
-        """Say what the line does, or what is wrong with it; return whether it would be taken."""
+        """Show the effect of the line, or its mistake; return whether the engine would take it."""
         line, (file, text) = self.line, self._paste
-        is_asked = line == ADD_UDT and not fault
+        is_empty = line == ADD_UDT and not fault
         self._is_pasted = line == f"{ADD_UDT}{file.name}"
-        as_if_there = FilesRead(contents=[(os.fspath(file), text.encode())])
+        as_if_there = FilesRead(contents=[(os.fspath(file), text.encode())])  # enter writes the file
         with read_from(as_if_there) if self._is_pasted else nullcontext():
-            fault = fault or (find_mistake(line, self._project()) if line and not is_asked else "")
-            said = FILE_HINT if is_asked else "\n".join(map(plain, self._describe_line()))
+            fault = fault or (find_mistake(line, self._project()) if line and not is_empty else "")
+            effect = FILE_HINT if is_empty else "\n".join(map(plain, self._describe_line()))
         place = fault.removeprefix(f"{self.kind} {self.name_of_part}: ")
         for field in self._fields:
             field.set_class(place.startswith((f"{field.key}:", f"found '{field.key}=")), "-bad")
-        self._line.update(f"✗ {plain(fault)}" if fault else said)
+        self._line.update(f"✗ {plain(fault)}" if fault else effect)
         self._line.set_class(bool(fault), "-bad")
-        return not fault and not is_asked
+        return not fault and not is_empty
 
     def _describe_line(self) -> list[str]:
         made, *more = preview_edit(self.line, self._project()).split("\n")
@@ -187,7 +186,7 @@ class AddScreen(FormDialog[str]):
             self._check_fields()
 
     async def handle_field_change(self, field: ChoiceField) -> None:
-        """Lay out other fields for another kind, or another block; what was typed stays."""
+        """Show the fields of another kind, or of another block; the latter keeps what you typed."""
         project = self._project()
         if field is self._kind_field:
             if field.value in kinds_of(project) and field.value != self.kind:
@@ -226,7 +225,7 @@ def _hint(field: AddField) -> str:
 
 
 class ChangeScreen(AddScreen):
-    """Ends with the command, "" when it is left, or when nothing was changed."""
+    """Ends with the command, "" when you leave it or have changed nothing."""
 
     ENTER_VERB: ClassVar = "change"
 
@@ -250,10 +249,9 @@ class ChangeScreen(AddScreen):
 
     @property
     def line(self) -> str:
-        """Return the command that the fields make, "" while all of them are as they were."""
         texts = {field.key: field.value for field in self._fields}
         return make_set_line(self._part, self._now, texts, self._project())
 
     def _describe_line(self) -> list[str]:
         line = self.line
-        return [f"▸ {line}", preview_edit(line, self._project())] if line else ["nothing is changed yet"]
+        return [f"▸ {line}", preview_edit(line, self._project())] if line else ["no change yet"]

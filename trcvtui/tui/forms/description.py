@@ -1,4 +1,4 @@
-"""A connection description byte for byte: what the DB holds, and what a CPU finds wrong with it."""
+"""A connection description byte for byte: the content of the DB, and the errors that a CPU finds in it."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from trcvtui.udt.byte_text import hex_lines
 OFFSET_WIDTH, FIELD_WIDTH, BYTES_PER_LINE = 7, 24, 8  # columns, columns, bytes a line
 BYTES_WIDTH: Final = 3 * BYTES_PER_LINE + 1
 INDENT: Final = " " * (OFFSET_WIDTH + 2)
-MOST_ZERO_LINES: Final = 2  # lines of zeros from which on they are told in one
+MOST_ZERO_LINES: Final = 2  # more lines of zeros are shown as one: `00 × N`
 
 
 def description_rows(view: DescriptionView, width: int) -> list[Row]:
-    """Return the whole view; the field with the flaw is marked by a sign and by its style."""
+    """Return the whole view; a sign and a style mark the field with the flaw."""
     rows = [row((line, "strong")) for line in wrap_text(f"{view.structure} · {view.says}", width)]
     if view.warning:
         rows += [row((line, "error strong")) for line in wrap_text(f"! {view.warning}", width)]
@@ -33,7 +33,7 @@ def description_rows(view: DescriptionView, width: int) -> list[Row]:
         rows += [row((line, "error")) for line in wrap_text(f"✗ {view.flaw}", width)]
     rows.append(EMPTY)
     for each in view.rows:
-        if each.field or each.data:  # what is wrong with the whole stands above
+        if each.field or each.data:  # else: a flaw of the whole, shown above
             rows += _field_rows(each, width)
     return rows
 
@@ -61,7 +61,7 @@ def _field_rows(each: DescriptionRow, width: int) -> Iterator[Row]:
 
 
 def _byte_lines(data: bytes) -> Iterator[tuple[int, str]]:
-    """Yield the bytes line by line; long stretches of zeros in one."""
+    """Yield offset and hex text line by line; a long stretch of zeros is one line."""
     at = 0
     while at < len(data):
         zeros = len(data[at:]) - len(data[at:].lstrip(b"\0"))
@@ -74,15 +74,13 @@ def _byte_lines(data: bytes) -> Iterator[tuple[int, str]]:
 
 
 class DescriptionText(TextView):
-    """The fields of one description, as many lines as they need."""
-
     def __init__(self) -> None:
         super().__init__(id="description")
         self.config: ConnectConfig | None = None
         self._listens = ""
 
     def show_description(self, config: ConnectConfig, listens: str) -> None:
-        """Show another one from its beginning; `listens`: the end where it listens now."""
+        """Show another description from its beginning; `listens`: the end where it listens now."""
         self.config, self._listens = config, listens
         self.scroll_to(y=0, animate=False)
         self.draw()
@@ -108,7 +106,7 @@ class DescriptionScreen(ListDialog[None]):
         self._text = DescriptionText()
         super().__init__(self._text, None)
         self._configs = configs
-        self._listens = listens  # by name: where they listen now
+        self._listens = listens  # the end where a CONNECT listens now, by its name
         self._place = next((n for n, each in enumerate(configs) if each.name == name), 0)
 
     def on_mount(self) -> None:

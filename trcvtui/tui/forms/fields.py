@@ -1,4 +1,4 @@
-"""What can be added to a project, and changed in it, as the fields of a form, and the line that they make."""
+"""Parts of a project as the fields of a form, and the `add` or `set` line that the fields make."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from trcvtui.project.proposals import NEW
 from trcvtui.tui.view_model.view_model import ViewModel
 
 KIND_TITLES: Final = {kind: TABLES[kind].title for kind in OFFERED_KINDS}
-BENCH_KEYS: Final = frozenset(("LocalAddress", "ListenPort"))  # beside the fields of a structure
+BENCH_KEYS: Final = frozenset(("LocalAddress", "ListenPort"))  # of the bench, not of a structure
 
 
 def kinds_of(project: Project) -> tuple[str, ...]:
-    """Return what can be added: a ComBuffer where the dialect has blocks for it."""
+    """Return the kinds of parts that you can add; a ComBuffer only if the dialect has blocks for it."""
     has_buffers = any(block_row(block).buffer_pin for block in project.dialect.blocks)
     return OFFERED_KINDS if has_buffers else tuple(kind for kind in OFFERED_KINDS if kind != "combuffer")
 
 
 def make_add(kind: str, name: str, texts: Mapping[str, str], project: Project) -> str:
-    """Return the command that the fields make; an empty field says nothing."""
+    """Return the `add` line; an empty field adds no key."""
     from trcvtui.udt.literals import quote_text  # read when first asked for
 
     bare, may_have_blanks = keys_of_line(kind, project)
@@ -44,12 +44,12 @@ class ProjectPart(NamedTuple):
     name: str
 
     def __str__(self) -> str:
-        """Return what the screen calls it: `CONNECT C1`."""
+        """Return its title on the screen: `CONNECT C1`."""
         return f"{TABLES[self.kind].what} {self.name}"
 
 
 def list_parts(view_model: ViewModel, peer_first: bool) -> list[ProjectPart]:
-    """Return the parts of the selected instance and the selected peer, what is mended most often first."""
+    """Return the parts of the selected instance and the selected peer, the most often changed ones first."""
     instance = view_model.project.instance(view_model.selected)
     own = list(_parts_of(instance)) if instance is not None else []
     peer = view_model.peer_snapshot
@@ -71,7 +71,6 @@ def _parts_of(instance: InstanceDecl) -> Iterator[ProjectPart]:
 
 
 def all_parts(project: Project) -> list[ProjectPart]:
-    """Return every part of the project that can be changed or removed."""
     return [ProjectPart(kind, each.name) for kind in EDITED for each in entries_of(kind, project)]
 
 
@@ -89,9 +88,9 @@ def format_value(value: KeyValue) -> str:
 def fields_to_change(
     part: ProjectPart, now: Mapping[str, KeyValue], project: Project, block: str
 ) -> list[AddField]:
-    """Return the fields of a part, empty where it has no such key; those of an instance are its block's.
+    """Return the fields of a part, empty for a key that it lacks; those of an instance depend on `block`.
 
-    A key that has several texts now, such as `replies`, has no field: the line changes it.
+    A key with several texts, such as `replies`, has no field: only a `set` line changes it.
     """
     known = [_without_new(each) for each in fields_of(part.kind, project, block, to_change=True)]
     bare = keys_of_line(part.kind, project).bare
@@ -102,12 +101,12 @@ def fields_to_change(
         key for key, value in now.items() if isinstance(value, list) and len(value) > 1 and key not in bare
     }
     if part.kind == "connect":
-        away.add("type")  # the structure stays
+        away.add("type")  # the structure cannot change
     elif part.kind == "instance":
         away.add("inputs")
     if part.kind in ("connect", "addr") and project.dialect.describes_connects and now:
-        away |= {each.key for each in known} - now.keys() - BENCH_KEYS  # of other structures
-    other = part.kind == "instance" and block != now.get("block")  # what it lacks then is proposed
+        away |= {each.key for each in known} - now.keys() - BENCH_KEYS  # fields of other structures
+    other = part.kind == "instance" and block != now.get("block")  # then missing keys get a proposal
     first = {each.key: each.first if other else "" for each in known}
     first |= {key: format_value(value) for key, value in now.items()}
     kept = [each for each in known if each.key not in away]
@@ -115,7 +114,7 @@ def fields_to_change(
 
 
 def _without_new(field: AddField) -> AddField:
-    """Return the field of a part that stands: only what is there can be chosen."""
+    """Return the field of an existing part: it can only choose what exists."""
     there = tuple([each for each in field.choices if each != NEW])
     return replace(field, choices=there, first=field.first if field.first != NEW else "".join(there[-1:]))
 
@@ -123,9 +122,9 @@ def _without_new(field: AddField) -> AddField:
 def make_set_line(
     part: ProjectPart, now: Mapping[str, KeyValue], texts: Mapping[str, str], project: Project
 ) -> str:
-    """Return the `set` that makes of the keys of now what stands in the fields; "" where nothing changes.
+    """Return the `set` line from the present keys to the texts of the fields; "" if nothing changes.
 
-    What a block has neither a field nor a pin for goes when an instance gets that block.
+    When an instance gets another block, keys that are neither a field nor a pin of it are removed.
     """
     gone: dict[str, str] = {}
     if part.kind == "instance" and texts["block"] in project.dialect.blocks:

@@ -1,4 +1,4 @@
-"""What a peer can be told to send: a message of the library, picked, or a UDT, filled in as a form."""
+"""What a peer can send: a message or sequence of the project's library, or a UDT, filled in as a form."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NAME_WIDTH = 18
 
 
 class LibraryEntry(NamedTuple):
-    """One line of the library and the command that it gives."""
+    """A message or a sequence of the project; `line` is its bench command."""
 
     kind: str
     name: str
@@ -47,8 +47,6 @@ def entries_for(peer: str, project: Project) -> list[LibraryEntry]:
 
 
 class LibraryList(LineView):
-    """The entries; the cursor is the one that enter gives."""
-
     BINDINGS: ClassVar = [Binding("enter", "choose", show=False)]
 
     def __init__(self, entries: list[LibraryEntry], choose: Callable[[str], object]) -> None:
@@ -89,7 +87,7 @@ class LibraryList(LineView):
 
 
 class LibraryScreen(ListDialog[str]):
-    """Ends with the command of the entry that was picked, "" where none was."""
+    """Ends with the command of the chosen entry, "" for none."""
 
     DEFAULT_CSS = "LibraryScreen LibraryList { width: 110; height: 60%; border-subtitle-color: $text-muted; }"
 
@@ -100,13 +98,13 @@ class LibraryScreen(ListDialog[str]):
         super().__init__(shown, "")
 
 
-MOST_FIELDS: Final = 64  # more are written by hand
+MOST_FIELDS: Final = 64  # you write more members by hand
 NAME, TYPE = 24, 14
 FORM_KEYS: Final = "↑↓ member · enter take · esc leave"
 
 
 class MemberField(FormField):
-    """One member; what it holds is written into the payload, nothing where it is empty."""
+    """One member; an empty field leaves it out of the payload."""
 
     def __init__(self, leaf: Leaf, value: str) -> None:
         super().__init__(value, placeholder="''" if isinstance(leaf.type, StringType) else "0")
@@ -117,7 +115,7 @@ class MemberField(FormField):
 
     @property
     def assignment(self) -> str:
-        """Return `path=value` as the payload has it, "" where the field is empty."""
+        """Return `path=value`, "" for an empty field."""
         from trcvtui.udt.literals import quote_text  # read when first asked for
 
         text = self.value.strip()
@@ -128,7 +126,7 @@ class MemberField(FormField):
 
 
 class UdtForm(FieldsDialog[str, MemberField]):
-    """Ends with the payload of `send udt`, "" when it is left."""
+    """Ends with the payload of `send udt`, "" when you leave it."""
 
     DEFAULT_CSS = """
     UdtForm #form { width: 84; }
@@ -187,7 +185,7 @@ def form_of(text: str, mode: str, view_model: ViewModel) -> UdtForm | None:
 
 
 def _values(text: str, view_model: ViewModel) -> dict[str, str]:
-    """Return the members that a payload sets, as it writes them; none where it cannot be read."""
+    """Return the members of a payload with their texts; none if the payload is wrong."""
     from trcvtui.commands.tokens import parse_members  # read when first asked for
 
     try:

@@ -1,4 +1,4 @@
-"""A STRUCT that is pasted into the form, and the file beside the project that it becomes."""
+"""A STRUCT that you paste into the form: enter writes it to a file beside the project."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from trcvtui.udt.sources import parse_source
 
 MOST: Final = 64 * 1024  # characters
 LONGEST_NAME: Final = 60
-UNNAMED: Final = "Pasted"  # a STRUCT alone is called as its file
+UNNAMED: Final = "Pasted"  # the name of a STRUCT without one, and of its file
 
 
 def prepare_pasted_type(text: str, base: Path) -> tuple[Path, str]:
-    """Return the first free file for a pasted text in a folder, and what it shall hold; raise UserError."""
+    """Return the first free file in a folder for a pasted text, and its content; raise UserError."""
     from trcvtui.engine.project_edits import refuse_shipped_file  # read when first asked for
 
     lines = text[: MOST + 1].expandtabs(4).splitlines()
     hidden = find_hidden("".join(lines))
     if hidden or len(text) > MOST:
         found = f"{hidden[:40]} in it" if hidden else f"{len(text)} characters"
-        raise mistake("paste", found, f"a STRUCT of at most {MOST} characters, none of them for control")
+        raise mistake("paste", found, f"a STRUCT of at most {MOST} characters, no control characters")
     source, name = "\n".join([*lines, ""]), UNNAMED
-    with suppress(UserError):  # the form says what is wrong in it
+    with suppress(UserError):  # the form shows the mistake
         name = next((each.name for each in parse_source(source, UNNAMED, ".st").types), name)
     stem = re.sub(r"\W", "_", name)[:LONGEST_NAME]
     files = (base / f"{stem}{number if number > 1 else ''}.st" for number in count(1))

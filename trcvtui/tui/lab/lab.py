@@ -201,7 +201,7 @@ class LabBytes:
         return [] if self.window() is None else self._view_model.messages
 
     def _doubt(self) -> str:
-        """Return why the ends of messages are unknown, "" if known: pauses separate messages of one size only."""
+        """Return why the ends of messages are unknown, "" if known: pauses separate one size only."""
         window, messages = self.window(), self.messages()
         sizes = [len(message.content) for message in messages if message.by_pauses]
         is_known = bool(messages) and not any(size % min(sizes) for size in sizes)
@@ -460,7 +460,7 @@ class Lab:
         return comparison.summary(comparison.rows(self.bytes.content)) if comparison else None
 
     def next_difference(self, leaf: int, step: int) -> int | None:
-        """Return the number of the next differing leaf, after (`step` > 0) or before `leaf`; None for none."""
+        """Return the next leaf that differs, after (`step` > 0) or before `leaf`; None for none."""
         comparison = self.comparison()
         if comparison is None:
             return None

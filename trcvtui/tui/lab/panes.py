@@ -58,7 +58,7 @@ class NumberField(FormField):
 
 
 class ConstantsForm(FieldsDialog[dict[str, int], NumberField]):
-    """Ends with the values that you entered; None when you leave it."""
+    """Ends with the values that you entered; none when you leave it."""
 
     DEFAULT_CSS = """
     ConstantsForm #form { width: 72; }
@@ -194,7 +194,7 @@ class FitList(LineView):
             parts += [(f"{found.score:+6.1f}  ", "strong"), (clip(reading_title(found), width - 12), "")]
             self._rows.append((row(*parts, style=self.cursor_style(chosen)), number))
             if chosen and found.same:
-                twins = wrap_text(f"the bytes fit equally well: {same_readings_text(found)}", width - 5)
+                twins = wrap_text(f"these fit the bytes as well: {same_readings_text(found)}", width - 5)
                 self._rows += [(row((f"     {line}", "warn")), number) for line in twins]
             for reason in found.reasons[:MOST_REASONS] if chosen else ():
                 self._rows += self._reason(reason.points, reason.path, reason.text, width, number)

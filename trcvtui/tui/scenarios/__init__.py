@@ -1,1 +1,1 @@
-"""The scenarios on the screen."""
+"""The screen of the scenarios."""

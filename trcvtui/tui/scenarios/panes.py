@@ -1,4 +1,4 @@
-"""The scenario files as a list; one as it is written, with what each step has come to; the traces."""
+"""The list of scenario files; the text of one with the result of each step; the traces."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from trcvtui.tui.messages import KeyClicked, ScenarioChosen
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import ARROW_KEYS, EMPTY, LineView, Part, Row, TextView, row
 
-FILES_AT_ONCE: Final = 4  # a few milliseconds
+FILES_AT_ONCE: Final = 4  # reading them takes a few milliseconds
 SHIPPED_LABEL: Final = "came with trcvtui"
 
 
 class ScenarioListModel:
-    """Scenario files in reading order. `revision` counts up with each change of `rows`."""
+    """Scenario files in reading order; `revision` counts changes of `rows`."""
 
     def __init__(self, found: ScenarioFiles, chosen: Path | None = None) -> None:
         self.is_cut = found.is_cut
         self.filter = ""
         self.revision = 0
-        self.outcomes: dict[Path, bool] = {}  # whether it held when it was last played
+        self.outcomes: dict[Path, bool] = {}  # of the last play: True if it held
         self._paths = list(found.paths)
         self._read: dict[Path, ScenarioFile] = {}
         self._unread = deque(found.paths)
@@ -41,23 +41,23 @@ class ScenarioListModel:
         return not self._unread
 
     def read_next_files(self) -> None:
-        """Read the next few files; what is no scenario leaves the list."""
+        """Read the next FILES_AT_ONCE files; a file that is no scenario leaves the list."""
         for _ in range(min(FILES_AT_ONCE, len(self._unread))):
             self.file(self._unread.popleft())
         self._keep_a_choice()
 
     def read(self, path: Path) -> ScenarioFile | None:
-        said = read_scenario_file(path)
-        if said is None:
+        found = read_scenario_file(path)
+        if found is None:
             self._read.pop(path, None)
             self._paths = [other for other in self._paths if other != path]
         else:
-            self._read[path] = said
+            self._read[path] = found
         self.revision += 1
-        return said
+        return found
 
     def file(self, path: Path | None) -> ScenarioFile | None:
-        """Return what a file says; one that has not been read yet is read now."""
+        """Return a file, which is read now if it was not yet; None if it is not in the list."""
         if path is None or path not in self._paths:
             return None
         if path not in self._read:
@@ -66,8 +66,8 @@ class ScenarioListModel:
 
     @property
     def chosen_file(self) -> ScenarioFile | None:
-        said = self.file(self.chosen)
-        return self.chosen_file if said is None and self._keep_a_choice() else said
+        found = self.file(self.chosen)
+        return self.chosen_file if found is None and self._keep_a_choice() else found
 
     # -- what is listed -----------------------------------------------------------------------------
 
@@ -76,8 +76,8 @@ class ScenarioListModel:
         return [path for path in self._paths if all(word in self._search_text(path) for word in words)]
 
     def _search_text(self, path: Path) -> str:
-        said = self._read.get(path)
-        more = f"{said.name} {' '.join(said.blocks)} {said.dialect}" if said else ""
+        found = self._read.get(path)
+        more = f"{found.name} {' '.join(found.blocks)} {found.dialect}" if found else ""
         return f"{path.parent.name}/{path.stem} {more}".casefold()
 
     def rows(self) -> list[Path | str]:
@@ -91,7 +91,7 @@ class ScenarioListModel:
         return rows
 
     def find_read_file(self, path: Path) -> ScenarioFile | None:
-        """Return what a file says, None while it has not been read."""
+        """Return a file; None if it was not read yet."""
         return self._read.get(path)
 
     # -- choosing -----------------------------------------------------------------------------------
@@ -124,11 +124,11 @@ def _label(folder: Path) -> str:
 
 
 BLOCK_WIDTH, DIALECT_WIDTH = 13, 8  # columns
-OUTCOME_MARKS: Final = {True: ("✓ ", "done"), False: ("✗ ", "error"), None: ("  ", "")}  # whether it held
+OUTCOME_MARKS: Final = {True: ("✓ ", "done"), False: ("✗ ", "error"), None: ("  ", "")}  # None: not played
 
 
 class ScenarioList(LineView, inherit_bindings=False):
-    """One line a file; the cursor is the choice. `k` is not up here: it chooses the kernel."""
+    """One row a file, under the folder's name; `k` does not go up: it chooses the kernel."""
 
     BINDINGS: ClassVar[list[BindingType]] = ARROW_KEYS
 
@@ -139,7 +139,6 @@ class ScenarioList(LineView, inherit_bindings=False):
         self._rows: list[Path | str] = []
 
     def show(self) -> None:
-        """Repaint what changed; the choice stays in view while files come and go."""
         if self._revision != self._model.revision:
             self._revision = self._model.revision
             self._rows = self._model.rows()
@@ -156,7 +155,7 @@ class ScenarioList(LineView, inherit_bindings=False):
         if not self._model.is_read:
             words.append("reading …")
         elif self._model.is_cut:
-            words.append("there are more files than are looked at")
+            words.append("more files exist than are listed")
         return " · ".join(words)
 
     def keep_choice_in_view(self) -> None:
@@ -169,7 +168,7 @@ class ScenarioList(LineView, inherit_bindings=False):
 
     def row_at(self, y: int) -> Row:
         if not self._rows:
-            what = "no scenario has these words" if self._model.filter else "no scenario file"
+            what = "no scenario with these words" if self._model.filter else "no scenario file"
             return row((what, "dim")) if y == 0 else EMPTY
         each = self._rows[y] if y < len(self._rows) else ""
         if isinstance(each, str):
@@ -178,18 +177,18 @@ class ScenarioList(LineView, inherit_bindings=False):
 
     def _file(self, path: Path) -> Row:
         chosen = path == self._model.chosen
-        said = self._model.find_read_file(path)
+        found = self._model.find_read_file(path)
         mark, mark_style = OUTCOME_MARKS[self._model.outcomes.get(path)]
-        name, name_style = plain(said.name if said else path.stem), "" if said else "dim"
-        if said is not None and said.problem:
-            mark, mark_style, name, name_style = "! ", "error", f"{plain(path.name)} is wrong", "warn"
+        name, name_style = plain(found.name if found else path.stem), "" if found else "dim"
+        if found is not None and found.problem:
+            mark, mark_style, name, name_style = "! ", "error", f"{plain(path.name)} has an error", "warn"
         room = self.line_width - 4 - BLOCK_WIDTH - DIALECT_WIDTH
         return row(
             ("▸ " if chosen else "  ", "key"),
             (mark, mark_style),
             (pad(clip(name, room - 1), room), name_style),
-            (pad(_block(said), BLOCK_WIDTH), "label"),
-            (clip(said.dialect if said else "", DIALECT_WIDTH), "dim"),
+            (pad(_block(found), BLOCK_WIDTH), "label"),
+            (clip(found.dialect if found else "", DIALECT_WIDTH), "dim"),
             style=self.cursor_style(chosen),
         )
 
@@ -214,8 +213,8 @@ class ScenarioList(LineView, inherit_bindings=False):
         self.post_message(ScenarioChosen())
 
 
-def _block(said: ScenarioFile | None) -> str:
-    first, *more = (said.blocks if said else ()) or ("",)
+def _block(file: ScenarioFile | None) -> str:
+    first, *more = (file.blocks if file else ()) or ("",)
     count = f" +{len(more)}" if more else ""
     return clip(first, BLOCK_WIDTH - 1 - len(count)) + count
 
@@ -224,7 +223,7 @@ INDENT: Final = 2
 
 
 class TraceList(TextView):
-    """The inputs and the newest of the trace of each instance; `tail` lines of it."""
+    """The inputs of each instance, and the last `tail` lines of its trace."""
 
     DEFAULT_CSS = "TraceList { height: auto; min-height: 3; }"
 
@@ -267,8 +266,7 @@ def _inputs(instance: InstanceSnapshot) -> list[Part]:
 
 GUTTER_WIDTH: Final = 7  # number, blank, mark, blank
 CONTEXT_LINES: Final = 2  # lines that stay in view around the current one
-# state: mark, style of the mark, style of the text
-STEP_STYLES: Final = {
+STEP_STYLES: Final = {  # by state: mark, style of the mark, style of the text
     TO_COME: (" ", "", ""),
     NOW: ("▶", "busy", "busy"),
     DONE: ("•", "done", "dim"),
@@ -279,7 +277,7 @@ NEXT_STEP_STYLE: Final = ("▸", "key", "strong")
 
 
 class ScenarioText(TextView, inherit_bindings=False):
-    """What the scenario is about, then its steps; the current one stays in view."""
+    """What the scenario is about, then its steps; the present one stays in view."""
 
     BINDINGS: ClassVar[list[BindingType]] = ARROW_KEYS
 
@@ -291,45 +289,45 @@ class ScenarioText(TextView, inherit_bindings=False):
         self._followed: tuple[str, int] | None = None
 
     def show_player(self, player: PlayerSnapshot | None, kernel: str) -> None:
-        said = self._model.chosen_file
-        played = player if player is not None and said is not None and player.path == str(said.path) else None
-        self._show_title(said, played, kernel)
-        shown = said, played.steps if played else (), played.current if played else -1, self.line_width
+        file = self._model.chosen_file
+        played = player if player is not None and file is not None and player.path == str(file.path) else None
+        self._show_title(file, played, kernel)
+        shown = file, played.steps if played else (), played.current if played else -1, self.line_width
         if shown != self._drawn:
             if self._drawn is None or shown[0] != self._drawn[0]:
                 self.scroll_to(y=0, animate=False)
             self._drawn = shown
-            self._rows = self._lines(said, played) if said is not None else []
+            self._rows = self._lines(file, played) if file is not None else []
             self.resize_rows()
             self._keep_step_in_view(played)
         self.show()
 
-    def _show_title(self, said: ScenarioFile | None, played: PlayerSnapshot | None, kernel: str) -> None:
-        if said is None:
+    def _show_title(self, file: ScenarioFile | None, played: PlayerSnapshot | None, kernel: str) -> None:
+        if file is None:
             self.set_title(2, "Steps")
             return
         words = [kernel]
         if played is not None:
             last = played.steps[-1].number if played.steps else 0
             words.append("over" if played.finished else f"step {_coming_step(played)} of {last}")
-        self.set_title(2, plain(said.path.name), " · ".join(words))
+        self.set_title(2, plain(file.path.name), " · ".join(words))
 
     # -- the lines ----------------------------------------------------------------------------------
 
-    def _lines(self, said: ScenarioFile, played: PlayerSnapshot | None) -> list[Row]:
+    def _lines(self, file: ScenarioFile, played: PlayerSnapshot | None) -> list[Row]:
         self._row_of = {}
-        rows = [row((line, "strong")) for line in wrap_text(said.name, self.line_width)]
-        if said.about:
-            rows += [row((line, "dim")) for line in wrap_text(said.about, self.line_width)]
-        if said.problem:
-            rows += [row((line, "error")) for line in wrap_text(f"✗ {said.problem}", self.line_width)]
+        rows = [row((line, "strong")) for line in wrap_text(file.name, self.line_width)]
+        if file.about:
+            rows += [row((line, "dim")) for line in wrap_text(file.about, self.line_width)]
+        if file.problem:
+            rows += [row((line, "error")) for line in wrap_text(f"✗ {file.problem}", self.line_width)]
         rows.append(EMPTY)
         steps = {step.number: step for step in played.steps if step.number} if played else {}
         for step in played.steps if played else ():
-            if not step.number and step.state == FAILED:
+            if not step.number and step.state == FAILED:  # commands of `start` are not in the text
                 rows += self._step(ScriptLine(0, 0, f"start: {step.line}"), step, False)
         coming = _coming_step(played)
-        for line in said.lines:
+        for line in file.lines:
             if line.step:
                 self._row_of[line.step] = len(rows)
             rows += self._step(line, steps.get(line.step), 0 < line.step == coming)
@@ -361,7 +359,7 @@ class ScenarioText(TextView, inherit_bindings=False):
 
 
 def _coming_step(played: PlayerSnapshot | None) -> int:
-    """Return the number of the step that runs or comes next, 0 where none does."""
+    """Return the number of the step that runs or comes next, 0 for none."""
     if played is None or played.finished or played.current >= len(played.steps):
         return 0
     return played.steps[played.current].number

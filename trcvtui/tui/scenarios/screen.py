@@ -1,6 +1,6 @@
-"""Scenarios: which there are, what they say, and one of them played step by step.
+"""The screen of the scenarios: a list of files, and one of them played step by step.
 
-Rule: the engine plays; this screen sends `scenario` lines and shows what the pictures tell of the play.
+Rule: the engine plays; this screen sends `scenario` lines and shows the player of the pictures.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from trcvtui.tui.widgets.screens import TABS_CLASS, PaletteCommand, SideScreen
 from trcvtui.tui.widgets.typed_lines import FilterLine
 from trcvtui.wording import count
 
-HIGH_SCREEN_ROWS: Final = 42  # rows from which on all that is past stands
+HIGH_SCREEN_ROWS: Final = 42  # from here on traces, history and timing are all visible
 PLAYING_CLASS: Final = "-playing"
 READ_INTERVAL_S: Final = 1 / 30
 KERNELS: Final = ("sim", "live")
 KERNEL_WORDS: Final = {"sim": "the simulated network", "live": "real sockets"}
 LIST, STEPS, TRACES, STATUS, HISTORY, TIMING = 1, 2, 4, 5, 6, 7
-PAST_PANES: Final = {TRACES, HISTORY, TIMING}  # one place is for them where the screen is not high
+PAST_PANES: Final = {TRACES, HISTORY, TIMING}  # on a lower screen they share one place
 LIVE_KERNEL: Final = "live"
 ENDS_LIVE_QUESTION: Final = "a scenario ends the live bench and its connections: y loads it, esc goes back"
 LONGEST_LINE: Final = 60
@@ -52,7 +52,7 @@ KEY_ACTIONS: Final = {
 
 
 class ScenariosScreen(SideScreen[Path | None]):
-    """List, text, and the play of one; dismissed with the file that was chosen last."""
+    """List, text, and the play of one scenario; it ends with the last chosen file."""
 
     BINDINGS: ClassVar = hidden_keys({
         **{str(digit): f"pane({digit})" for digit in range(1, 8)},
@@ -72,9 +72,9 @@ class ScenariosScreen(SideScreen[Path | None]):
         super().__init__(view_model, say, FOOTER_KEYS, KEY_ACTIONS)
         self._model = model
         self._kernel = KERNELS[0]
-        self._loaded = loaded  # also while the engine has not answered yet
-        self._question: Callable[[], None] | None = None  # what `y` does: it ends the live bench
-        self.keeps_the_play = False  # left for the panes, with the scenario on them
+        self._loaded = loaded  # set at once, before the engine answers
+        self._question: Callable[[], None] | None = None  # `y` runs it and ends the live bench
+        self.keeps_the_play = False  # `v`: the main screen shows the loaded scenario
         self._bench = view_model.bench
         self._trouble = ""
         self._open = STEPS if loaded is not None else LIST
@@ -117,7 +117,7 @@ class ScenariosScreen(SideScreen[Path | None]):
 
     @property
     def _player(self) -> PlayerSnapshot | None:
-        """Return how far the loaded scenario is; None until a picture of it has come."""
+        """Return the player of the loaded scenario; None until the first picture of it."""
         player = self._view_model.picture.player if self._view_model.picture else None
         return player if player is not None and player.path == str(self._loaded) else None
 
@@ -259,7 +259,7 @@ class ScenariosScreen(SideScreen[Path | None]):
             self.outcome.write(f"enter loads it anew on {KERNEL_WORDS[self._kernel]}")
 
     def _ask_on_live(self, then: Callable[[], None]) -> None:
-        """Do it, on a live bench that it would end after a question."""
+        """Run `then`; if it would end a live bench, ask first."""
         picture = self._view_model.live
         is_live = picture is not None and picture.player is None and picture.kernel == LIVE_KERNEL
         if self._loaded is None and is_live and self._model.chosen is not None:
@@ -278,11 +278,11 @@ class ScenariosScreen(SideScreen[Path | None]):
 
     def _load(self) -> None:
         path, self._trouble = self._model.chosen, ""
-        said = self._model.read(path) if path is not None else None
-        if path is None or said is None:
+        file = self._model.read(path) if path is not None else None
+        if path is None or file is None:
             return
-        if said.problem:
-            self._trouble = said.problem
+        if file.problem:
+            self._trouble = file.problem
             self.show()
             return
         self._loaded = path
@@ -290,14 +290,14 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.action_pane(STEPS)
 
     def action_step(self) -> None:
-        """Take the next step of the chosen scenario, or load it first."""
+        """Run the next step of the chosen scenario; one that is not loaded is only loaded."""
         if self._is_loaded():
             self._send("step")
         else:
             self.action_load()
 
     def action_run(self) -> None:
-        """Take all steps that are left of the chosen scenario; one that is not loaded is loaded for it."""
+        """Run all remaining steps of the chosen scenario; load it before if needed."""
         self._ask_on_live(self._run)
 
     def _run(self) -> None:
@@ -314,7 +314,7 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.send(f"scenario {words}")
 
     def _refuse(self, *lines: str) -> None:
-        self._show_error("no prompt here: v shows all panes, with the scenario on them")
+        self._show_error("no prompt here: v shows the scenario in all panes, with a prompt")
 
     def _show_error(self, text: str) -> None:
         self._trouble = text
@@ -337,9 +337,9 @@ class ScenariosScreen(SideScreen[Path | None]):
         yield "Next step", "key n", "step"
         yield "Run to the end", "key r", "run"
         yield f"Load on {KERNEL_WORDS[self._other()]}", "with the next enter · key k", "kernel"
-        yield "All panes", "the loaded scenario on the bench's panes; S comes back · key v", "panes"
+        yield "All panes", "the loaded scenario in all panes; S returns here · key v", "panes"
         yield "Filter the scenarios", "key /", "filter"
-        yield "Leave the scenarios", "the opened project begins afresh · key esc", "leave"
+        yield "Leave the scenarios", "the project starts again · key esc", "leave"
         yield "Help", "key ?", "help"
 
 

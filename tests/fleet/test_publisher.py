@@ -132,7 +132,7 @@ def test_past_the_bound_the_oldest_figures_go_first_and_it_is_said() -> None:
     assert line.queue.size == 5
     line.come()
     line.pass_time()
-    assert "no room while the broker was away: 1 figures, 1 events" in line.said
+    assert "dropped while the broker was away: 1 figures, 1 events" in line.said
     line.pass_time(3)
     assert [payload for topic, payload in line.got if topic == "e"] == [b"1", b"2", b"3", b"4", b"5"]
 

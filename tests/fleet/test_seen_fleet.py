@@ -178,7 +178,7 @@ def test_an_agent_has_a_row_without_lines_and_offline_it_makes_all_of_them_offli
     fleet = Fleet()
     fleet.tell("s/a", ONLINE)
     [line] = fleet.seen.sort_lines(NOW)
-    assert (line.name, line.shows, line.cause) == ("", AWAY, "the agent has told no line")
+    assert (line.name, line.shows, line.cause) == ("", AWAY, "the agent has sent no line")
     for number in range(50):
         fleet.line(f"s/a/L{number}")
     fleet.tell("s/a", OFF)

@@ -1,4 +1,4 @@
-"""`trcvtui agent`: a bench as a service. It starts the engine anew when it fails, publishes, shows a page."""
+"""`trcvtui agent`: a bench as a service. It restarts a failed engine, publishes messages, serves metrics."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ TURN_PAUSE_S: Final = 0.1  # between two pictures
 IDLE_FIGURES_NS: Final = 60 * NS  # of an idle line
 MOVING_FIGURES_NS: Final = 10 * NS  # of a line on which bytes move
 FIRST_PAUSE_NS, MOST_PAUSE_NS = NS, 60 * NS  # before an engine is started anew
-HEALTHY_NS: Final = 60 * NS  # after so long the next pause is the first one again
+HEALTHY_NS: Final = 60 * NS  # an engine that ran so long resets the pause
 MOST_LINES: Final = 20_000
-DOCTOR_PAUSE_NS: Final = 60 * NS  # between two looks of the doctor, where bytes or ERRORs have come
+DOCTOR_PAUSE_NS: Final = 60 * NS  # between two looks of the doctor, if bytes or ERRORs have come
 FIRST_LOOK_NS: Final = 10 * NS
-REST_FACTOR: Final = 50  # times as long as it looked: a long recording takes it long
-RECENT_GAP_NS: Final = 60 * NS  # between two `recent` of an instance: what has changed goes out as events
-PAGE_RETRY_NS: Final = 10 * NS  # before the place of the page is tried again
-START_TIMEOUT_NS: Final = 30 * NS  # an engine that has not told its project by then hangs
-STALE_NS, HUNG_NS = 5 * NS, 30 * NS  # without a new scan: it is told, the engine is started anew
-STALE_SCANS: Final = 10  # but so many intervals at least
+REST_FACTOR: Final = 50  # the doctor rests so many times as long as it looked: a look must cost little
+RECENT_GAP_NS: Final = 60 * NS  # between two `recent` of an instance: each event is sent at once anyway
+PAGE_RETRY_NS: Final = 10 * NS  # before the page's port is tried again
+START_TIMEOUT_NS: Final = 30 * NS  # an engine that has not sent its project by then hangs
+STALE_NS, HUNG_NS = 5 * NS, 30 * NS  # without a new scan: the state is stale; the engine is restarted
+STALE_SCANS: Final = 10  # at least so many scan intervals are needed for stale
 
 
 @dataclass(frozen=True, slots=True)
 class AgentSettings:
-    """What the agent was started with. `page`: address and port of the metrics, None: none."""
+    """The options of the agent. `page`: address and port of the metrics page, None: no page."""
 
     project: Path
     kernel: str
@@ -56,7 +56,7 @@ class AgentSettings:
     page: tuple[str, int] | None
     record: RecordTarget | None
     with_payload: bool = False
-    packets: tuple[str, ...] = ()  # a program that writes them, and its arguments
+    packets: tuple[str, ...] = ()  # the capture program and its arguments
 
 
 def default_name(project: Path) -> str:
@@ -64,19 +64,19 @@ def default_name(project: Path) -> str:
 
 
 def queue_path(site: str, name: str) -> Path | None:
-    """Return the file of the queue: where systemd says, or where a user's programs keep such things.
+    """Return the file of the queue in the state folder (of systemd, or of the user).
 
-    None where no folder can be made: that is said, and what waits is kept in memory.
+    None if the folder cannot be made: a line reports it, and the queue is kept in memory.
     """
     from hashlib import sha256
 
     folder = paths.state_folder()
     try:
-        for each in (*reversed(folder.parents), folder):  # a service's user may have none of them
+        for each in (*reversed(folder.parents), folder):  # the user of a service may have no home folder
             if not each.is_dir():
                 make_folder(each, "the folder of the queue")
     except UserError as refused:
-        write_or_drop_line(f"{refused.lines()[0]}; what waits for the broker is kept in memory alone")
+        write_or_drop_line(f"{refused.lines()[0]}; messages for the broker are queued in memory only")
         return None
     return folder / f"queue-{sha256(f'{site}/{name}'.encode()).hexdigest()[:16]}.sqlite"
 
@@ -97,23 +97,23 @@ class Agent:
         self._engine: ProcessDriver | None = None
         self._has_taps = bool(project.taps)
         self._has_shadows = self._has_taps or bool(settings.packets)
-        self._has_asked = False  # the engine for a picture
+        self._has_asked = False  # a picture was requested from this engine
         self._publisher: Publisher | None = None
         self._started_at = self._start_at = clock.now_ns()
         self._pause = FIRST_PAUSE_NS
         self._figures_at: dict[str, int] = {}
-        self._doctor_at = self._asked_at = 0  # when the doctor looks next, and was asked
+        self._doctor_at = self._asked_at = 0  # time of the doctor's next look, and of its last request
         self._looks = 0
-        self._judged_at: tuple[object, ...] = ()  # what there was when it was asked
+        self._judged_at: tuple[object, ...] = ()  # `activity_key` at that request
         self.restarts: int = 0
-        self._scan, self._scanned_at = -1, clock.now_ns()  # the last one, when it was told
+        self._scan, self._scanned_at = -1, clock.now_ns()  # the last scan, and when its picture came
         self._patience = STALE_NS
         self._state = ""
         self._has_cleared = False
         self._page_at = 0
-        self._failure = ""  # of publishing, as it was told last
+        self._failure = ""  # of publishing, the last reported one
 
-    # -- what the page tells -----------------------------------------------------------------------------
+    # -- values of the metrics page ----------------------------------------------------------------------
 
     @property
     def is_running(self) -> bool:
@@ -121,7 +121,7 @@ class Agent:
 
     @property
     def is_stale(self) -> bool:
-        """Return whether the figures are old: no scan has been told for a while."""
+        """Return whether the values are old: no new scan for a while."""
         return clock.now_ns() > self._scanned_at + self._patience
 
     @property
@@ -182,7 +182,7 @@ class Agent:
                 self._start(now)
             if self._engine is not None:
                 self._poll_engine(self._engine, now)
-        except (EngineStopped, UserError, OSError) as stopped:  # OSError: no process or file more for it
+        except (EngineStopped, UserError, OSError) as stopped:  # OSError: out of processes or files
             self._handle_failure(stopped, now)
         with self._contain_failures():
             if self._publisher is not None:
@@ -193,24 +193,24 @@ class Agent:
 
     @contextmanager
     def _contain_failures(self) -> Iterator[None]:
-        """Tell what goes wrong beside the bench: nothing of it ends the bench."""
+        """Report an error of publishing; it never ends the bench."""
         try:
             yield
         except Exception as failed:
-            line = f"publishing has failed: {type(failed).__name__} {failed}; the bench goes on"
+            line = f"publishing has failed: {type(failed).__name__} {failed}; the bench keeps running"
             if line != self._failure:
                 self._failure = line
                 write_or_drop_line(line)
 
     def _open_page(self, address: str, port: int, opened: ExitStack, now: int) -> None:
-        """Open the page; where its place is taken try again later: that is no reason to end a bench."""
+        """Open the page; if its port is in use, try again later: this must not end the bench."""
         from trcvtui.fleet.metrics import serve_page
 
         try:
             server = serve_page(address, port, self)
         except OSError as failed:
             if not self._page_at:
-                why = f"{failed.strerror} at {address}:{port}; tried again each {PAGE_RETRY_NS // NS} s"
+                why = f"{failed.strerror} at {address}:{port}; retrying every {PAGE_RETRY_NS // NS} s"
                 write_or_drop_line(f"--metrics: {why}")
             self._page_at = now + PAGE_RETRY_NS
             return
@@ -223,7 +223,7 @@ class Agent:
         self._scan = -1
         self._engine = self._new_engine()
         if self._has_taps:
-            write_or_drop_line("the tap is there")
+            write_or_drop_line("the tap is up")
         self.seen.begin_run()
         self._has_asked = False
 
@@ -246,7 +246,7 @@ class Agent:
             from trcvtui.bench.error_report import write_report
 
             why += f"; {write_report(str(stopped), None, (), stopped.folder)}"
-        write_or_drop_line(f"the engine has ended: {why}; it starts anew in {self._pause // NS} s")
+        write_or_drop_line(f"the engine has ended: {why}; it restarts in {self._pause // NS} s")
         with self._contain_failures():
             for instance in self.seen.instances.values():
                 cause: dict[str, object] = {"text": f"the engine has ended: {why}"}
@@ -268,7 +268,7 @@ class Agent:
         if update is not None:
             self._note_scan(update.snapshot, now)
         elif self._scan < 0 and self._has_shadows:
-            self._scanned_at = now  # shadows begin with the first packet
+            self._scanned_at = now  # a watched line has its first scan with its first packet
         silence = now - max(self._scanned_at, self._started_at)
         if silence > (max(HUNG_NS, 2 * self._patience) if self._has_asked else START_TIMEOUT_NS):
             raise EngineStopped(f"no scan for {silence // NS} s")
@@ -306,7 +306,7 @@ class Agent:
             self._publisher.clear_all_but(self._is_used)
 
     def _note_scan(self, snapshot: Snapshot, now: int) -> None:
-        """Take when the last scan was: a picture without a new one is no sign of life."""
+        """Note the time of a new scan: a picture without a new scan is no sign of life."""
         if snapshot.scan != self._scan or self._has_shadows:
             self._scan, self._scanned_at = snapshot.scan, now
             self._patience = max(STALE_NS, STALE_SCANS * snapshot.interval_ns)
@@ -323,7 +323,7 @@ class Agent:
             return ""
         try:
             return "".join(find_newest_file(record.target.resolve()))
-        except OSError:  # the ring has let a file go meanwhile
+        except OSError:  # the ring of files has deleted it meanwhile
             return ""
 
     def _is_doctor_due(self, now: int) -> bool:
@@ -362,7 +362,7 @@ class Agent:
             self._state = state
             self._publisher.retain(self._topic("state"), self._state_message(state))
             if state == "stale":
-                write_or_drop_line(f"no scan for {self._patience // NS} s: what is shown is old")
+                write_or_drop_line(f"no scan for {self._patience // NS} s: the published values are old")
 
     def _state_message(self, state: str) -> bytes:
         return StateMessage(state, _wall(), __version__, platform.node()).to_json()

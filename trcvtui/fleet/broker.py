@@ -1,9 +1,9 @@
-"""The way to an MQTT 5 broker: URL, TLS, user and password, one connection that is built again and again.
+"""The connection to an MQTT 5 broker: URL, TLS, user and password; it reconnects by itself.
 
-Rule 1: paho is touched here alone. Its loop runs in a thread of ours, so that whatever a broker sends ends a
-connection, never the program. Each connection has a client of its own: on a new one paho would send old
-messages again, after newer ones.
-Rule 2: that thread alone touches the socket. What others publish stands in paho's queue until it looks.
+Rule 1: only this file uses paho. Its loop runs in our own thread, so that an error in the broker's data ends
+a connection, never the program. Each connection gets a new client: a used one would send old messages
+again, after newer ones.
+Rule 2: only that thread uses the socket. Messages of other threads wait in paho's queue.
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ USER, PASSWORD, PASSWORD_FILE = "TRCVTUI_MQTT_USER", "TRCVTUI_MQTT_PASSWORD", "T
 KEEP_ALIVE_S: Final = 30
 CONNECT_TIMEOUT_S: Final = 5.0
 LEAST_PAUSE_S, MOST_PAUSE_S = 1.0, 5.0  # between two tries
-RIVAL_PAUSE_S, MOST_RIVAL_PAUSE_S = 5.0, 60.0  # where another program has our name
-SHORT_NS, MOST_SHORT = 30_000_000_000, 3  # connections that end so soon, in a row: perhaps for that reason
+RIVAL_PAUSE_S, MOST_RIVAL_PAUSE_S = 5.0, 60.0  # if another program uses our name
+SHORT_NS, MOST_SHORT = 30_000_000_000, 3  # so many short connections in a row suggest such a program
 CLOSE_WAIT_S: Final = 1.5  # at most, for the last message
 SESSION_TAKEN_OVER: Final = 0x8E  # MQTT 5, 3.14.2.1: another connection has our client id
-NO_SUBSCRIBERS: Final = 0x10  # MQTT 5, 3.4.2.1: taken, nobody has subscribed
+NO_SUBSCRIBERS: Final = 0x10  # MQTT 5, 3.4.2.1: accepted, but there is no subscriber
 LOOP_TIMEOUT_S: Final = 0.2
-MOST_WAITING_BYTES: Final = 1 << 26  # of messages that were not taken yet
-MESSAGE_OVERHEAD: Final = 500  # that a message takes beside its payload
+MOST_WAITING_BYTES: Final = 1 << 26  # of unread messages
+MESSAGE_OVERHEAD: Final = 500  # memory of a message beside its payload
 MOST_PASSWORD_CHARS: Final = 65_536
-NO_TLS_TEXT: Final = "mqtt:// has no TLS: anybody on the way can read and change it; expected mqtts://"
+NO_TLS_TEXT: Final = "mqtt:// has no TLS: others can read and change messages on the way; expected mqtts://"
 
 
 @dataclass(frozen=True, slots=True)
 class BrokerAccess:
-    """Where a broker is and how it is entered. The password is in no text of this record."""
+    """Address and credentials of a broker. No text of this record contains user or password."""
 
     host: str
     port: int
@@ -61,17 +61,17 @@ class BrokerAccess:
 
 
 class ConnAck(NamedTuple):
-    """The broker has taken us."""
+    """The broker has accepted the connection."""
 
 
 class ConnectionLost(NamedTuple):
-    """There is no connection, or no longer; `why` is one line. The next try follows by itself."""
+    """A connection has failed or ended; `why` is one line. The next try follows by itself."""
 
     why: str
 
 
 class IncomingMessage(NamedTuple):
-    """A message: `topic` and `payload` as they came, hostile both."""
+    """A message; `topic` and `payload` are unchecked, both may be hostile."""
 
     topic: str
     payload: bytes
@@ -85,20 +85,20 @@ class PublishAck(NamedTuple):
 
 
 class PublishRefusal(NamedTuple):
-    """The broker has not taken our message of this number; `why` is one line."""
+    """The broker has refused our message of this number; `why` is one line."""
 
     number: int
     why: str
 
 
 class SubAck(NamedTuple):
-    """The broker has taken our later subscription of this number."""
+    """The broker has answered our later subscription of this number."""
 
     number: int
 
 
 class BrokerRefusal(NamedTuple):
-    """The broker does not let us read: most often we lack the right."""
+    """The broker has refused a subscription: most often our user lacks the right."""
 
     why: str
 
@@ -109,7 +109,7 @@ BrokerEvent = (
 
 
 class LastWill(NamedTuple):
-    """What the broker publishes, retained, when we are gone without a word."""
+    """The message that the broker publishes, retained, if the connection is lost."""
 
     topic: str
     payload: bytes
@@ -123,14 +123,14 @@ def parse_broker(
     environment: Mapping[str, str] = os.environ,
     where: str = "--mqtt",
 ) -> BrokerAccess:
-    """Return the broker of a URL; raise UserError for what cannot be one. `where`: the URL was given."""
+    """Return the broker of a URL; raise UserError. `where`: the option or key of the URL, for the error."""
     wanted = "mqtts://HOST[:8883] or mqtt://HOST[:1883]"
     try:
         parts = urlsplit(url)
         port = parts.port
     except ValueError:
         raise mistake(where, "no such URL", wanted) from None
-    if "@" in url:
+    if "@" in url:  # a password on a command line is visible to other users
         raise mistake(where, "a user or password in the URL", f"{USER}, {PASSWORD} or {PASSWORD_FILE}")
     is_bare = parts.path in ("", "/") and not parts.query and not parts.fragment
     if parts.scheme not in PORTS or not parts.hostname or not is_bare or port == 0 or not url.isprintable():
@@ -154,7 +154,7 @@ def parse_broker(
         _password(environment),
     )
     if has_tls:
-        _context(made)  # what is wrong with these files is told now
+        _context(made)  # report bad files now, not at the first connection
     return made
 
 
@@ -176,14 +176,14 @@ def _context(broker: BrokerAccess) -> ssl.SSLContext:
     try:
         made = ssl.create_default_context(cafile=broker.ca)
         if broker.cert is not None:
-            made.load_cert_chain(broker.cert, broker.key, password=lambda: "")
+            made.load_cert_chain(broker.cert, broker.key, password=lambda: "")  # never ask on the terminal
     except (OSError, ValueError) as failed:
         raise mistake("--mqtt-ca, --mqtt-cert, --mqtt-key", f"'{failed}'", "PEM files that fit") from None
     return made
 
 
 class BrokerConnection:
-    """A connection to a broker that comes back by itself; `news` tells what happened, in order."""
+    """A connection to a broker that reconnects by itself; `news` yields its events in order."""
 
     def __init__(
         self, broker: BrokerAccess, client_id: str, will: LastWill | None = None, topics: tuple[str, ...] = ()
@@ -192,12 +192,12 @@ class BrokerConnection:
         self._broker, self._id, self._will, self._topics = broker, client_id, will, topics
         self._news: deque[BrokerEvent] = deque()
         self._waiting_bytes = 0
-        self.dropped = 0  # messages that came faster than they were taken
+        self.dropped = 0  # messages that came faster than they were read
         self._client: Client | None = None
         self._is_up = False
-        self._why = ""  # the connection has ended
-        self._rival_pause = 0.0  # another program of our name has ended it: we come back so late
-        self._up_at = self._short = 0  # since when it stands, how often in a row it stood for a short time
+        self._why = ""  # cause of the end of the connection
+        self._rival_pause = 0.0  # seconds before the next try, if another program uses our name
+        self._up_at = self._short = 0  # begin of the connection; number of short connections in a row
         self._ends = threading.Event()
         self._something = threading.Event()
         self._thread = threading.Thread(target=self._run, name="broker", daemon=True)
@@ -206,7 +206,7 @@ class BrokerConnection:
         self._thread.start()
 
     def news(self) -> Iterator[BrokerEvent]:
-        """Yield what has happened; what is not taken is there next time."""
+        """Yield the events since the last call; if you stop early, the next call yields the rest."""
         self._something.clear()
         while self._news:
             news = self._news.popleft()
@@ -215,11 +215,10 @@ class BrokerConnection:
             yield news
 
     def wait(self, seconds: float) -> None:
-        """Wait until something has happened, at most so long."""
         self._something.wait(seconds)
 
     def publish(self, topic: str, payload: bytes, is_retained: bool = False) -> int | None:
-        """Send with QoS 1; return the number under which it is acknowledged, None: there is no connection."""
+        """Send with QoS 1; return the number of its `PublishAck`, None without a connection."""
         client = self._client
         if client is None or not self._is_up:
             return None
@@ -230,7 +229,7 @@ class BrokerConnection:
         return sent.mid if sent.rc == 0 else None
 
     def subscribe(self, topics: tuple[tuple[str, int], ...]) -> int | None:
-        """Ask for more topics, each with its QoS; return the number that `Subscribed` brings, None: away."""
+        """Subscribe to topics with their QoS; return the number of the `SubAck`, None without a connection."""
         client = self._client
         if client is None or not self._is_up:
             return None
@@ -241,7 +240,7 @@ class BrokerConnection:
         return number if code == 0 else None
 
     def close(self, last: LastWill | None = None) -> None:
-        """End the connection; `last` is published before, retained, and waited for CLOSE_WAIT_S at most."""
+        """Publish `last`, retained, wait CLOSE_WAIT_S at most for its acknowledgement, end the connection."""
         number = None if last is None else self.publish(last.topic, last.payload, True)
         until = clock.now_ns() + int(CLOSE_WAIT_S * 1e9)
         while number is not None and self._is_up and clock.now_ns() < until:
@@ -262,7 +261,7 @@ class BrokerConnection:
 
     def _add_event(self, news: BrokerEvent) -> None:
         if isinstance(news, IncomingMessage):
-            if self._waiting_bytes > MOST_WAITING_BYTES:
+            if self._waiting_bytes > MOST_WAITING_BYTES:  # bounds the memory against a flood
                 self.dropped += 1
                 return
             self._waiting_bytes += len(news.payload) + MESSAGE_OVERHEAD
@@ -279,7 +278,7 @@ class BrokerConnection:
                     self._broker.host, self._broker.port, KEEP_ALIVE_S, properties=_connect_properties()
                 )
                 client.loop_forever(LOOP_TIMEOUT_S)
-            except Exception as failed:  # a broker may send anything: it ends a connection, nothing more
+            except Exception as failed:  # rule 1: whatever the broker sends only ends this connection
                 self._why = self._why or _describe_failure(failed)
             was_up, self._is_up = self._is_up, False
             self._close_socket()
@@ -290,9 +289,9 @@ class BrokerConnection:
 
     def _close_socket(self) -> None:
         client, self._client = self._client, None
-        held = client.socket() if client is not None else None
-        if held is not None:
-            held.close()
+        socket = client.socket() if client is not None else None
+        if socket is not None:
+            socket.close()
 
     def _new_client(self) -> Client:
         from paho.mqtt.client import Client, MQTTv5
@@ -314,14 +313,14 @@ class BrokerConnection:
         )
         client.on_publish = self._on_publish
         client.on_subscribe = self._on_subscribe
-        # With it paho leaves writing to the loop's thread. Without it `publish` writes too: two threads in
-        # one SSL object corrupt memory (paho issue 722), and without TLS they swap parts of messages.
+        # Rule 2: with this callback only the loop's thread writes. Without it `publish` writes, too: two
+        # threads in one SSL object corrupt memory (paho issue 722), and without TLS they mix messages.
         client.on_socket_register_write = lambda *_: None
         return client
 
     def _on_connect(self, client: Client, _: Any, flags: Any, reason: Any, properties: Any) -> None:
         if reason.is_failure:
-            self._why = one_line(f"it refuses: {reason}")
+            self._why = one_line(f"the broker refuses: {reason}")
         elif self._topics:
             client.subscribe([(topic, 1) for topic in self._topics])
         else:
@@ -330,7 +329,7 @@ class BrokerConnection:
     def _on_subscribe(self, client: Client, _: Any, number: int, reasons: Any, properties: Any) -> None:
         refused = [reason for reason in reasons if reason.is_failure]
         if refused:
-            self._add_event(BrokerRefusal(one_line(f"{self._broker}: it lets us not read: {refused[0]}")))
+            self._add_event(BrokerRefusal(one_line(f"{self._broker} refuses to subscribe: {refused[0]}")))
         if self._is_up:
             self._add_event(SubAck(number))
         else:
@@ -341,12 +340,12 @@ class BrokerConnection:
         self._add_event(ConnAck())
 
     def _on_disconnect(self, client: Client, _: Any, flags: Any, reason: Any, properties: Any) -> None:
-        is_told = reason.value == SESSION_TAKEN_OVER
+        is_certain = reason.value == SESSION_TAKEN_OVER
         is_short = self._is_up and not flags.is_disconnect_packet_from_server
         self._short = self._short + 1 if is_short and clock.now_ns() < self._up_at + SHORT_NS else 0
-        if is_told or self._short >= MOST_SHORT:  # not every broker says why
-            has = "has" if is_told else "may have"
-            self._why = f"another program {has} the name '{one_line(self._id)}'; each name is for one"
+        if is_certain or self._short >= MOST_SHORT:  # not every broker sends the reason
+            uses = "uses" if is_certain else "may use"
+            self._why = f"another program {uses} the name '{one_line(self._id)}': each needs its own name"
             self._rival_pause = min(MOST_RIVAL_PAUSE_S, 2 * self._rival_pause or RIVAL_PAUSE_S)
         else:
             self._why = self._why or one_line(f"the connection ended: {reason}")
@@ -375,4 +374,4 @@ def _describe_failure(failed: Exception) -> str:
         return one_line(f"wrong certificate: {failed.verify_message}")
     if isinstance(failed, OSError):
         return one_line(failed.strerror or str(failed) or "no connection")
-    return one_line(f"it sends no MQTT 5: {failed}")
+    return one_line(f"not an MQTT 5 broker: {failed}")

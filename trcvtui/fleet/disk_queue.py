@@ -1,8 +1,8 @@
-"""Messages that wait for the broker, in a file that the next start of the agent reads again.
+"""Messages that wait for the broker, in a file: the next start of the agent continues with it.
 
-Rule 1: no error of the disk is raised past the start. What has no room is counted in `dropped`; a damaged
-file is set aside and a new one begun; `say` tells of each, in one line.
-Rule 2: the file belongs to one agent, and has traffic in it: mode 0600.
+Rule 1: after the start no disk error is raised. Lost messages are counted in `dropped`; a damaged file is
+renamed and a new one begun; `say` gets one line about each error.
+Rule 2: the file belongs to one agent and contains traffic: mode 0600.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from trcvtui import clock
 from trcvtui.errors import mistake, one_line
 
 MOST_QUEUED: Final = 20_000
-EVENT, FIGURES = 0, 1  # what stands in the queue
+EVENT, FIGURES = 0, 1  # kinds of messages
 MEMORY: Final = ":memory:"
 FILE_SUFFIXES: Final = ("", "-wal", "-shm")  # files of one queue
 DAMAGED_CODES: Final = frozenset((sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB))
-# No number comes twice, also after the queue was empty or its file was damaged: what has been sent is known
-# by its number.
+# The number identifies a sent message, so none is used twice: AUTOINCREMENT continues after an empty queue,
+# and a new file starts at the present time.
 _SCHEMA: Final = (
     "CREATE TABLE IF NOT EXISTS queue "
     "(n INTEGER PRIMARY KEY AUTOINCREMENT, kind INT, topic TEXT, payload BLOB)",
@@ -34,18 +34,18 @@ _SCHEMA: Final = (
 
 
 class DiskQueue:
-    """A queue in the file `path`, None: in memory. Raise UserError where another agent has the file."""
+    """A queue in the file `path`, None: in memory. Raise UserError if another agent uses the file."""
 
     def __init__(self, path: Path | None, say: Callable[[str], None], most: int = MOST_QUEUED) -> None:
         self._path, self._say, self._most = path, say, most
         self.dropped = {EVENT: 0, FIGURES: 0}
         self.size = 0
-        self._told = ""
+        self._last_report = ""
         self._lock = _lock_file(path, self._report)
         self._base = self._open_or_replace(path)
 
     def _open_or_replace(self, path: Path | None) -> sqlite3.Connection:
-        for _ in range(2):
+        for _ in range(2):  # the second try has a new file
             try:
                 return self._open(path)
             except (sqlite3.Error, OSError) as failed:
@@ -53,14 +53,14 @@ class DiskQueue:
                 if path is None or not _is_damaged(failed) or not self._set_aside(path):
                     break
         if path is not None:
-            self._report("what waits for the broker is kept in memory alone")
+            self._report("messages for the broker are queued in memory only")
         return self._open(None)
 
     def _open(self, path: Path | None) -> sqlite3.Connection:
         if path is not None:
             os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o600))
             for each in filter(os.path.exists, (f"{path}{end}" for end in FILE_SUFFIXES)):
-                os.chmod(each, 0o600)  # of an older version; what sqlite puts beside it has its mode
+                os.chmod(each, 0o600)  # rule 2, also for older files; sqlite's -wal and -shm copy the mode
         base = sqlite3.connect(path or MEMORY, timeout=1.0, isolation_level=None)
         try:
             base.execute("PRAGMA journal_mode=WAL")
@@ -83,20 +83,20 @@ class DiskQueue:
         except OSError as failed:
             self._report(f"{path}: {failed.strerror}")
             return False
-        self._report(f"{path} is damaged: it is kept as {aside.name}, a new queue begins")
+        self._report(f"{path} is damaged: renamed to {aside.name}, a new queue begins")
         return True
 
     def _report(self, line: str) -> None:
-        if line != self._told:
-            self._told = line
+        if line != self._last_report:
+            self._last_report = line
             self._say(one_line(line))
 
     def _execute(self, text: str, values: Iterable[object] = ()) -> sqlite3.Cursor | None:
-        """Carry out; return None where the disk refuses it."""
+        """Run a statement; return None after an error of the disk (rule 1)."""
         try:
             return self._base.execute(text, tuple(values))
         except sqlite3.Error as failed:
-            self._report(f"the queue: {failed}; the bench goes on")
+            self._report(f"the queue: {failed}; the bench keeps running")
             if _is_damaged(failed) and self._path is not None:
                 self._base.close()
                 self._set_aside(self._path)
@@ -104,7 +104,7 @@ class DiskQueue:
             return None
 
     def put(self, kind: int, topic: str, payload: bytes) -> bool:
-        """Append a message; past the bound an old one goes: figures first. Return False without room."""
+        """Append a message; a full queue drops old figures first, then old events. Return False on error."""
         values = kind, topic, payload
         if self._execute("INSERT INTO queue (kind, topic, payload) VALUES (?, ?, ?)", values) is None:
             return False
@@ -121,12 +121,12 @@ class DiskQueue:
         cursor = self._execute(text, values)
         try:
             return [] if cursor is None else cursor.fetchall()
-        except sqlite3.Error as failed:  # some pages are read only now
-            self._report(f"the queue: {failed}; the bench goes on")
+        except sqlite3.Error as failed:  # sqlite reads some pages only now
+            self._report(f"the queue: {failed}; the bench keeps running")
             return []
 
     def list_after(self, number: int, most: int) -> list[tuple[int, str, bytes]]:
-        """Return the oldest messages after one, with their numbers."""
+        """Return the oldest messages after `number` as (number, topic, payload)."""
         return self._rows(
             "SELECT n, topic, payload FROM queue WHERE n > ? ORDER BY n LIMIT ?", (number, most)
         )
@@ -137,7 +137,7 @@ class DiskQueue:
             self._taken.pop()
             self.size -= deleted.rowcount
 
-    # -- topics that the broker keeps, also when we are gone ---------------------------------------------
+    # -- topics that the broker retains after the agent's end --------------------------------------------
 
     def remember_topic(self, topic: str) -> None:
         self._execute("INSERT OR IGNORE INTO retained VALUES (?)", (topic,))
@@ -160,7 +160,7 @@ def _is_damaged(failed: Exception) -> bool:
 
 
 def _lock_file(path: Path | None, tell: Callable[[str], None]) -> int | None:
-    """Return a lock that ends with this process; raise UserError where another agent has it."""
+    """Return a lock that ends with this process; raise UserError if another agent holds it."""
     try:
         import fcntl
     except ImportError:  # Windows
@@ -177,6 +177,6 @@ def _lock_file(path: Path | None, tell: Callable[[str], None]) -> int | None:
     except BlockingIOError:
         os.close(lock)
         raise mistake("--site, --name", "an agent of both that runs here", "a name of its own") from None
-    except OSError:  # a file system without locks
+    except OSError:  # a file system without locks: no protection there
         return lock
     return lock

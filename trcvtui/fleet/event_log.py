@@ -1,7 +1,7 @@
 """The newest events of one instance, each once, and how many are missing.
 
-The id of an event is BOOT-SEQ; in each run of an agent (BOOT) SEQ counts from 1 without gaps. A number that is
-skipped is missing until `recent` or a late message brings it. MOST_SEQS numbers of a run are known one by one;
+The id of an event is BOOT-SEQ; in each run of an agent (BOOT) SEQ counts from 1 without gaps. A skipped
+number is missing until `recent` or a late message brings it. MOST_SEQS numbers of a run are known one by one;
 all numbers below them count as received.
 """
 
@@ -34,9 +34,8 @@ class _RunSeqs:
 
     def __init__(self, first: int) -> None:
         self._first, self._top = first, first - 1
-        self._floor = self._counted = (
-            0  # all up to `_floor` count as received; `_counted` came from `first` on
-        )
+        self._floor = 0  # this and all lower numbers count as received
+        self._counted = 0  # received numbers from `first` on
         self._come: set[int] = set()
 
     def add(self, seq: int) -> bool:

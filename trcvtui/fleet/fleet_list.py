@@ -1,4 +1,4 @@
-"""The list of lines as it is asked for: those that a filter lets through, in groups by site or by cause."""
+"""The list of lines: filtered, and grouped by site or by cause."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 from trcvtui.fleet.seen_fleet import AWAY, HOUR_BUCKETS, FleetLine
 
-# What can be grouped by: the name on the screen, and whose lines stand together.
+# By the name of a grouping on the screen: the key of a line's group.
 GROUP_KEYS: Final[dict[str, Callable[[FleetLine], str]]] = {
     "site": lambda line: line.agent.site,
     "cause": lambda line: line.cause,
@@ -16,7 +16,7 @@ GROUP_KEYS: Final[dict[str, Callable[[FleetLine], str]]] = {
 
 
 class FleetGroup(NamedTuple):
-    """The head of a group: how many lines, how many of them show what is worth a word, ERRORs of the hour."""
+    """The head of a group: its number of lines, `shown` as `count_sick`, the ERRORs of the last hour."""
 
     name: str
     lines: int
@@ -29,13 +29,13 @@ Entry = FleetLine | FleetGroup
 
 
 def filter_lines(lines: Iterable[FleetLine], typed: str) -> list[FleetLine]:
-    """Return the lines that have all of these words: in names, state, STATUS."""
+    """Return the lines that contain all of these words in names, state or STATUS."""
     words = typed.casefold().split()
     return [line for line in lines if all(word in line.filter_text for word in words)]
 
 
 def group_lines(lines: Iterable[FleetLine], by: str, opened: Collection[str], wall: float) -> list[Entry]:
-    """Return heads, the one with the worst line first, and below those that are open their lines."""
+    """Return the heads, that of the worst line first, each with its lines if it is open."""
     groups: dict[str, list[FleetLine]] = {}
     name_of = GROUP_KEYS[by]
     for line in lines:
@@ -58,6 +58,6 @@ def _head(name: str, members: list[FleetLine], wall: float) -> FleetGroup:
 
 
 def count_sick(lines: Iterable[FleetLine]) -> tuple[tuple[int, int], ...]:
-    """Return what lines show and how many do, the worst first, as far as somebody has to look after them."""
+    """Return (state, number of lines) for the states that need attention, the worst first."""
     counted = Counter(line.shows for line in lines)
     return tuple((shows, counted[shows]) for shows in sorted(counted) if shows < AWAY)

@@ -1,4 +1,4 @@
-"""What an agent knows of its lines: pictures of a bench to messages, each ERROR edge to an event."""
+"""The lines and instances of an agent: pictures of a bench become messages, each ERROR edge an event."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from trcvtui.snapshots.doctor import DoctorSnapshot, Finding, Remedy
 NS: Final = 1_000_000_000
 HOUR_S: Final = 3600
 MINUTE_S: Final = 60
-MOST_TIMES: Final = 4096  # of ERRORs and DONEs, in the hour and the minute
+MOST_TIMES: Final = 4096  # kept times of ERRORs (an hour) and DONEs (a minute)
 
 
 class SeenInstance:
-    """One instance: what it shows, its newest events."""
+    """One instance: its status and its newest events."""
 
     def __init__(self, line: str, name: str) -> None:
         self.line, self.name = line, name
         self.status: StatusMessage | None = None
-        self.finding = ""  # the surest cause that the doctor has found in its last look
+        self.finding = ""  # the surest cause of the doctor's last look
         self.recent: deque[EventMessage] = deque(maxlen=MOST_RECENT)
         self.count = 0
-        self.jobs_done = self.errors = 0  # since the agent began, whatever engine has counted them
-        self._last: tuple[bool, int] = (False, 0)
-        self._base = 0, 0
+        self.jobs_done = self.errors = 0  # since the agent started, over all its engines
+        self._last: tuple[bool, int] = (False, 0)  # ERROR and STATUS of the edge before
+        self._base = 0, 0  # counts of the engines before
 
     def edge(self, boot: str, at: float, edge: StatusEdge, place: dict[str, object]) -> EventMessage | None:
-        """Return the event of an edge, None: no ERROR has begun with it; `place`: where it is recorded."""
+        """Return the event of an edge that begins an ERROR, else None; `place`: its scan and recording."""
         shown = edge.outputs.error, edge.outputs.status
         is_new = edge.outputs.error and shown != self._last
         self._last = shown
@@ -48,7 +48,6 @@ class SeenInstance:
     def event(
         self, boot: str, at: float, kind: str, status: str | None, cause: dict[str, object]
     ) -> EventMessage:
-        """Return a new event with the next number."""
         self.count += 1
         made = EventMessage(f"{boot}-{self.count}", at, kind, status, cause)
         self.recent.append(made)
@@ -58,12 +57,12 @@ class SeenInstance:
         return RecentMessage(at, self.count, tuple(self.recent))
 
     def begin_run(self) -> None:
-        """Count on: a new engine begins at 0."""
+        """Keep the counts: a new engine starts at 0."""
         self._base = self.jobs_done, self.errors
         self._last = False, 0
 
     def update(self, shown: InstanceSnapshot, text: str, at: float, age_s: float) -> bool:
-        """Take what it shows now; return whether anything has changed but the time."""
+        """Set the status; return whether anything but its times has changed."""
         outputs = shown.outputs
         self.jobs_done, self.errors = self._base[0] + shown.jobs_done, self._base[1] + shown.errors
         status = StatusMessage(
@@ -85,19 +84,20 @@ class SeenInstance:
 
 
 class SeenLine:
-    """One CONNECT or ComBuffer: bytes and jobs over time."""
+    """One CONNECT or ComBuffer: its state, its bytes, and times of ERRORs and DONEs."""
 
     def __init__(self, name: str) -> None:
         self.name, self.state = name, ""
-        self.received = self.sent = 0  # bytes since the agent began
-        self._told = 0, 0, 0.0  # received, sent, when the figures were told last
+        self.received = self.sent = 0  # bytes since the agent started
+        self._last_figures = 0, 0, 0.0  # received, sent, time
         self._of_connection = 0, 0, 0  # incarnation, received, sent
         self.errors: deque[float] = deque(maxlen=MOST_TIMES)
         self.dones: deque[tuple[float, int]] = deque(maxlen=MOST_TIMES)
 
     def update(self, state: str, incarnation: int, received: int, sent: int) -> bool:
-        """Take what a connection counts; return whether its state has changed."""
+        """Add the counters of a connection; return whether its state has changed."""
         last, last_received, last_sent = self._of_connection
+        # Another connection, or another engine, counts from 0 again.
         is_same = last == incarnation and received >= last_received and sent >= last_sent
         self.received += received - last_received if is_same else received
         self.sent += sent - last_sent if is_same else sent
@@ -107,9 +107,9 @@ class SeenLine:
 
     def figures(self, at: float) -> FiguresMessage:
         """Return the figures since the last ones."""
-        received, sent, then = self._told
+        received, sent, then = self._last_figures
         seconds = max(at - then, 1e-3) if then else float(MINUTE_S)
-        self._told = self.received, self.sent, at
+        self._last_figures = self.received, self.sent, at
         while self.errors and self.errors[0] < at - HOUR_S:
             self.errors.popleft()
         while self.dones and self.dones[0][0] < at - MINUTE_S:
@@ -120,14 +120,14 @@ class SeenLine:
 
     @property
     def has_moved(self) -> bool:
-        """Return whether bytes have come or gone since the last figures."""
-        return (self.received, self.sent) != self._told[:2]
+        """Return whether bytes were received or sent since the last figures."""
+        return (self.received, self.sent) != self._last_figures[:2]
 
 
 class SeenBench:
-    """A bench: its lines and instances by name; `boot` names this run of the agent.
+    """A bench: its lines and instances by name; `boot` identifies this run of the agent.
 
-    `names`: of the lines whose name is not that of their CONNECT or ComBuffer.
+    `names`: the name of a line by its CONNECT or ComBuffer, where it differs.
     """
 
     def __init__(
@@ -140,9 +140,9 @@ class SeenBench:
         self.boot, self._label, self._recorded_in, self._names = boot, label, recorded_in, names
         self.lines: dict[str, SeenLine] = {}
         self.instances: dict[str, SeenInstance] = {}
-        self.seq = 0  # of the ledger, up to which it was read
-        self._looks = 0  # of the doctor that were taken
-        self._known: set[tuple[str, str]] = set()  # instances and causes that were told in this run
+        self.seq = 0  # the last line read from the ledger
+        self._looks = 0  # of the doctor, at the last report
+        self._known: set[tuple[str, str]] = set()  # instance and cause of each finding of the last look
 
     def begin_run(self) -> None:
         """Read the ledger of a new engine from its beginning."""
@@ -154,7 +154,7 @@ class SeenBench:
     def handle_update(
         self, update: BenchUpdate, wall: float
     ) -> tuple[list[SeenInstance], list[tuple[SeenInstance, EventMessage]], list[SeenLine]]:
-        """Take a picture; return instances that have changed, new events, lines whose state has changed."""
+        """Apply a picture; return instances that have changed, new events, lines whose state has changed."""
         snapshot = update.snapshot
         began = wall - snapshot.t_ns / NS
         events = []
@@ -189,14 +189,14 @@ class SeenBench:
         return {"file": file} if file else {}
 
     def activity_key(self) -> tuple[object, ...]:
-        """Return what changes where there is something new to be judged."""
+        """Return a key that changes when the doctor has something new to judge."""
         counted = tuple((line.received, line.sent, line.state) for line in self.lines.values())
         return (*counted, *(each.errors for each in self.instances.values()))
 
     def report_findings(
         self, doctor: DoctorSnapshot, wall: float, with_payload: bool
     ) -> Iterable[tuple[SeenInstance, EventMessage]]:
-        """Yield an event for each cause that the doctor has found anew, of each instance."""
+        """Yield an event for each instance and cause that the doctor's look before did not find."""
         if doctor.looks == self._looks:
             return
         self._looks, found, surest = doctor.looks, set(), dict[str, str]()
@@ -240,13 +240,13 @@ class SeenBench:
 
 
 def _finding_record(one: Finding, with_payload: bool) -> dict[str, object]:
-    """Return a finding as an event has it; its evidence may have bytes of the payload."""
+    """Return the cause record of a finding's event."""
     mend = one.mend[0] if one.mend else Remedy("")
-    told = "; ".join(filter(None, (f"{one.confidence:.0%} sure", mend.text)))
-    evidence = one.evidence[0] if with_payload and one.evidence else None
+    text = "; ".join(filter(None, (f"{one.confidence:.0%} sure", mend.text)))
+    evidence = one.evidence[0] if with_payload and one.evidence else None  # it may quote payload bytes
     more = {"command": mend.command, "scan": one.scan, "evidence": evidence}
     known = {name: value for name, value in more.items() if value is not None}
-    return {"cause": one.cause, "confidence": one.confidence, "text": told, **known}
+    return {"cause": one.cause, "confidence": one.confidence, "text": text, **known}
 
 
 def _link_counters(link: ConnectionSnapshot) -> tuple[str, int, int, int]:

@@ -1,4 +1,4 @@
-"""The page for Prometheus: what an agent knows now, with a bounded number of label sets."""
+"""The page for Prometheus: the present values of an agent, with a bounded number of label sets."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MOST_ROWS: Final = 2000  # of one metric: lines or instances of one agent
 
 
 class Metric(NamedTuple):
-    """One metric: what it tells, and its value of an agent, of a line or of an instance, as `labels` say."""
+    """One metric; `value` reads it from an agent, a line or an instance, depending on `labels`."""
 
     name: str
     kind: str  # gauge or counter
@@ -64,8 +64,6 @@ def parse_page_address(text: str) -> tuple[str, int]:
 
 
 class MetricsPage:
-    """What prometheus-client asks when somebody reads the page."""
-
     def __init__(self, agent: Any) -> None:
         self._agent = agent
 
@@ -75,13 +73,13 @@ class MetricsPage:
         kinds = {"gauge": GaugeMetricFamily, "counter": CounterMetricFamily}
         for metric in METRICS:
             family = kinds[metric.kind](metric.name, metric.about, labels=metric.labels)
-            for labels, of in islice(_rows(self._agent, metric.labels), MOST_ROWS):
+            for labels, of in islice(_rows(self._agent, metric.labels), MOST_ROWS):  # bounds the page
                 family.add_metric(labels, metric.value(of))
             yield family
 
 
 def serve_page(address: str, port: int, agent: Any) -> Any:
-    """Return the server of the page; raise OSError where the place cannot be had."""
+    """Return the server of the page; raise OSError if the port is not free."""
     from prometheus_client import start_http_server
     from prometheus_client.core import CollectorRegistry
 

@@ -1,7 +1,7 @@
 """An agent's messages to the broker: the newest one of each retained topic, and a queue of events.
 
 Rule 1: after each connection the retained topics go first, the queue `QUEUE_DELAY_NS` later, oldest first.
-Rule 2: an event leaves the queue when the broker acknowledges it; a full queue drops its oldest figures first.
+Rule 2: an event leaves the queue when the broker acknowledges it; a full queue drops old figures first.
 Rule 3: a refused message is kept and sent again after a growing pause; meanwhile other messages are sent.
 """
 
@@ -144,7 +144,7 @@ class Publisher:
         if sum(dropped.values()) > self.dropped_told:
             self.dropped_told = sum(dropped.values())
             self._say(
-                f"dropped because the queue was full: {dropped[FIGURES]} figures, {dropped[EVENT]} events"
+                f"dropped while the broker was away: {dropped[FIGURES]} figures, {dropped[EVENT]} events"
             )
 
     def _send_retained(self, now: int) -> None:

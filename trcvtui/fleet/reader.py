@@ -1,7 +1,7 @@
-"""What `trcvtui fleet` hears: subscribes step by step, hands messages to the fleet, tells what it refuses.
+"""The reader of `trcvtui fleet`: it subscribes step by step and passes messages to the fleet.
 
-Rule: a broker drops what it cannot send at once (Mosquitto: past 1000 messages). So the states of all agents
-are asked for first, then, agent by agent, what else is retained, a few at a time.
+Rule: a broker drops messages that it cannot send at once (Mosquitto: beyond 1000). So the reader subscribes
+to the states of all agents first, then to the other topics of a few agents at a time.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from trcvtui.fleet.topics import ROOT, StateMessage, encode_level, parse_message
 
 NS: Final = 1_000_000_000
 MOST_PENDING_AGENTS: Final = 4  # agents whose subscriptions the broker has not taken yet
-SETTLE_NS: Final = 2 * NS  # after its subscription: what is retained has come
-RETURN_TIMEOUT_NS: Final = 15 * NS  # after the broker came back: who has not come back, too, is offline
-LACK_CHECK_NS: Final = 30 * NS  # between two looks for agents of whom something is lacking
-MOST_REQUESTS: Final = 4  # times that an agent is asked for: the broker may not have more
-TOO_MANY_TEXT: Final = "more messages come than can be looked at"
-REPORT_PAUSE_NS: Final = NS  # between two lines on what was refused
-# What is asked for of each agent, with its QoS: a retained topic comes again by itself, an event does not.
+SETTLE_NS: Final = 2 * NS  # after a subscription: then the retained messages have come
+RETURN_TIMEOUT_NS: Final = 15 * NS  # after the broker is back: an agent without a state is then offline
+LACK_CHECK_NS: Final = 30 * NS  # between two checks for agents with missing messages
+MOST_REQUESTS: Final = 4  # subscriptions to one agent in a connection: the broker may not have more
+TOO_MANY_TEXT: Final = "messages come faster than they can be read"
+REPORT_PAUSE_NS: Final = NS  # between two lines about refused messages
+# Topics of each agent with their QoS: a retained message comes again with its next value, an event does not.
 TOPIC_QOS: Final = (("+/figures", 0), ("+/+/status", 0), ("+/+/event", 1), ("+/+/recent", 0))
 
 
 def state_topics(pattern: str) -> tuple[str, ...]:
-    """Return what to subscribe to first: the states of all agents of the sites that fit."""
+    """Return the first topics to subscribe to: the states of all agents, or of those of one site."""
     return (f"{ROOT}/{'+' if _is_pattern(pattern) else encode_level(pattern)}/+/state",)
 
 
@@ -46,30 +46,30 @@ def _is_pattern(pattern: str) -> bool:
 
 
 class FleetReader:
-    """One broker. `why`: the connection is lost, "" while it stands."""
+    """The reader of one broker; `why` it has no connection, "" while it has one."""
 
     def __init__(self, connection: BrokerConnection, fleet: SeenFleet, pattern: str) -> None:
         self._connection, self.fleet, self._pattern = connection, fleet, pattern
         self.why = "no connection yet"
         self.is_up = False
         self.refused = self._dropped = 0  # messages
-        self.told = ""  # the newest line on one of them
+        self.told = ""  # the newest line about a refused message
         self._told_at = -REPORT_PAUSE_NS
-        self._is_behind = False  # messages wait
-        self._miss_at: int | None = None
+        self._is_behind = False  # messages are still unread
+        self._miss_at: int | None = None  # end of RETURN_TIMEOUT_NS
         self._again_at = LACK_CHECK_NS
-        self._asked: dict[tuple[str, str], int] = {}  # times that agents were asked for on this connection
+        self._requests: dict[tuple[str, str], int] = {}  # by agent, on this connection
         self._to_ask: deque[FleetAgent] = deque()
-        self._underway: dict[int, FleetAgent] = {}  # subscriptions
+        self._underway: dict[int, FleetAgent] = {}  # subscriptions without an answer
         self._settling: deque[tuple[int, FleetAgent]] = deque()
 
     @property
     def is_complete(self) -> bool:
-        """Return whether everything that the broker has retained was asked for and taken."""
+        """Return whether all subscriptions were made and answered, and no message is unread."""
         return self.is_up and not (self._to_ask or self._underway or self._is_behind)
 
     def advance(self, now: int, wall: float, most_ns: int) -> None:
-        """Take what has come, for at most so long; ask for more."""
+        """Read messages for at most `most_ns`, then subscribe to more."""
         until = clock.now_ns() + most_ns
         self._is_behind = False
         for news in self._connection.news():
@@ -105,10 +105,10 @@ class FleetReader:
                 self.is_up, self.why = True, ""
                 self._miss_at = now + RETURN_TIMEOUT_NS
                 for agent in self.fleet.agents.values():
-                    agent.is_heard = False  # what the broker knows of it comes now
+                    agent.is_heard = False  # its retained state comes again
             case ConnectionLost(why):
                 self.is_up, self.why, self._miss_at = False, why, None
-                for each in (self._asked, self._to_ask, self._underway, self._settling):
+                for each in (self._requests, self._to_ask, self._underway, self._settling):
                     each.clear()
             case SubAck(number) if number in self._underway:
                 self._settling.append((now + SETTLE_NS, self._underway.pop(number)))
@@ -117,12 +117,12 @@ class FleetReader:
 
     def _handle_message(self, came: IncomingMessage, wall: float) -> None:
         topic = parse_topic(came.topic)
-        fits = fnmatchcase if _is_pattern(self._pattern) else str.__eq__
+        fits = fnmatchcase if _is_pattern(self._pattern) else str.__eq__  # MQTT wildcards match whole levels
         if not fits(topic.site, self._pattern):
             return
         message = parse_message(topic, came.payload)
         self.fleet.apply(topic, message, wall, came.is_retained)
-        if isinstance(message, StateMessage) and topic[:2] not in self._asked:
+        if isinstance(message, StateMessage) and topic[:2] not in self._requests:
             self._request_agent(self.fleet.agents[topic[:2]])
 
     def _report(self, line: str, now: int) -> None:
@@ -130,12 +130,13 @@ class FleetReader:
             self.told, self._told_at = line, now
 
     def _request_agent(self, agent: FleetAgent) -> None:
-        asked = self._asked.get((agent.site, agent.name), 0)
-        if asked < MOST_REQUESTS:
-            self._asked[agent.site, agent.name] = asked + 1
+        requests = self._requests.get((agent.site, agent.name), 0)
+        if requests < MOST_REQUESTS:
+            self._requests[agent.site, agent.name] = requests + 1
             self._to_ask.append(agent)
 
     def _subscribe_next(self) -> None:
+        # The rule: few agents at a time.
         while self._to_ask and len(self._underway) < MOST_PENDING_AGENTS and not self._is_behind:
             agent = self._to_ask[0]
             base = f"{ROOT}/{encode_level(agent.site)}/{encode_level(agent.name)}"

@@ -59,7 +59,7 @@ class FleetAgent:
     def __init__(self, site: str, name: str) -> None:
         self.site, self.name = site, name
         self.state: StateMessage | None = None
-        self.since = 0.0  # begin of its state; not the time in a last will: that is the agent's start
+        self.since = 0.0  # begin of its state; of a retained last will: when the agent left the will
         self.lines: dict[str, FleetLine] = {}
         self.without_lines = FleetLine(self, "")  # its row until its first line has come
         self.has_begun = False  # all its retained events have come
@@ -113,7 +113,7 @@ class FleetLine:
 
     @property
     def worst_instance(self) -> FleetInstance | None:
-        """Return the instance to show: with ERROR, a finding, an unfinished job, else with the most errors."""
+        """Return the instance to show: with ERROR, a finding, an unfinished job, else the most errors."""
         return max(self.instances.values(), key=_badness, default=None)
 
     @property
@@ -237,7 +237,7 @@ class SeenFleet:
             return
         site, name, on = topic.site, topic.agent, topic.line
         agent = self._get_or_make(self.agents, topic[:2], "agent", name, lambda: FleetAgent(site, name))
-        # A last will was made when the agent started: its time is not the time of the loss.
+        # An agent leaves its last will when it connects: the time in it is not that of the loss.
         is_will = isinstance(message, StateMessage) and message.state == "offline"
         if not is_retained and isinstance(message, FiguresMessage | RecentMessage):
             agent.note_delay(message.t, wall)
@@ -262,7 +262,7 @@ class SeenFleet:
             self._add_events(line, instance, (message,), wall)
 
     def mark_missing(self, wall: float) -> None:
-        """Mark agents that did not return with the broker as offline: a restarted broker lost their last wills."""
+        """Mark agents as offline that did not return with the broker: a restart loses their last wills."""
         for agent in self.agents.values():
             if not agent.is_heard and not agent.is_offline and agent.state is not None:
                 agent.state, agent.since = replace(agent.state, state="offline", t=wall), wall

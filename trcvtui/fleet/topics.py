@@ -1,6 +1,6 @@
-"""What goes over the broker: names of topics, messages as frozen structs, JSON there and back.
+"""Topics and messages on the broker: names, frozen structs, JSON in both directions.
 
-Rule: what comes from a broker is hostile: its size, depth, types and texts are checked, nothing is believed.
+Rule: everything from a broker may be hostile: size, depth, types and texts are checked.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from msgspec.structs import force_setattr
 from trcvtui.errors import UserError, mistake, one_line
 
 ROOT: Final = "trcvtui/v1"
-MOST_MESSAGE_BYTES: Final = 1 << 18  # of one message; a connection tells the broker so, too
-MOST_TEXT_CHARS: Final = 200  # characters of one text
-MOST_TOPIC_CHARS: Final = 1024  # characters
+MOST_MESSAGE_BYTES: Final = 1 << 18  # of one message; the MQTT CONNECT states a limit, too
+MOST_TEXT_CHARS: Final = 200  # of one text
+MOST_TOPIC_CHARS: Final = 1024
 MOST_RECENT: Final = 64  # events that an agent retains of each instance
-MOST_COUNT: Final = 1 << 53  # what every reader of JSON keeps exactly
+MOST_COUNT: Final = 1 << 53  # every JSON reader keeps integers up to here exactly
 LEVEL_KINDS: Final = {1: ("state",), 2: ("figures",), 3: ("status", "event", "recent")}  # by names after SITE
 
-SPECIAL_CHARS: Final = re.compile("[/+#%]")  # what a level of a topic has not, as it is
+SPECIAL_CHARS: Final = re.compile("[/+#%]")  # percent-encoded in a level of a topic
 
 Scalar = str | int | float | bool | None
 
 
 def _pattern_meta(pattern: str) -> Meta:
-    """Return what lets only such a text through; `$` alone lets a line end pass."""
+    # `$` alone accepts a line end after the text
     return Meta(pattern=f"^({pattern})(?!\n)$")
 
 
@@ -42,7 +42,7 @@ EventId = Annotated[str, _pattern_meta("[0-9a-f]{1,32}-[0-9]{1,16}")]
 
 
 class Topic(NamedTuple):
-    """Whom a message is about: `line` and `instance` are "" where its kind has none."""
+    """The parts of a topic; `line` and `instance` are "" for a kind without them."""
 
     site: str
     agent: str
@@ -63,7 +63,7 @@ def encode_level(name: str) -> str:
 
 
 def parse_topic(text: str) -> Topic:
-    """Return what a topic names; raise UserError for one that no agent writes."""
+    """Return the parts of a topic; raise UserError for one that no agent writes."""
     head, _, rest = text[: MOST_TOPIC_CHARS + 1].partition(f"{ROOT}/")
     *names, kind = rest.split("/")
     try:
@@ -71,6 +71,7 @@ def parse_topic(text: str) -> Topic:
     except UnicodeDecodeError:
         plain = []
     is_ours = not head and len(text) <= MOST_TOPIC_CHARS and kind in LEVEL_KINDS.get(len(plain) - 1, ())
+    # Only one spelling of each name: otherwise one agent could appear twice.
     if not is_ours or not all(plain) or [encode_level(name) for name in plain] != names:
         raise mistake("broker", f"the topic '{_cut(text)}'", f"{ROOT}/SITE/AGENT/...")
     site, agent, line, instance = [*plain, "", ""][:4]
@@ -81,10 +82,10 @@ def parse_topic(text: str) -> Topic:
 
 
 class FleetMessage(msgspec.Struct, frozen=True):
-    """What all messages have: their kind, as the topic ends; `t` is in seconds of UTC since 1970."""
+    """Base of all messages; each has a time `t` in seconds of UTC since 1970."""
 
-    KIND: ClassVar[str]
-    TEXTS: ClassVar[tuple[str, ...]] = ()  # fields with any text: it is cut, and of plain characters
+    KIND: ClassVar[str]  # the last level of the topic
+    TEXTS: ClassVar[tuple[str, ...]] = ()  # fields with free text: it is cut, control characters spelled out
 
     def __post_init__(self) -> None:
         for name in self.TEXTS:
@@ -95,7 +96,7 @@ class FleetMessage(msgspec.Struct, frozen=True):
 
 
 class StateMessage(FleetMessage, frozen=True):
-    """Whether an agent is there: online, stale without a new scan, offline as its last will says."""
+    """The state of an agent: online, stale (no new scan), offline (by its last will)."""
 
     KIND = "state"
     TEXTS = ("version", "host")
@@ -110,7 +111,7 @@ class StatusMessage(
     frozen=True,
     rename={"status": "STATUS", "busy": "BUSY", "done": "DONE", "error": "ERROR", "jobs_done": "done"},
 ):
-    """The outputs of an instance. `here` of `wanted` bytes are in its job; it shows this for `age_s`."""
+    """The outputs of an instance, unchanged for `age_s`. Its job has `here` of `wanted` bytes."""
 
     KIND = "status"
     TEXTS = ("text", "finding")
@@ -125,7 +126,7 @@ class StatusMessage(
     here: Count
     wanted: Count
     age_s: Number
-    finding: str = ""  # what the doctor holds for the surest cause, "": it has found nothing
+    finding: str = ""  # the doctor's surest cause, "": it has found nothing
 
 
 class EventMessage(FleetMessage, frozen=True, rename={"status": "STATUS"}):
@@ -136,7 +137,7 @@ class EventMessage(FleetMessage, frozen=True, rename={"status": "STATUS"}):
     t: Number
     kind: Annotated[str, _pattern_meta("error|finding|note")]
     status: Code | None
-    cause: Annotated[dict[str, Any], Meta(max_length=MOST_RECENT)]  # of Scalars
+    cause: Annotated[dict[str, Any], Meta(max_length=MOST_RECENT)]  # values: Scalar
 
     def __post_init__(self) -> None:
         force_setattr(self, "cause", {_cut(name): _clean_scalar(each) for name, each in self.cause.items()})
@@ -145,7 +146,7 @@ class EventMessage(FleetMessage, frozen=True, rename={"status": "STATUS"}):
 class FiguresMessage(
     FleetMessage, frozen=True, rename={"received": "received_bytes_s", "sent": "sent_bytes_s"}
 ):
-    """How a line runs. Rates in bytes a second."""
+    """The figures of a line. Rates in bytes per second."""
 
     KIND = "figures"
     TEXTS = ("state",)
@@ -158,7 +159,7 @@ class FiguresMessage(
 
 
 class RecentMessage(FleetMessage, frozen=True):
-    """The newest events of an instance, the oldest first, and how many there were since the agent began."""
+    """The newest events of an instance, the oldest first, and their number since the agent started."""
 
     KIND = "recent"
     t: Number
@@ -173,7 +174,7 @@ MESSAGE_TYPES: Final[Mapping[str, type[AnyMessage]]] = {
 
 
 def parse_message(topic: Topic, payload: bytes) -> AnyMessage | None:
-    """Return the message of a topic, None: the topic is cleared; raise UserError for what is no message."""
+    """Return the message of a topic, None: the topic is cleared; raise UserError for a bad message."""
     if not payload:
         return None
     if len(payload) > MOST_MESSAGE_BYTES:
@@ -189,7 +190,7 @@ def _make_refusal(topic: Topic, found: str, expected: str) -> UserError:
 
 
 def _clean_scalar(value: object) -> Scalar:
-    """Return a value of a cause; what is none becomes `?`."""
+    """Return a value of a cause; `?` for a value that is not allowed."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return value if abs(value) <= MOST_COUNT and math.isfinite(value) else "?"
     if isinstance(value, str):

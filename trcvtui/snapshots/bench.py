@@ -21,7 +21,7 @@ class LineAnswer(Struct, frozen=True):
 class EngineTiming(Struct, frozen=True):
     """How punctual the scans are. Times in ns; `mode` names what the operating system granted.
 
-    `overruns` and `late_ns`, the latest start, are 0 again after 10 seconds without a late scan.
+    `overruns` and `late_ns`, the latest start, are 0 again after 10 good seconds.
     `late_by_picture`: the number of scans that a picture has delayed.
     """
 
@@ -51,7 +51,7 @@ class ReplySnapshot(Struct, frozen=True):
 
 
 class CheckTally(Struct, frozen=True):
-    """Counters of a receiver of checked frames; `shifts`: how often the start of a frame was not in its place."""
+    """Counters of a receiver of checked frames; `shifts`: how often a frame did not start where expected."""
 
     frames: int
     lost: int

@@ -31,7 +31,7 @@ from trcvtui.recording.files import RecordTarget, find_newest_file
 TURN_PAUSE_S: Final = 0.1  # between two pictures
 IDLE_FIGURES_NS: Final = 60 * NS  # of an idle line
 MOVING_FIGURES_NS: Final = 10 * NS  # of a line on which bytes move
-FIRST_PAUSE_NS, MOST_PAUSE_NS = NS, 60 * NS  # before an engine is started anew
+FIRST_PAUSE_NS, MOST_PAUSE_NS = NS, 60 * NS  # before an engine is restarted
 HEALTHY_NS: Final = 60 * NS  # an engine that ran so long resets the pause
 MOST_LINES: Final = 20_000
 DOCTOR_PAUSE_NS: Final = 60 * NS  # between two looks of the doctor, if bytes or ERRORs have come
@@ -179,7 +179,7 @@ class Agent:
             self._open_page(*self._settings.page, opened, now)
         try:
             if self._engine is None and now >= self._start_at:
-                self._start(now)
+                self._start_engine(now)
             if self._engine is not None:
                 self._poll_engine(self._engine, now)
         except (EngineStopped, UserError, OSError) as stopped:  # OSError: out of processes or files
@@ -218,7 +218,7 @@ class Agent:
         opened.callback(server.server_close)
         opened.callback(server.shutdown)
 
-    def _start(self, now: int) -> None:
+    def _start_engine(self, now: int) -> None:
         self._started_at, self._doctor_at, self._looks = now, now + FIRST_LOOK_NS, 0
         self._scan = -1
         self._engine = self._new_engine()
@@ -250,7 +250,7 @@ class Agent:
         with self._contain_failures():
             for instance in self.seen.instances.values():
                 cause: dict[str, object] = {"text": f"the engine has ended: {why}"}
-                self._publish_event(instance, instance.event(self.seen.boot, _wall(), "note", None, cause))
+                self._publish_event(instance, instance.event(self.seen.boot, _utc_s(), "note", None, cause))
         self._start_at = now + self._pause
         self._pause = min(2 * self._pause, MOST_PAUSE_NS)
         self.restarts += 1
@@ -288,7 +288,7 @@ class Agent:
         engine.request(known)
 
     def _publish_update(self, update: BenchUpdate, now: int) -> None:
-        changed, events, moved = self.seen.handle_update(update, _wall())
+        changed, events, moved = self.seen.handle_update(update, _utc_s())
         for instance in changed:
             if instance.status is not None:
                 self._retain(instance.status, instance.line, instance.name)
@@ -296,7 +296,9 @@ class Agent:
             self._publish_event(instance, event)
         for line in moved:
             self._figures_at.pop(line.name, None)
-        for instance, event in self.seen.report_findings(update.doctor, _wall(), self._settings.with_payload):
+        for instance, event in self.seen.report_findings(
+            update.doctor, _utc_s(), self._settings.with_payload
+        ):
             self._publish_event(instance, event)
         if update.doctor.looks != self._looks:
             self._looks = update.doctor.looks
@@ -338,7 +340,7 @@ class Agent:
         if self._publisher is not None:
             self._publisher.send_event(self._topic("event", instance.line, instance.name), event.to_json())
             recent = self._topic("recent", instance.line, instance.name)
-            self._publisher.retain(recent, lambda: instance.recent_message(_wall()).to_json(), RECENT_GAP_NS)
+            self._publisher.retain(recent, lambda: instance.recent_message(_utc_s()).to_json(), RECENT_GAP_NS)
 
     def _publish_figures(self, now: int) -> None:
         assert self._publisher is not None
@@ -347,7 +349,7 @@ class Agent:
             last = self._figures_at.get(line.name)
             if last is None or now >= last + gap:
                 self._figures_at[line.name] = now
-                self._publisher.figures(self._topic("figures", line.name), line.figures(_wall()).to_json())
+                self._publisher.figures(self._topic("figures", line.name), line.figures(_utc_s()).to_json())
 
     def _retain(self, message: FleetMessage, line: str, instance: str) -> None:
         if self._publisher is not None:
@@ -365,7 +367,7 @@ class Agent:
                 write_or_drop_line(f"no scan for {self._patience // NS} s: the published values are old")
 
     def _state_message(self, state: str) -> bytes:
-        return StateMessage(state, _wall(), __version__, platform.node()).to_json()
+        return StateMessage(state, _utc_s(), __version__, platform.node()).to_json()
 
 
 def run_agent(settings: AgentSettings, project: Project) -> int:
@@ -386,5 +388,5 @@ def run_agent(settings: AgentSettings, project: Project) -> int:
     return Agent(settings, project).run()
 
 
-def _wall() -> float:
+def _utc_s() -> float:
     return round(clock.wall_ns() / NS, 3)

@@ -151,14 +151,14 @@ def parse_broker(
         cert,
         key,
         environment.get(USER) or None,
-        _password(environment),
+        _read_password(environment),
     )
     if has_tls:
-        _context(made)  # report bad files now, not at the first connection
+        _tls_context(made)  # report bad files now, not at the first connection
     return made
 
 
-def _password(environment: Mapping[str, str]) -> str | None:
+def _read_password(environment: Mapping[str, str]) -> str | None:
     path, given = environment.get(PASSWORD_FILE), environment.get(PASSWORD)
     if path and given:
         raise mistake(PASSWORD_FILE, f"{PASSWORD} beside it", "one of them")
@@ -172,7 +172,7 @@ def _password(environment: Mapping[str, str]) -> str | None:
         raise mistake(PASSWORD_FILE, f"'{why}' at '{path}'", "a file with the password") from None
 
 
-def _context(broker: BrokerAccess) -> ssl.SSLContext:
+def _tls_context(broker: BrokerAccess) -> ssl.SSLContext:
     try:
         made = ssl.create_default_context(cafile=broker.ca)
         if broker.cert is not None:
@@ -229,7 +229,7 @@ class BrokerConnection:
         return sent.mid if sent.rc == 0 else None
 
     def subscribe(self, topics: tuple[tuple[str, int], ...]) -> int | None:
-        """Subscribe to topics with their QoS; return the number of the `SubAck`, None without a connection."""
+        """Subscribe to topics with their QoS; return the number of its `SubAck`, None if not connected."""
         client = self._client
         if client is None or not self._is_up:
             return None
@@ -301,7 +301,7 @@ class BrokerConnection:
         client = Client(api, self._id, protocol=MQTTv5, reconnect_on_failure=False)
         client.connect_timeout = CONNECT_TIMEOUT_S
         if self._broker.has_tls:
-            client.tls_set_context(_context(self._broker))
+            client.tls_set_context(_tls_context(self._broker))
         if self._broker.user is not None:
             client.username_pw_set(self._broker.user, self._broker.password)
         if self._will is not None:

@@ -110,14 +110,14 @@ class DiskQueue:
             return False
         self.size += 1
         if self.size > self._most:
-            [(oldest, gone)] = self._rows("SELECT n, kind FROM queue ORDER BY kind DESC, n LIMIT 1") or [
+            [(oldest, gone)] = self._fetch("SELECT n, kind FROM queue ORDER BY kind DESC, n LIMIT 1") or [
                 (0, kind)
             ]
             self.delete(oldest)
             self.dropped[gone] += 1
         return True
 
-    def _rows(self, text: str, values: Iterable[object] = ()) -> list[Any]:
+    def _fetch(self, text: str, values: Iterable[object] = ()) -> list[Any]:
         cursor = self._execute(text, values)
         try:
             return [] if cursor is None else cursor.fetchall()
@@ -127,7 +127,7 @@ class DiskQueue:
 
     def list_after(self, number: int, most: int) -> list[tuple[int, str, bytes]]:
         """Return the oldest messages after `number` as (number, topic, payload)."""
-        return self._rows(
+        return self._fetch(
             "SELECT n, topic, payload FROM queue WHERE n > ? ORDER BY n LIMIT ?", (number, most)
         )
 
@@ -147,7 +147,7 @@ class DiskQueue:
 
     def list_topics(self) -> list[str]:
         """Return the topics that this agent has ever retained and not cleared."""
-        return [topic for (topic,) in self._rows("SELECT topic FROM retained")]
+        return [topic for (topic,) in self._fetch("SELECT topic FROM retained")]
 
     def close(self) -> None:
         self._base.close()

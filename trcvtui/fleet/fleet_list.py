@@ -42,13 +42,13 @@ def group_lines(lines: Iterable[FleetLine], by: str, opened: Collection[str], wa
         groups.setdefault(name_of(line), []).append(line)
     entries: list[Entry] = []
     for name, members in groups.items():
-        entries.append(_head(name, members, wall))
+        entries.append(_make_group(name, members, wall))
         if name in opened:
             entries += members
     return entries
 
 
-def _head(name: str, members: list[FleetLine], wall: float) -> FleetGroup:
+def _make_group(name: str, members: list[FleetLine], wall: float) -> FleetGroup:
     sums = [0] * HOUR_BUCKETS
     for line in members:
         if line.errors:

@@ -176,7 +176,7 @@ class SeenBench:
                 event = seen.edge(self.boot, at, line.event, {"scan": line.scan, **file})
                 if event is not None:
                     events.append((seen, event))
-                    self._line(seen.line).errors.append(at)
+                    self._get_line(seen.line).errors.append(at)
         moved = [line for line in self._update_lines(update) if line is not None]
         return (
             list(self._update_instances(snapshot.instances, snapshot.scan, snapshot.interval_ns, wall)),
@@ -225,17 +225,17 @@ class SeenBench:
             if seen.update(each, self._label(each.condition), round(wall, 3), age):
                 yield seen
             if seen.jobs_done > done:
-                self._line(seen.line).dones.append((wall, seen.jobs_done - done))
+                self._get_line(seen.line).dones.append((wall, seen.jobs_done - done))
 
     def _update_lines(self, update: BenchUpdate) -> Iterable[SeenLine | None]:
         for each in update.snapshot.connections:
-            line = self._line(self._names.get(each.name, each.name))
+            line = self._get_line(self._names.get(each.name, each.name))
             yield line if line.update(*_link_counters(each)) else None
         for buffer in update.snapshot.combuffers:
-            line = self._line(self._names.get(buffer.name, buffer.name))
+            line = self._get_line(self._names.get(buffer.name, buffer.name))
             yield line if line.update("up" if buffer.is_up else "away", 0, buffer.arrived, 0) else None
 
-    def _line(self, name: str) -> SeenLine:
+    def _get_line(self, name: str) -> SeenLine:
         return self.lines.setdefault(name, SeenLine(name))
 
 

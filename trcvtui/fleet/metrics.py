@@ -46,7 +46,7 @@ METRICS: Final = (
 )
 
 
-def _rows(agent: Any, labels: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], object]]:
+def _label_rows(agent: Any, labels: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], object]]:
     if labels == _AGENT:
         yield (), agent
     elif labels == _LINE:
@@ -73,7 +73,7 @@ class MetricsPage:
         kinds = {"gauge": GaugeMetricFamily, "counter": CounterMetricFamily}
         for metric in METRICS:
             family = kinds[metric.kind](metric.name, metric.about, labels=metric.labels)
-            for labels, of in islice(_rows(self._agent, metric.labels), MOST_ROWS):  # bounds the page
+            for labels, of in islice(_label_rows(self._agent, metric.labels), MOST_ROWS):  # bounds the page
                 family.add_metric(labels, metric.value(of))
             yield family
 

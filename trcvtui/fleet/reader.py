@@ -25,7 +25,7 @@ from trcvtui.fleet.seen_fleet import FleetAgent, SeenFleet
 from trcvtui.fleet.topics import ROOT, StateMessage, encode_level, parse_message, parse_topic
 
 NS: Final = 1_000_000_000
-MOST_PENDING_AGENTS: Final = 4  # agents whose subscriptions the broker has not taken yet
+MOST_PENDING_AGENTS: Final = 4  # agents whose subscriptions the broker has not answered
 SETTLE_NS: Final = 2 * NS  # after a subscription: then the retained messages have come
 RETURN_TIMEOUT_NS: Final = 15 * NS  # after the broker is back: an agent without a state is then offline
 LACK_CHECK_NS: Final = 30 * NS  # between two checks for agents with missing messages

@@ -251,7 +251,7 @@ class SeenFleet:
         if isinstance(message, FiguresMessage):
             line.figures = message
             return
-        instance = self._instance(line, topic.instance)
+        instance = self._get_instance(line, topic.instance)
         if isinstance(message, StatusMessage):
             if instance.status is None or instance.status.finding != message.finding:
                 instance.found_at = message.t
@@ -279,7 +279,7 @@ class SeenFleet:
                 bucket = int(at // BUCKET_S)
                 line.errors[bucket] = line.errors.get(bucket, 0) + 1
 
-    def _instance(self, line: FleetLine, name: str) -> FleetInstance:
+    def _get_instance(self, line: FleetLine, name: str) -> FleetInstance:
         found = self._get_or_make(line.instances, name, "instance", name, lambda: FleetInstance(name))
         if line.agent.has_begun:
             found.log.begin_counting()

@@ -73,7 +73,7 @@ def parse_topic(text: str) -> Topic:
     is_ours = not head and len(text) <= MOST_TOPIC_CHARS and kind in LEVEL_KINDS.get(len(plain) - 1, ())
     # Only one spelling of each name: otherwise one agent could appear twice.
     if not is_ours or not all(plain) or [encode_level(name) for name in plain] != names:
-        raise mistake("broker", f"the topic '{_cut(text)}'", f"{ROOT}/SITE/AGENT/...")
+        raise mistake("broker", f"the topic '{_clip(text)}'", f"{ROOT}/SITE/AGENT/...")
     site, agent, line, instance = [*plain, "", ""][:4]
     return Topic(site, agent, line, instance, kind)
 
@@ -89,7 +89,7 @@ class FleetMessage(msgspec.Struct, frozen=True):
 
     def __post_init__(self) -> None:
         for name in self.TEXTS:
-            force_setattr(self, name, _cut(getattr(self, name)))
+            force_setattr(self, name, _clip(getattr(self, name)))
 
     def to_json(self) -> bytes:
         return msgspec.json.encode(self)
@@ -140,7 +140,7 @@ class EventMessage(FleetMessage, frozen=True, rename={"status": "STATUS"}):
     cause: Annotated[dict[str, Any], Meta(max_length=MOST_RECENT)]  # values: Scalar
 
     def __post_init__(self) -> None:
-        force_setattr(self, "cause", {_cut(name): _clean_scalar(each) for name, each in self.cause.items()})
+        force_setattr(self, "cause", {_clip(name): _clean_scalar(each) for name, each in self.cause.items()})
 
 
 class FiguresMessage(
@@ -182,11 +182,11 @@ def parse_message(topic: Topic, payload: bytes) -> AnyMessage | None:
     try:
         return msgspec.json.decode(payload, type=MESSAGE_TYPES[topic.kind])
     except (msgspec.MsgspecError, ValueError, RecursionError) as wrong:
-        raise _make_refusal(topic, f"'{_cut(str(wrong))}'", "a message of an agent") from None
+        raise _make_refusal(topic, f"'{_clip(str(wrong))}'", "a message of an agent") from None
 
 
 def _make_refusal(topic: Topic, found: str, expected: str) -> UserError:
-    return mistake(f"broker, {_cut(str(topic))}", found, expected)
+    return mistake(f"broker, {_clip(str(topic))}", found, expected)
 
 
 def _clean_scalar(value: object) -> Scalar:
@@ -194,9 +194,9 @@ def _clean_scalar(value: object) -> Scalar:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return value if abs(value) <= MOST_COUNT and math.isfinite(value) else "?"
     if isinstance(value, str):
-        return _cut(value)
+        return _clip(value)
     return value if value is None or isinstance(value, bool) else "?"
 
 
-def _cut(text: str) -> str:
+def _clip(text: str) -> str:
     return one_line(text[:MOST_TEXT_CHARS])

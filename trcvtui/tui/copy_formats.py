@@ -86,11 +86,11 @@ def _format_history(of: CopySource) -> str:
             condition = describe_condition(of.project, line.event.instance, line.event)
             word = f"{status_word(line.event.outputs.status)} {condition}"
             reason = plain(explain_status(line.event))
-            rows.append((str(line.scan), stamp(line.t_ns), word, _lamp(line.event), reason))
+            rows.append((str(line.scan), stamp(line.t_ns), word, _lamp_names(line.event), reason))
     return "\n".join(format_columns(rows, "l" * len(rows[0]))) if len(rows) > 1 else ""
 
 
-def _lamp(edge: StatusEdge) -> str:
+def _lamp_names(edge: StatusEdge) -> str:
     lit = (("ERROR", edge.outputs.error), ("DONE", edge.outputs.done), ("BUSY", edge.outputs.busy))
     return " ".join([name for name, on in lit if on][: 2 if edge.outputs.error and edge.outputs.done else 1])
 
@@ -98,13 +98,13 @@ def _lamp(edge: StatusEdge) -> str:
 # -- members -----------------------------------------------------------------------------------------------
 
 
-def _members(of: CopySource) -> Iterator[tuple[str, ...]]:
+def _list_members(of: CopySource) -> Iterator[tuple[str, ...]]:
     if of.declared is not None and of.content:
         layout, name = of.declared.layout, of.declared.name
         yield from member_rows(layout, of.content, name, missing="", most=MOST_MEMBERS)
 
 
-def _json(of: CopySource) -> str:
+def _format_json(of: CopySource) -> str:
     if of.declared is None or not of.content:
         return ""
     return decode_json(of.declared.layout, of.content, of.declared.name, MOST_MEMBERS)
@@ -114,9 +114,12 @@ FORMATS: Final = (
     CopyFormat("h", "bytes as hex", lambda of: hex_lines(of.content)),
     CopyFormat("i", "bytes as 16#.. list", lambda of: iec_list(of.content)),
     CopyFormat(
-        "v", "members as CSV", lambda of: "".join(f"{line}\n" for line in csv_lines(_members(of))), ".csv"
+        "v",
+        "members as CSV",
+        lambda of: "".join(f"{line}\n" for line in csv_lines(_list_members(of))),
+        ".csv",
     ),
-    CopyFormat("j", "members as JSON", _json, ".json"),
+    CopyFormat("j", "members as JSON", _format_json, ".json"),
     CopyFormat("s", "STATUS history as text", _format_history),
     CopyFormat("m", "message at the cursor as hex", lambda of: hex_lines(of.message)),
     CopyFormat("r", "from the mark to the cursor as hex", lambda of: hex_lines(of.from_mark)),

@@ -146,17 +146,17 @@ class CurveView(TextView, inherit_bindings=False):
             drawn = curve(times, numbers, self.window.bounds, width, height, known.gaps)
             traces.append(MemberTrace(leaf, style, now, drawn))
         begin, end = self.window.bounds
-        begins, ends = self._clock(begin), self._clock(end)
+        begins, ends = self._format_time(begin), self._format_time(end)
         in_view = bisect_right(times, end) - bisect_left(times, begin)
         return [
-            *_curves(traces, width, height),
+            *_curve_rows(traces, width, height),
             row((" " * (AXIS_WIDTH - 1), ""), ("└" + "─" * width, "faint")),
-            row((" " * AXIS_WIDTH, ""), *self._marks(width)),
+            row((" " * AXIS_WIDTH, ""), *self._mark_parts(width)),
             row((f"{'':{AXIS_WIDTH}}{begins}{ends:>{width - len(begins)}}", "dim")),
-            *(_figures(trace, in_view) for trace in traces),
+            *(_legend_row(trace, in_view) for trace in traces),
         ]
 
-    def _marks(self, width: int) -> Iterator[Part]:
+    def _mark_parts(self, width: int) -> Iterator[Part]:
         """Yield a sign for each column with an ERROR or a cut message, blanks for the others."""
         (begin, end), known = self.window.bounds, self._view_model.known_messages
         signs = {each.t_ns: CUT for each in known.rows if each.reason} | dict.fromkeys(known.errors, ERROR)
@@ -167,7 +167,7 @@ class CurveView(TextView, inherit_bindings=False):
         for sign, some in groupby(columns.get(column, " ") for column in range(width)):
             yield "".join(some), "error" if sign == ERROR else "warn"
 
-    def _clock(self, t_ns: int) -> str:
+    def _format_time(self, t_ns: int) -> str:
         begun_ns = self._view_model.live.begun_ns if self._view_model.live is not None else None
         if begun_ns is None or self.line_width < LEAST_UTC_WIDTH:
             return f"{stamp(t_ns)} s"
@@ -200,7 +200,7 @@ def _leaf_at(layout: Layout, path: str) -> Leaf | None:
     return None
 
 
-def _curves(traces: Sequence[MemberTrace], width: int, height: int) -> Iterator[Row]:
+def _curve_rows(traces: Sequence[MemberTrace], width: int, height: int) -> Iterator[Row]:
     """Yield the rows of the curves: where they meet, the colour is that of the first one."""
     first, other = traces[0], traces[-1]
     drawn = [trace.curve.cells if trace.curve is not None else [[0] * width] * height for trace in traces]
@@ -209,13 +209,13 @@ def _curves(traces: Sequence[MemberTrace], width: int, height: int) -> Iterator[
         # Blanks are separate parts: an SVG renderer may make a run of blanks narrow.
         styles = groupby(both, lambda cells: first.style if cells[0] else other.style if cells[1] else "")
         parts = [("".join(braille(own | others) for own, others in some), style) for style, some in styles]
-        label = _label(first, y, height)
-        ends = [(f" {_label(other, y, height)}", other.style)] if len(traces) > 1 else []
+        label = _axis_label(first, y, height)
+        ends = [(f" {_axis_label(other, y, height)}", other.style)] if len(traces) > 1 else []
         axis = (f"{label:>{AXIS_WIDTH - 2}} ", first.style), ("┤" if label else "│", "faint")
         yield row(*axis, *parts, *ends)
 
 
-def _label(trace: MemberTrace, y: int, height: int) -> str:
+def _axis_label(trace: MemberTrace, y: int, height: int) -> str:
     """Return the axis text of row `y`: an end of the axis, or in the middle row the only number."""
     low, high = trace.curve.axis if trace.curve is not None else (None, None)
     number = {0: high, height - 1: low}.get(y) if low != high else {height // 2: low}.get(y)
@@ -223,7 +223,7 @@ def _label(trace: MemberTrace, y: int, height: int) -> str:
     return text if number is None or len(text) <= AXIS_WIDTH - 2 else f"{number:.2e}"
 
 
-def _figures(trace: MemberTrace, in_view: int) -> Row:
+def _legend_row(trace: MemberTrace, in_view: int) -> Row:
     leaf, drawn = trace.leaf, trace.curve
     now = "-" if trace.now is None else "?" if trace.now is NOT_KNOWN else value_text(leaf, trace.now)
     parts = (f"{leaf.path or 'value'} ", trace.style), (f"now {now}", "strong")

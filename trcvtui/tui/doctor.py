@@ -61,13 +61,13 @@ class FindingList(CardText):
         rows = [row((head, "warn" if seen.trouble else "dim"))]
         if seen.qualities:
             rows.append(row((clip(" · ".join(seen.qualities), self._width), "dim")))
-        rows += [self._finding(number, one) for number, one in enumerate(found)]
-        rows += self._details(chosen) if chosen is not None else []
+        rows += [self._finding_row(number, one) for number, one in enumerate(found)]
+        rows += self._detail_rows(chosen) if chosen is not None else []
         remarks = self._filter_by_instance(seen.remarks)
         rows += [rule(self._width, ("── remarks ", "dim"))] if remarks else []
-        return [*rows, *(self._remark(one) for one in remarks)]
+        return [*rows, *(self._remark_row(one) for one in remarks)]
 
-    def _remark(self, one: Finding) -> Row:
+    def _remark_row(self, one: Finding) -> Row:
         whose = one.instance or one.connect if self.of_all else ""
         text = ": ".join(filter(None, (whose, one.title or one.cause, *one.evidence[:1])))
         return row((clip(text, self._width), "dim"))
@@ -86,7 +86,7 @@ class FindingList(CardText):
         others = len(seen.findings)
         return f"{HEALTHY}: {scope}" + (f"; {count(others, 'finding')} elsewhere: a" if others else "")
 
-    def _finding(self, number: int, one: Finding) -> Row:
+    def _finding_row(self, number: int, one: Finding) -> Row:
         confidence = f"{one.confidence:.0%} sure"
         whose = one.instance or one.connect
         room = self._width - len(confidence) - 3
@@ -99,7 +99,7 @@ class FindingList(CardText):
         ]
         return row(*parts, style="cursor" if is_chosen else "")
 
-    def _details(self, one: Finding) -> list[Row]:
+    def _detail_rows(self, one: Finding) -> list[Row]:
         rows = self._labelled("", [one.title] if one.title else [], "strong")
         rows.append(rule(self._width, ("── evidence ", "dim")))
         rows += self._labelled("", one.evidence, "")

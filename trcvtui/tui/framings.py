@@ -65,11 +65,11 @@ class FramingList(CardText):
         if self.advice is None:
             return [row(("waiting for the recorded bytes …", "dim"))]
         rows = [row((clip(self.advice.said, self._width), "dim"))]
-        rows += [self._proposal(n, each) for n, each in enumerate(self.advice.proposals)]
+        rows += [self._proposal_row(n, each) for n, each in enumerate(self.advice.proposals)]
         chosen = self.chosen_proposal
-        return [*rows, *self._details(chosen)] if chosen is not None else rows
+        return [*rows, *self._detail_rows(chosen)] if chosen is not None else rows
 
-    def _proposal(self, number: int, proposal: Proposal) -> Row:
+    def _proposal_row(self, number: int, proposal: Proposal) -> Row:
         chosen = number == self.cursor
         result = f"{proposal.frames} of {proposal.of_frames} frames complete"
         room = self._width - len(result) - 7
@@ -88,13 +88,13 @@ class FramingList(CardText):
         first = next(n for n, each in enumerate(proposals) if each.rank == proposal.rank)
         return f" · same cuts as {first + 1}" if first != number else ""
 
-    def _details(self, chosen: Proposal) -> list[Row]:
+    def _detail_rows(self, chosen: Proposal) -> list[Row]:
         rows = [rule(self._width, ("── why ", "dim"))]
         rows += self._labelled("for", chosen.evidence, "")
         rows += self._labelled("but", chosen.doubt, "warn")
         rows += self._labelled("instead", [chosen.instead] if chosen.instead else [], "strong")
         rows.append(rule(self._width, ("── frames ", "dim")))
-        rows += [self._frame(frame, chosen) for frame in chosen.preview]
+        rows += [self._frame_row(frame, chosen) for frame in chosen.preview]
         return [*rows, rule(self._width, ("── enter runs ", "dim")), *self._effect_rows()]
 
     def _effect_rows(self) -> list[Row]:
@@ -105,7 +105,7 @@ class FramingList(CardText):
             problem = wrong.lines()[0]
         return self._labelled("✗", [problem], "error") if problem else self._labelled("", lines, "")
 
-    def _frame(self, frame: PreviewFrame, chosen: Proposal) -> Row:
+    def _frame_row(self, frame: PreviewFrame, chosen: Proposal) -> Row:
         framing = chosen.framing
         prefix = min(frame.size, len(framing.prefix)) if framing is not None else 0
         suffix = len(framing.suffix) if framing is not None and frame.ending == "suffix" else 0

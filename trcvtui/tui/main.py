@@ -98,14 +98,14 @@ def run_timing_line(line: str, pane: Timing) -> str:
     """Carry out `find` or `export`; return a message, "" for none; raise UserError."""
     words = line.split(maxsplit=3)
     if words[0] == FIND:
-        return _find(words[1:], pane)
+        return _find_status(words[1:], pane)
     if words[1:3] != ["timing", "vcd"]:
         raise mistake("prompt", f"'{line}'", EXPORT_SYNTAX)
     written, size = pane.write_vcd(Path(words[3]).expanduser() if len(words) > 3 else None)
     return f"{size} bytes in {written.absolute()}"
 
 
-def _find(words: list[str], pane: Timing) -> str:
+def _find_status(words: list[str], pane: Timing) -> str:
     if len(words) != 1:
         raise mistake("prompt", f"'{' '.join([FIND, *words])}'", "find and a code such as 7008 or 16#80C5")
     text = words[0].upper().removeprefix("W#").removeprefix("16#").removeprefix("0X")

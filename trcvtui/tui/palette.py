@@ -86,10 +86,10 @@ def commands_of_keys(main: MainScreen) -> Iterator[SystemCommand]:
     for key in pane_keys(main):
         if key.action != BUTTON_ACTION:
             title = f"{PANE_NAMES[key.digit]}: {key.binding.description}"
-            yield SystemCommand(title, f"pane {key.digit}, key {key.key}", partial(_press, main, key))
+            yield SystemCommand(title, f"pane {key.digit}, key {key.key}", partial(_press_key, main, key))
 
 
-async def _press(main: MainScreen, key: PaneKey) -> None:
+async def _press_key(main: MainScreen, key: PaneKey) -> None:
     main.action_pane(key.digit)
     if key.widget.can_focus:
         main.set_focus(key.widget)
@@ -105,7 +105,7 @@ async def press_other_pane_key(main: MainScreen, key: str, missing: str = "") ->
     found = [each for each in pane_keys(main) if each.binding.key == key]
     is_pin = key in PIN_LETTERS.values()
     if len(found) == 1 and found[0].digit != PEER_PANE and found[0].action != WRITE_ACTION:
-        await _press(main, found[0])
+        await _press_key(main, found[0])
         return
     digits = [str(digit) for digit in sorted({each.digit for each in found})]
     is_of_peer = digits == [str(PEER_PANE)] or (not found and any(button.letter == key for button in BUTTONS))

@@ -82,7 +82,7 @@ def buttons_for(faults: bool, peer: PeerSnapshot | None = None) -> tuple[Button,
 def make_try_line(peer: str, mode: str, payload: str, instance: str, gap: str) -> str:
     """Return the bench command that tries every split of a payload; of several pauses it uses the first."""
     options = f" gap={gap.split(',')[0].strip()}" if gap.strip() else ""
-    message = _quoted(payload) if mode == TEXT else payload.strip()
+    message = _quote(payload) if mode == TEXT else payload.strip()
     return f"peer {peer} try-splits {mode} {message} on {instance}{options} differ=any"
 
 
@@ -95,9 +95,9 @@ def receiver_for(link: str, selected: str, project: Project) -> str:
 def make_send_line(peer: str, mode: str, payload: str, options: tuple[tuple[str, str], ...]) -> str:
     """Return the bench command that sends a payload; options are (name, text), empty ones are left out."""
     given = "".join(f" {name}={text.strip()}" for name, text in options if text.strip())
-    return f"peer {peer} send {mode} {_quoted(payload) if mode == TEXT else payload.strip()}{given}"
+    return f"peer {peer} send {mode} {_quote(payload) if mode == TEXT else payload.strip()}{given}"
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     # Escapes such as \r\n are the user's own; only a bare quote would end the text early.
     return '"' + _BARE_QUOTE.sub(lambda found: found[1] or '\\"', text) + '"'

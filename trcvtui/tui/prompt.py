@@ -41,19 +41,19 @@ class EchoLine(LineView, can_focus=False):
         """Show a command and its answer for MESSAGE_TIME_S; `waits`: until the answer comes."""
         if self._end is not None:
             self._end.stop()
-        goes = bool(line or error or text) and not (waits or stays)
-        self._end = self.set_timer(MESSAGE_TIME_S, lambda: self.show_answer("")) if goes else None
+        expires = bool(line or error or text) and not (waits or stays)
+        self._end = self.set_timer(MESSAGE_TIME_S, lambda: self.show_answer("")) if expires else None
         self._line, self._error, self.waits = line, error, waits
         self._text = " · ".join(map(str.strip, text.splitlines()))
-        self._fit()
+        self._fit_height()
 
     def show_preview(self, note: str) -> None:
         """Show the effect of the line that you are typing; "" shows the last command again."""
         if note != self.note:
             self.note = note
-            self._fit()
+            self._fit_height()
 
-    def _fit(self) -> None:
+    def _fit_height(self) -> None:
         rows = min(MOST_ROWS, self.row_count())
         if rows != self._rows:
             self._rows = self.styles.height = rows

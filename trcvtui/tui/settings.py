@@ -54,8 +54,8 @@ def load_settings(bindings: Iterable[BindingType], theme: str | None = None) -> 
     own = [binding for binding in bindings if isinstance(binding, Binding)]
     folder, problems = config_folder(), list[str]()
     config = _read_table(folder / CONFIG_FILE, problems)
-    chosen = theme if theme in THEMES else _theme(config, folder / CONFIG_FILE, problems)
-    keymap = _keymap(_read_table(folder / KEYMAP_FILE, problems), folder / KEYMAP_FILE, own, problems)
+    chosen = theme if theme in THEMES else _read_theme(config, folder / CONFIG_FILE, problems)
+    keymap = _read_keymap(_read_table(folder / KEYMAP_FILE, problems), folder / KEYMAP_FILE, own, problems)
     names = {_format_key_name(b.key): _format_key_name(keymap[b.id]) for b in own if b.id in keymap}
     return ScreenSettings("ansi" if "NO_COLOR" in os.environ else chosen, keymap, names, tuple(problems))
 
@@ -81,7 +81,7 @@ def theme_for(environ: Mapping[str, str]) -> str:
     return "ansi" if console.color_system in FEW_COLOUR_SYSTEMS else "dark"
 
 
-def _theme(config: Mapping[str, Any], path: Path, problems: list[str]) -> str:
+def _read_theme(config: Mapping[str, Any], path: Path, problems: list[str]) -> str:
     default = theme_for(os.environ)
     for key in config:
         if key != "theme":
@@ -96,13 +96,13 @@ def _theme(config: Mapping[str, Any], path: Path, problems: list[str]) -> str:
 # -- keys --------------------------------------------------------------------------------------------------
 
 
-def _keymap(
+def _read_keymap(
     config: Mapping[str, Any], path: Path, bindings: list[Binding], problems: list[str]
 ) -> dict[str, str]:
     own: dict[str, set[str]] = {}
     for binding in bindings:
         for key in binding.key.split(",") if binding.id else ():
-            own.setdefault(str(binding.id), set()).add(_key(key) or key)
+            own.setdefault(str(binding.id), set()).add(_parse_key(key) or key)
     keymap: dict[str, str] = {}
     for action, given in config.items():
         if action not in own:
@@ -111,19 +111,19 @@ def _keymap(
         kept = {key: other for other in own if other not in config for key in own[other]}  # keys in use
         kept |= {key: other for other, keys in keymap.items() for key in keys.split(",")}
         try:
-            keymap[action] = ",".join(_keys(given, own[action], kept))
+            keymap[action] = ",".join(_parse_keys(given, own[action], kept))
         except ValueError as wrong:
             problems.append(f"{path}: {action}: {wrong}")
     return keymap
 
 
-def _keys(given: object, own: set[str], kept: Mapping[str, str]) -> list[str]:
+def _parse_keys(given: object, own: set[str], kept: Mapping[str, str]) -> list[str]:
     texts: list[Any] = given if isinstance(given, list) else [given]
     if not texts or not all(isinstance(text, str) for text in texts):
         raise ValueError(f"found {quote(given)}, expected {EXPECTED_KEY}, or a list of such")
     keys = []
     for text in texts:
-        key = _key(text)
+        key = _parse_key(text)
         if key is None:
             raise ValueError(f"found {quote(text)}, expected {EXPECTED_KEY}")
         if key in FIXED_KEYS or (len(key) == 1 and key.islower() and key not in own):
@@ -134,7 +134,7 @@ def _keys(given: object, own: set[str], kept: Mapping[str, str]) -> list[str]:
     return keys
 
 
-def _key(text: str) -> str | None:
+def _parse_key(text: str) -> str | None:
     """Return the name of a key as in key events; None for no key."""
     if len(text) == 1:
         return _character_to_key(text) if text.isprintable() and not text.isspace() else None

@@ -37,9 +37,9 @@ class FleetCard(CardText):
     def make_rows(self) -> list[Row]:
         rows = [*self._line_rows()]
         for instance in self._line.instances.values():
-            rows += self._instance(instance)
+            rows += self._instance_rows(instance)
         for title, is_wanted in (("findings", True), ("events", False)):
-            listed = [each for each in self._events() if (each[1].kind == "finding") == is_wanted]
+            listed = [each for each in self._list_events() if (each[1].kind == "finding") == is_wanted]
             missing = self._line.missing if title == "events" else 0
             if listed or missing or title == "events":
                 rows.append(rule(self._width, (f"── {title} ", "dim"), *_missing(missing)))
@@ -63,7 +63,7 @@ class FleetCard(CardText):
             behind = "behind" if skew > 0 else "ahead of"
             shown = f"{age(int(abs(skew) * SECOND))} {behind} ours; all times are ours"
             yield from self._labelled("clock", [shown], "warn")
-        recorded = next((event for _, event in self._events() if event.file), None)
+        recorded = next((event for _, event in self._list_events() if event.file), None)
         if recorded is not None:
             host = f" on {plain(agent.host)}" if agent is not None else ""
             yield from self._labelled("recorded", [f"{plain(recorded.file)}{host}"], "strong")
@@ -78,7 +78,7 @@ class FleetCard(CardText):
         hour = f" {count(line.errors_hour, 'error')} in the last hour"
         yield row(("errors".ljust(LABEL_WIDTH), "label"), *spark_parts(line.sparkline(wall)), (hour, ""))
 
-    def _instance(self, instance: FleetInstance) -> list[Row]:
+    def _instance_rows(self, instance: FleetInstance) -> list[Row]:
         rows = [rule(self._width, (f"── {plain(instance.name)} ", "dim"), *_missing(instance.log.missing))]
         status = instance.status
         if status is None:
@@ -102,7 +102,7 @@ class FleetCard(CardText):
         found = self._labelled("finding", [plain(status.finding)], "warn") if status.finding else []
         return [*rows, *self._labelled("", [plain(status.text)], style), *found]
 
-    def _events(self) -> list[tuple[str, KeptEvent]]:
+    def _list_events(self) -> list[tuple[str, KeptEvent]]:
         instances = self._line.instances.values()
         kept = [(event, each.name) for each in instances for event in each.log.kept]
         return [(name, event) for event, name in sorted(kept, reverse=True)]

@@ -121,7 +121,7 @@ class FleetTable(LineView, inherit_bindings=False):
     def set_entries(self, entries: Sequence[Entry]) -> None:
         here, before, top = self.chosen_entry, self.cursor, self.scroll_offset.y
         self.entries = entries
-        place = _place_of(here, entries) if self._is_moved else 0
+        place = _find_row(here, entries) if self._is_moved else 0
         self.cursor = min(before, max(0, len(entries) - 1)) if place is None else place
         self.resize_rows()
         if self._is_moved and self.cursor != before:  # its line keeps its place on the screen (the rule)
@@ -217,7 +217,7 @@ class FleetTable(LineView, inherit_bindings=False):
             self.action_open()
 
 
-def _place_of(entry: Entry | None, entries: Sequence[Entry]) -> int | None:
+def _find_row(entry: Entry | None, entries: Sequence[Entry]) -> int | None:
     if isinstance(entry, FleetGroup):
         name = entry.name
         found = (y for y, each in enumerate(entries) if isinstance(each, FleetGroup) and each.name == name)

@@ -101,25 +101,25 @@ class AddScreen(FormDialog[str]):
             yield self._line
 
     def _first_rows(self) -> Iterator[Widget]:
-        yield _row("add", self._kind_field, "↑↓ another kind")
+        yield _field_row("add", self._kind_field, "↑↓ another kind")
 
     async def on_mount(self) -> None:
         await self._lay_out()
         self.set_focus(self._fields[0])
 
     async def _lay_out(self) -> None:
-        specs = self._specs(self._project())
+        specs = self._field_specs(self._project())
         self._fields = [
             ChoiceField(s.key, s.choices, self._given.get(s.key, s.first), s.first) for s in specs
         ]
         self._block = next((field.value for field in self._fields if field.key == "block"), "")
         self.query_one("#form").border_title = plain(self._heading())
-        rows = [_row(s.key, field, _hint(s)) for s, field in zip(specs, self._fields, strict=True)]
+        rows = [_field_row(s.key, field, _hint_text(s)) for s, field in zip(specs, self._fields, strict=True)]
         await self._rows.remove_children()
         await self._rows.mount_all(rows)
         self._check_fields()
 
-    def _specs(self, project: Project) -> list[AddField]:
+    def _field_specs(self, project: Project) -> list[AddField]:
         if self.kind == "udt":
             known = [each.name for each in project.udts]
             files = tuple([name for name in type_files_in(project.base) if name not in known])
@@ -211,7 +211,7 @@ class AddScreen(FormDialog[str]):
             self._check_fields(refused.lines()[0])
 
 
-def _row(name: str, field: ChoiceField, hint: str) -> Horizontal:
+def _field_row(name: str, field: ChoiceField, hint: str) -> Horizontal:
     lines = wrap_text(hint, HINT_WIDTH)
     return Horizontal(
         Static(name, markup=False, classes="name"),
@@ -220,7 +220,7 @@ def _row(name: str, field: ChoiceField, hint: str) -> Horizontal:
     )
 
 
-def _hint(field: AddField) -> str:
+def _hint_text(field: AddField) -> str:
     return f"↑↓ {', '.join(field.choices)}" if field.choices else field.hint
 
 
@@ -237,7 +237,7 @@ class ChangeScreen(AddScreen):
     def _first_rows(self) -> Iterator[Widget]:
         yield from ()
 
-    def _specs(self, project: Project) -> list[AddField]:
+    def _field_specs(self, project: Project) -> list[AddField]:
         return fields_to_change(self._part, self._now, project, self._block)
 
     def _heading(self) -> str:

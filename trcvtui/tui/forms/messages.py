@@ -138,23 +138,23 @@ class UdtForm(FieldsDialog[str, MemberField]):
         self, project: Project, peer: str, name: str, layout: Layout, values: dict[str, str]
     ) -> None:
         leaves = list(layout.leaves(0, MOST_FIELDS))
-        rows = [(_columns(leaf), MemberField(leaf, values.get(leaf.path, ""))) for leaf in leaves]
+        rows = [(_column_texts(leaf), MemberField(leaf, values.get(leaf.path, ""))) for leaf in leaves]
         super().__init__("", f"{name}: {len(leaves)} members", FORM_KEYS, rows)
         self._project, self._peer, self._name = project, peer, name
         self._more = layout.leaf_count - len(leaves)
 
     @property
     def payload(self) -> str:
-        return self._payload([field.assignment for field in self._fields])
+        return self._format_payload([field.assignment for field in self._fields])
 
-    def _payload(self, members: list[str]) -> str:
+    def _format_payload(self, members: list[str]) -> str:
         return f"{self._name} {{{', '.join(member for member in members if member)}}}"
 
     def _find_mistake(self, payload: str) -> str:
         return find_mistake(f"peer {self._peer} send udt {payload}", self._project)
 
     def _check_fields(self) -> None:
-        faults = [self._find_mistake(self._payload([field.assignment])) for field in self._fields]
+        faults = [self._find_mistake(self._format_payload([field.assignment])) for field in self._fields]
         for field, fault in zip(self._fields, faults, strict=True):
             field.set_class(bool(fault), "-bad")
         first = next(filter(None, faults), "")
@@ -167,7 +167,7 @@ class UdtForm(FieldsDialog[str, MemberField]):
             self.dismiss(self.payload)
 
 
-def _columns(leaf: Leaf) -> dict[str, str]:
+def _column_texts(leaf: Leaf) -> dict[str, str]:
     return {"name": clip(plain(leaf.path), NAME - 1), "type": clip(plain(type_text(leaf.type)), TYPE - 1)}
 
 
@@ -180,11 +180,11 @@ def form_of(text: str, mode: str, view_model: ViewModel) -> UdtForm | None:
     if not name:
         return None
     layout = lay_out(types.get_type(name), view_model.project.layout_rules_of(name), name)
-    values = _values(text, view_model) if mode == UDT and name == first else {}
+    values = _payload_values(text, view_model) if mode == UDT and name == first else {}
     return UdtForm(view_model.project, view_model.peer, name, layout, values)
 
 
-def _values(text: str, view_model: ViewModel) -> dict[str, str]:
+def _payload_values(text: str, view_model: ViewModel) -> dict[str, str]:
     """Return the members of a payload with their texts; none if the payload is wrong."""
     from trcvtui.commands.tokens import parse_members  # read when first asked for
 

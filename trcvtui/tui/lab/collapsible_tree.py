@@ -100,9 +100,9 @@ class FoldTree:
         ours, theirs = self._ours, self._theirs
         self.rows: list[TreeRow] = []
         whole = Place(0, ours.size), Place(0, theirs.size)
-        self._add((), ours.name, ours.type, (ours.root, theirs.root), whole, 0)
+        self._add_row((), ours.name, ours.type, (ours.root, theirs.root), whole, 0)
 
-    def _add(
+    def _add_row(
         self, key: Key, name: str, type_: Type, nodes: tuple[Node, Node], places: Places, leaf: int
     ) -> None:
         ours, theirs = nodes
@@ -128,10 +128,10 @@ class FoldTree:
     ) -> None:
         nodes = ours.element, theirs.element
         for number, name in enumerate(indices(ours)):
-            own = _element(ours, number, places[0]), _element(theirs, number, places[1])
+            own = _element_place(ours, number, places[0]), _element_place(theirs, number, places[1])
             first = leaf + number * ours.element.leaves
-            self._add((*key, number), name, type_, nodes, own, first)
-            ends = own[0].offset + _pitch(ours), own[1].offset + _pitch(theirs)
+            self._add_row((*key, number), name, type_, nodes, own, first)
+            ends = own[0].offset + _element_pitch(ours), own[1].offset + _element_pitch(theirs)
             self._add_gap((*key, number), own, ends, first + ours.element.leaves)
 
     def _add_members(
@@ -140,13 +140,13 @@ class FoldTree:
         types = [*([] if type_.base is None else [type_.base]), *(member.type for member in type_.members)]
         before: Places | None = None
         for number, inner in enumerate(types):
-            places = _member(ours, number, at[0]), _member(theirs, number, at[1])
+            places = _member_place(ours, number, at[0]), _member_place(theirs, number, at[1])
             first = leaf + ours.firsts[number]
             if before is not None and not isinstance(ours, PlacedUnion):  # members of a UNION overlap
                 self._add_gap((*key, number - 1), before, (places[0].offset, places[1].offset), first)
             name = ours.names[number] or f"EXTENDS {getattr(inner, 'name', '')}"
             nodes = ours.nodes[number], theirs.nodes[number]
-            self._add((*key, number), name, inner, nodes, places, first)
+            self._add_row((*key, number), name, inner, nodes, places, first)
             before = places
         if before is not None and not isinstance(ours, PlacedUnion):
             ends = at[0].offset + ours.size, at[1].offset + theirs.size
@@ -159,16 +159,16 @@ class FoldTree:
             self.rows.append(TreeRow((*key, -1), "", None, ours, theirs, leaf, ours.size != theirs.size))
 
 
-def _member(node: PlacedStruct, number: int, owner: Place) -> Place:
+def _member_place(node: PlacedStruct, number: int, owner: Place) -> Place:
     child = node.nodes[number]
     is_bit = isinstance(child, PlacedLeaf) and child.is_bit
     return Place(owner.offset + node.offsets[number], child.size, node.bits[number] if is_bit else None)
 
 
-def _pitch(node: PlacedArray) -> int:
+def _element_pitch(node: PlacedArray) -> int:
     return 0 if node.is_bits else node.pitch
 
 
-def _element(node: PlacedArray, number: int, owner: Place) -> Place:
+def _element_place(node: PlacedArray, number: int, owner: Place) -> Place:
     offset, bit = node.place(number)
     return Place(owner.offset + offset, node.element.size, bit if node.is_bits else None)

@@ -84,10 +84,10 @@ class TypeFiles:
         return read_files(self.paths, self.constants) if self.paths else NO_TYPES
 
     def _file_stamps(self) -> tuple[FileStamp, ...]:
-        return tuple(_stamp(path) for path in self.paths)
+        return tuple(_file_stamp(path) for path in self.paths)
 
 
-def _stamp(path: Path) -> FileStamp:
+def _file_stamp(path: Path) -> FileStamp:
     try:
         found = os.stat(path)
     except (OSError, ValueError):
@@ -165,7 +165,7 @@ class LabBytes:
                 window = self.window()
                 return window.job[1] if window is not None and window.job is not None else b""
             case "message":
-                found = self._message()
+                found = self._chosen_message()
                 return found.content if found else b""
             case _:
                 return self.typed
@@ -183,7 +183,7 @@ class LabBytes:
                 number = f" {self._last.number}" if self._last is not None else ""
                 return f"last job{number}, {size}" if self.content else "no job has ended yet"
             case "message":
-                found = self._message()
+                found = self._chosen_message()
                 return f"{plain(found.name)}, {size}" if found else f"no message{self._doubt() or ' yet'}"
             case _:
                 return f"typed hex, {size}"
@@ -191,7 +191,7 @@ class LabBytes:
     def _has_messages(self) -> bool:
         return self.source not in (LAST_JOB, HEX) and bool(self.messages())
 
-    def _message(self) -> StreamMessage | None:
+    def _chosen_message(self) -> StreamMessage | None:
         messages = self.messages()
         self.back = max(0, min(self.back, len(messages) - 1))
         return messages[-1 - self.back] if messages else None
@@ -302,7 +302,7 @@ class Lab:
         """Show a type; "": that of DATA, or the first one. Raise UserError for a bad type."""
         names = self.type_names()
         name = name or next(iter(names), "")
-        self.type_name, self.type = name, self._type(name) if name else None
+        self.type_name, self.type = name, self._find_type(name) if name else None
         if self._is_guess:
             self.profiles[THEIRS] = self._guess_profile()
         self._clear_results()
@@ -314,7 +314,7 @@ class Lab:
             return profile_of(LAYOUTS[sender])
         return ours._replace(layout=FIRST_LAYOUT if ours.layout != FIRST_LAYOUT else OTHER_LAYOUT)
 
-    def _type(self, name: str) -> Type:
+    def _find_type(self, name: str) -> Type:
         declared = self._view_model.declaration
         is_known = name.casefold() in self.files.types.types
         if not is_known and declared is not None and declared.type_name == name:

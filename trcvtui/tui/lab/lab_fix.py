@@ -72,7 +72,7 @@ def _type_cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) 
         comments.append(f"the byte order differs, too: {KIND_TITLES[SWAP]} (c)")
     if found.type is wanted.type:
         comments.append("no change needed: the gaps are the same")
-    if is_scl and (unions := _unions(wanted.type)):
+    if is_scl and (unions := _find_unions(wanted.type)):
         names = ", ".join(map(plain, unions[:MOST_UNIONS])) + ", ..." * (len(unions) > MOST_UNIONS)
         comments.append(f"SCL has no UNION, so these are bytes: {names}")
     name = found.layout.name
@@ -80,7 +80,7 @@ def _type_cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) 
     return Cure(tuple(comments), text)
 
 
-def _unions(type_: Type) -> list[str]:
+def _find_unions(type_: Type) -> list[str]:
     """Return the members that are a UNION or an ARRAY of one, those of an inner STRUCT as `STRUCT.member`."""
     found = ["all of it"] if isinstance(type_, Union) else []
     for one in (part for part in all_parts(type_) if isinstance(part, Struct)):

@@ -129,7 +129,7 @@ class LabHex(HexView):
         sides = (("", self.link), ("theirs ", self.their_link))
         return "".join(f"{side}{link.start}-{link.stop - 1} · " for side, link in sides if link)
 
-    def _signs(self, start: int, stop: int) -> dict[int, str]:
+    def _gap_signs(self, start: int, stop: int) -> dict[int, str]:
         key = start, stop, self._lab.revision
         if key not in self._gaps:
             if len(self._gaps) > MOST_GAP_ROWS:
@@ -142,13 +142,13 @@ class LabHex(HexView):
     def _style_of(self, offset: int) -> str:
         style = super()._style_of(offset)
         row_start = offset // self.per_row * self.per_row
-        if self._signs(row_start, row_start + self.per_row).get(offset) == GAP:
+        if self._gap_signs(row_start, row_start + self.per_row).get(offset) == GAP:
             style = style.replace("null", "ghost")
         return style + (" match" if offset in self.their_link else "")
 
     def _text(self, start: int, styles: list[str]) -> list[Part]:
         bar, *rest = super()._text(start, styles)
-        signs = self._signs(start, start + self.per_row)
+        signs = self._gap_signs(start, start + self.per_row)
         text = "".join(part for part, _ in rest)
         marked = [
             (signs.get(start + n, c), style) for n, (c, style) in enumerate(zip(text, styles, strict=True))
@@ -197,9 +197,9 @@ class FitList(LineView):
                 twins = wrap_text(f"these fit the bytes as well: {same_readings_text(found)}", width - 5)
                 self._rows += [(row((f"     {line}", "warn")), number) for line in twins]
             for reason in found.reasons[:MOST_REASONS] if chosen else ():
-                self._rows += self._reason(reason.points, reason.path, reason.text, width, number)
+                self._rows += self._reason_rows(reason.points, reason.path, reason.text, width, number)
 
-    def _reason(
+    def _reason_rows(
         self, points: float, path: str, text: str, width: int, number: int
     ) -> list[tuple[Row, int | None]]:
         sign, style = ("+", "done") if points > 0 else ("-", "error")

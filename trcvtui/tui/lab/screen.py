@@ -79,7 +79,7 @@ def find_yank_text(pane: str, lab: Lab, cure: CureText) -> tuple[CopyFormat, str
         case "hex":
             text, name, suffix = hex_lines(lab.bytes.content, ""), "bytes as hex", ".txt"
         case "fit":
-            text, name, suffix = _ranking(lab), "the ranking", ".txt"
+            text, name, suffix = _ranking_text(lab), "the ranking", ".txt"
         case _:
             found = cure.write_cure()
             text = found.source if found.text else ""
@@ -97,7 +97,7 @@ def _comparison_text(lab: Lab) -> str:
     return f"{compare_text(comparison, list(comparison.rows(content)), content)}\n"
 
 
-def _ranking(lab: Lab) -> str:
+def _ranking_text(lab: Lab) -> str:
     lines = [lab.judgement] if lab.fits else []
     for found in lab.fits:
         lines.append(str(found))

@@ -166,7 +166,7 @@ class LabTree(LineView):
             layout = self._lab.layout(side)
             for found in self._rows.values():
                 if layout is not None and found.is_leaf:
-                    self._cells[side, found.leaf] = _cell(layout, layout.leaf(found.leaf), content)
+                    self._cells[side, found.leaf] = _make_cell(layout, layout.leaf(found.leaf), content)
 
     def row_at(self, y: int) -> Row:
         if y not in self._rows:
@@ -175,21 +175,21 @@ class LabTree(LineView):
         if found is None:
             return EMPTY
         chosen = y == self.cursor
-        return row(*self._parts(found, chosen), style=self.cursor_style(chosen))
+        return row(*self._row_parts(found, chosen), style=self.cursor_style(chosen))
 
-    def _parts(self, found: TreeRow, chosen: bool) -> list[Part]:
+    def _row_parts(self, found: TreeRow, chosen: bool) -> list[Part]:
         width = columns(self.line_width, self._lab)
         differs = self.differs(found)
         return [
             ("▸" if chosen else " ", "key"),
             (DIFFERS_SIGN if differs else " ", "warn strong"),
-            *self._member(found, width.name, chosen),
-            (pad(clip(plain(self._type(found)), width.type - 1), width.type), "dim"),
+            *self._member_parts(found, width.name, chosen),
+            (pad(clip(plain(self._type_name(found)), width.type - 1), width.type), "dim"),
             *self._side(OURS, found, found.ours, width, differs),
             *self._side(THEIRS, found, found.theirs, width, differs),
         ]
 
-    def _member(self, found: TreeRow, width: int, chosen: bool) -> list[Part]:
+    def _member_parts(self, found: TreeRow, width: int, chosen: bool) -> list[Part]:
         depth = len(found.key) - (1 if found.key and found.key[-1] == -1 else 0)
         indent = min(2 * depth, max(0, width - 10))
         fold = "" if found.is_open is None else OPEN_SIGN if found.is_open else CLOSED_SIGN
@@ -200,7 +200,7 @@ class LabTree(LineView):
             (pad(clip(name, width - indent - measure(fold) - 1), width - indent - measure(fold)), style),
         ]
 
-    def _type(self, found: TreeRow) -> str:
+    def _type_name(self, found: TreeRow) -> str:
         cell = self._cells.get((OURS, found.leaf)) if found.is_leaf else None
         return found.type_text if cell is None or cell.type in found.type_text else cell.type
 
@@ -212,18 +212,18 @@ class LabTree(LineView):
         return [
             (pad(f"{offset} ", width.offset, right=True), style),
             (pad(size, width.size, right=True), style),
-            self._value(side, found, place, width),
+            self._value_part(side, found, place, width),
         ]
 
-    def _value(self, side: str, found: TreeRow, place: Place, width: TreeColumns) -> Part:
+    def _value_part(self, side: str, found: TreeRow, place: Place, width: TreeColumns) -> Part:
         if found.is_gap:
-            return pad(clip(self._gap(place), width.value - 1), width.value), "faint"
+            return pad(clip(self._gap_text(place), width.value - 1), width.value), "faint"
         cell = self._cells.get((side, found.leaf)) if found.is_leaf else None
         if cell is None:
             return " " * width.value, "faint"
         return pad(clip(cell.value, width.value - 1), width.value), "printable" if cell.is_there else "ghost"
 
-    def _gap(self, place: Place) -> str:
+    def _gap_text(self, place: Place) -> str:
         if not place.size:
             return ""
         there = self._lab.bytes.content[place.offset : place.offset + place.size]
@@ -292,7 +292,7 @@ class LabTree(LineView):
         self.go_to(y)
 
 
-def _cell(layout: Layout, leaf: Leaf, content: bytes) -> LeafCell:
+def _make_cell(layout: Layout, leaf: Leaf, content: bytes) -> LeafCell:
     raw = content[leaf.offset : leaf.offset + leaf.size]
     if len(raw) < leaf.size:
         missing = f"{len(raw)} of {leaf.size} B" if raw else "-"

@@ -86,7 +86,7 @@ class ScenarioListModel:
         for path in self.list_paths():
             if path.parent != folder:
                 folder = path.parent
-                rows.append(_label(folder))
+                rows.append(_folder_label(folder))
             rows.append(path)
         return rows
 
@@ -115,7 +115,7 @@ class ScenarioListModel:
         return self.chosen is not None
 
 
-def _label(folder: Path) -> str:
+def _folder_label(folder: Path) -> str:
     try:
         within = folder.relative_to(configs_path())
     except ValueError:
@@ -173,9 +173,9 @@ class ScenarioList(LineView, inherit_bindings=False):
         each = self._rows[y] if y < len(self._rows) else ""
         if isinstance(each, str):
             return row((clip(plain(each), self.line_width), "faint"))
-        return self._file(each)
+        return self._file_row(each)
 
-    def _file(self, path: Path) -> Row:
+    def _file_row(self, path: Path) -> Row:
         chosen = path == self._model.chosen
         found = self._model.find_read_file(path)
         mark, mark_style = OUTCOME_MARKS[self._model.outcomes.get(path)]
@@ -187,7 +187,7 @@ class ScenarioList(LineView, inherit_bindings=False):
             ("▸ " if chosen else "  ", "key"),
             (mark, mark_style),
             (pad(clip(name, room - 1), room), name_style),
-            (pad(_block(found), BLOCK_WIDTH), "label"),
+            (pad(_block_text(found), BLOCK_WIDTH), "label"),
             (clip(found.dialect if found else "", DIALECT_WIDTH), "dim"),
             style=self.cursor_style(chosen),
         )
@@ -213,7 +213,7 @@ class ScenarioList(LineView, inherit_bindings=False):
         self.post_message(ScenarioChosen())
 
 
-def _block(file: ScenarioFile | None) -> str:
+def _block_text(file: ScenarioFile | None) -> str:
     first, *more = (file.blocks if file else ()) or ("",)
     count = f" +{len(more)}" if more else ""
     return clip(first, BLOCK_WIDTH - 1 - len(count)) + count
@@ -234,14 +234,14 @@ class TraceList(TextView):
 
     def show_player(self, player: PlayerSnapshot) -> None:
         self.set_title(4, "STATUS, scan by scan")
-        pins = {instance.name: _inputs(instance) for instance in self._view_model.instances}
+        pins = {instance.name: _input_parts(instance) for instance in self._view_model.instances}
         self._rows = []
         for name, trace in player.traces:
             self._rows.append(row((f"{clip(plain(name), 24)}  ", "strong"), *pins.get(name, [])))
-            self._rows += self._trace(trace)
+            self._rows += self._trace_rows(trace)
         self.show()
 
-    def _trace(self, trace: str) -> list[Row]:
+    def _trace_rows(self, trace: str) -> list[Row]:
         lines = wrap_text(trace, max(20, self.line_width - INDENT - 4)) if trace else ("no scan yet",)
         cut = len(lines) > self.tail
         return [
@@ -254,7 +254,7 @@ class TraceList(TextView):
         ]
 
 
-def _inputs(instance: InstanceSnapshot) -> list[Part]:
+def _input_parts(instance: InstanceSnapshot) -> list[Part]:
     parts: list[Part] = []
     for pin, value in instance.inputs:
         if isinstance(value, bool):
@@ -297,7 +297,7 @@ class ScenarioText(TextView, inherit_bindings=False):
             if self._drawn is None or shown[0] != self._drawn[0]:
                 self.scroll_to(y=0, animate=False)
             self._drawn = shown
-            self._rows = self._lines(file, played) if file is not None else []
+            self._rows = self._text_rows(file, played) if file is not None else []
             self.resize_rows()
             self._keep_step_in_view(played)
         self.show()
@@ -314,7 +314,7 @@ class ScenarioText(TextView, inherit_bindings=False):
 
     # -- the lines ----------------------------------------------------------------------------------
 
-    def _lines(self, file: ScenarioFile, played: PlayerSnapshot | None) -> list[Row]:
+    def _text_rows(self, file: ScenarioFile, played: PlayerSnapshot | None) -> list[Row]:
         self._row_of = {}
         rows = [row((line, "strong")) for line in wrap_text(file.name, self.line_width)]
         if file.about:
@@ -325,15 +325,15 @@ class ScenarioText(TextView, inherit_bindings=False):
         steps = {step.number: step for step in played.steps if step.number} if played else {}
         for step in played.steps if played else ():
             if not step.number and step.state == FAILED:  # commands of `start` are not in the text
-                rows += self._step(ScriptLine(0, 0, f"start: {step.line}"), step, False)
+                rows += self._step_rows(ScriptLine(0, 0, f"start: {step.line}"), step, False)
         coming = _coming_step(played)
         for line in file.lines:
             if line.step:
                 self._row_of[line.step] = len(rows)
-            rows += self._step(line, steps.get(line.step), 0 < line.step == coming)
+            rows += self._step_rows(line, steps.get(line.step), 0 < line.step == coming)
         return rows
 
-    def _step(self, line: ScriptLine, step: StepSnapshot | None, is_next: bool) -> list[Row]:
+    def _step_rows(self, line: ScriptLine, step: StepSnapshot | None, is_next: bool) -> list[Row]:
         state = step.state if step is not None and line.text else TO_COME
         mark, mark_style, style = NEXT_STEP_STYLE if is_next and state == TO_COME else STEP_STYLES[state]
         if line.text.startswith("#"):

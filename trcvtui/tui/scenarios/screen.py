@@ -168,12 +168,12 @@ class ScenariosScreen(SideScreen[Path | None]):
             self.outcome.write(f"✗ {self._trouble}", "error")
         elif player is None:
             self.outcome.write(
-                f"enter loads it on {KERNEL_WORDS[self._kernel]}; k: on {KERNEL_WORDS[self._other()]}"
+                f"enter loads it on {KERNEL_WORDS[self._kernel]}; k: on {KERNEL_WORDS[self._other_kernel()]}"
             )
         else:
-            self.outcome.write(*_outcome(player))
+            self.outcome.write(*_describe_outcome(player))
 
-    def _other(self) -> str:
+    def _other_kernel(self) -> str:
         return KERNELS[1 - KERNELS.index(self._kernel)]
 
     # -- what the panes say -------------------------------------------------------------------------
@@ -251,12 +251,12 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.filter.open()
 
     def action_kernel(self) -> None:
-        self._kernel = self._other()
+        self._kernel = self._other_kernel()
         self._trouble = ""
         self.show()
         self._question = None
         if self._loaded is not None:
-            self.outcome.write(f"enter loads it anew on {KERNEL_WORDS[self._kernel]}")
+            self.outcome.write(f"enter loads it again, on {KERNEL_WORDS[self._kernel]}")
 
     def _ask_on_live(self, then: Callable[[], None]) -> None:
         """Run `then`; if it would end a live bench, ask first."""
@@ -336,14 +336,14 @@ class ScenariosScreen(SideScreen[Path | None]):
         yield "Load the scenario", "on a fresh bench · key enter", "load"
         yield "Next step", "key n", "step"
         yield "Run to the end", "key r", "run"
-        yield f"Load on {KERNEL_WORDS[self._other()]}", "with the next enter · key k", "kernel"
+        yield f"Load on {KERNEL_WORDS[self._other_kernel()]}", "with the next enter · key k", "kernel"
         yield "All panes", "the loaded scenario in all panes; S returns here · key v", "panes"
         yield "Filter the scenarios", "key /", "filter"
         yield "Leave the scenarios", "the project starts again · key esc", "leave"
         yield "Help", "key ?", "help"
 
 
-def _outcome(player: PlayerSnapshot) -> tuple[str, str]:
+def _describe_outcome(player: PlayerSnapshot) -> tuple[str, str]:
     failed, steps = player.failed, player.steps
     if player.finished:
         if not failed:

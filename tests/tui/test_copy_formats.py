@@ -121,7 +121,7 @@ async def test_the_menu_can_be_walked_clicked_and_left(state: Path) -> None:
 async def test_a_job_without_bytes_is_passed_over(state: Path) -> None:
     async with looking(WIDE, picture(data=b"")) as looker:
         await looker.press("5", "y")
-        assert "nothing there" in looker.line("h  bytes as hex")
+        assert "nothing to yank" in looker.line("h  bytes as hex")
         await looker.press("h")
         assert "Yank" in looker.text, "there is nothing to take"
 

@@ -49,7 +49,7 @@ DETACHED_EXIT: Final = 3  # the screen of a tap ends; the tap keeps forwarding
 
 
 # A read-only screen may do only what this function and `reads_only` allow, so a new command or screen is
-# refused by default. `files.refuse_files` closes all files of the process as well.
+# refused by default. `files.refuse_files` also refuses every file that the process opens later.
 
 
 def may_open(screen: object) -> bool:
@@ -453,7 +453,7 @@ class BenchApp(TerminalApp):
     async def action_quit(self) -> None:
         """End the bench, after a warning about unsaved edits and connections that are cut.
 
-        Any other key makes the warning about edits necessary again. A tab of `serve` loses nothing.
+        After any other key the warning about edits comes again. A tab of `serve` loses nothing.
         """
         picture, unsaved = self.view_model.live, self.view_model.unsaved
         if unsaved and not self.last_words and not self._engine.is_shared:

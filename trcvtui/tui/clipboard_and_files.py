@@ -90,7 +90,7 @@ def _run_clipboard_program(program: str, arguments: list[str], content: bytes) -
     return done.returncode == 0
 
 
-MOST_OSC52: Final = 100_000  # characters; terminals drop a longer OSC 52, or show its bytes as text
+MOST_OSC52: Final = 100_000  # characters; terminals drop a longer OSC 52, or are confused by it
 
 Notify = Callable[[str], None]
 

@@ -36,7 +36,7 @@ class ByteSelected(Message):
 
 
 class PastSelected(Message):
-    """The cursor moved to another byte of the stream."""
+    """The cursor moved to another byte or message of the past."""
 
 
 @dataclass

@@ -255,7 +255,7 @@ async def test_hostile_texts_reach_the_terminal_as_plain_characters() -> None:
 async def test_help_names_the_keys_and_q_ends() -> None:
     async with on_fleet(SMALL) as screen:
         await screen.press("question_mark")
-        assert "in groups by site, by cause" in screen.text
+        assert "group by site, by cause" in screen.text
         await screen.press("escape", "q")
         assert not screen.app.is_running or screen.app._exit
 

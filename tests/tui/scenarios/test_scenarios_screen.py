@@ -52,7 +52,7 @@ async def test_a_filter_acts_while_it_is_typed_and_escape_drops_it() -> None:
         await stage.press("escape")
         assert "A frame in two parts" in stage.text
         await stage.press("slash", *"nonsense", "enter")
-        assert "no scenario has these words" in stage.text
+        assert "no scenario with these words" in stage.text
         await stage.press("enter", "n", "r", "down")
         assert stage.driver.console.player is None
 

@@ -194,7 +194,7 @@ class FitList(LineView):
             parts += [(f"{found.score:+6.1f}  ", "strong"), (clip(reading_title(found), width - 12), "")]
             self._rows.append((row(*parts, style=self.cursor_style(chosen)), number))
             if chosen and found.same:
-                twins = wrap_text(f"these fit the bytes as well: {same_readings_text(found)}", width - 5)
+                twins = wrap_text(f"no byte tells it from {same_readings_text(found)}", width - 5)
                 self._rows += [(row((f"     {line}", "warn")), number) for line in twins]
             for reason in found.reasons[:MOST_REASONS] if chosen else ():
                 self._rows += self._reason_rows(reason.points, reason.path, reason.text, width, number)

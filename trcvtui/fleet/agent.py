@@ -151,7 +151,7 @@ class Agent:
             if self._settings.broker is not None:
                 self._connect(self._settings.broker, opened)
             opened.callback(self._end_engine)
-            notify("READY=1")
+            notify("READY=1")  # to systemd
             while not ended:
                 self._run_once(opened)
                 notify("WATCHDOG=1")
@@ -209,7 +209,7 @@ class Agent:
         try:
             server = serve_page(address, port, self)
         except OSError as failed:
-            if not self._page_at:
+            if not self._page_at:  # report it once
                 why = f"{failed.strerror} at {address}:{port}; retrying every {PAGE_RETRY_NS // NS} s"
                 write_or_drop_line(f"--metrics: {why}")
             self._page_at = now + PAGE_RETRY_NS
@@ -295,7 +295,7 @@ class Agent:
         for instance, event in events:
             self._publish_event(instance, event)
         for line in moved:
-            self._figures_at.pop(line.name, None)
+            self._figures_at.pop(line.name, None)  # a new state is published at once
         for instance, event in self.seen.report_findings(
             update.doctor, _utc_s(), self._settings.with_payload
         ):
@@ -309,7 +309,7 @@ class Agent:
 
     def _note_scan(self, snapshot: Snapshot, now: int) -> None:
         """Note the time of a new scan: a picture without a new scan is no sign of life."""
-        if snapshot.scan != self._scan or self._has_shadows:
+        if snapshot.scan != self._scan or self._has_shadows:  # an idle watched line has no new scans
             self._scan, self._scanned_at = snapshot.scan, now
             self._patience = max(STALE_NS, STALE_SCANS * snapshot.interval_ns)
 

@@ -158,7 +158,7 @@ class SeenBench:
         snapshot = update.snapshot
         began = wall - snapshot.t_ns / NS
         events = []
-        if update.lines_skipped:
+        if update.lines_skipped:  # an ERROR may be among them: leave a note
             for instance in self.instances.values():
                 missed = {
                     "text": f"{update.lines_skipped} lines of the ledger were not read: too many at once"

@@ -121,7 +121,7 @@ class Publisher:
             self.queue.delete(done.number)
         held = self._retained.get(done.topic)
         if held is not None and held.is_sent and not held.payload():
-            self.queue.forget_topic(done.topic)  # it is cleared
+            self.queue.forget_topic(done.topic)  # an acknowledged empty payload: the topic is cleared
             del self._retained[done.topic]
 
     def _handle_refusal(self, refused: _PendingMessage, why: str, now: int) -> None:
@@ -151,7 +151,7 @@ class Publisher:
         for topic, held in self._retained.items():
             if held.is_sent or now < held.due_at:
                 continue
-            if len(self._underway) >= MOST_UNDERWAY:
+            if len(self._underway) >= MOST_UNDERWAY:  # a slow broker
                 return
             number = self._connection.publish(topic, held.payload(), is_retained=True)
             if number is None:

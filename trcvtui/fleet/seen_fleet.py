@@ -197,6 +197,7 @@ class FleetLine:
             return FINDING
         if any(self.stuck_s(each, wall) >= STUCK_S for each in self.instances.values()):
             return STUCK
+        # Without a name: an agent that has sent no line yet.
         if not self.name or (self.figures is not None and self.figures.state not in UP_STATES):
             return AWAY
         return HAD if self.errors_hour else GOOD
@@ -304,7 +305,7 @@ class SeenFleet:
                 line.figures = None
             elif topic.kind == "status" and line.instances.pop(topic.instance, None) is not None:
                 self.names -= 1
-            if line.figures is None and not line.instances:
+            if line.figures is None and not line.instances:  # all its topics are cleared
                 del line.agent.lines[line.name]
                 self.names -= 1
 

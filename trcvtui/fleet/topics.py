@@ -192,7 +192,7 @@ def _make_refusal(topic: Topic, found: str, expected: str) -> UserError:
 def _clean_scalar(value: object) -> Scalar:
     """Return a value of a cause; `?` for a value that is not allowed."""
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return value if abs(value) <= MOST_COUNT and math.isfinite(value) else "?"
+        return value if abs(value) <= MOST_COUNT and math.isfinite(value) else "?"  # JSON has no NaN
     if isinstance(value, str):
         return _clip(value)
     return value if value is None or isinstance(value, bool) else "?"

@@ -132,7 +132,7 @@ class MessageReader:
         while True:
             if len(self._bytes) >= LENGTH_HEAD.size:
                 end = LENGTH_HEAD.size + (size := LENGTH_HEAD.unpack_from(self._bytes)[0])
-                if not 0 <= size <= self._most:
+                if not 0 <= size <= self._most:  # a damaged or hostile head
                     raise OSError(f"a message of {size} bytes")
                 if len(self._bytes) >= end:
                     message = bytes(memoryview(self._bytes)[LENGTH_HEAD.size : end])

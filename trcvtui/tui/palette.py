@@ -109,7 +109,7 @@ async def press_other_pane_key(main: MainScreen, key: str, missing: str = "") ->
         return
     digits = [str(digit) for digit in sorted({each.digit for each in found})]
     is_of_peer = digits == [str(PEER_PANE)] or (not found and any(button.letter == key for button in BUTTONS))
-    if is_of_peer and not is_pin and main.peer.lacks_peer():
+    if is_of_peer and not is_pin and main.peer.lacks_peer():  # which has shown the error
         return
     if digits:
         pane = f"pane {digits[0]}" if len(digits) == 1 else f"panes {', '.join(digits[:-1])} and {digits[-1]}"

@@ -135,7 +135,7 @@ def _position_parts(position: ReplayPosition, holding: bool) -> Iterator[Part]:
     if position.first_ns is not None:
         yield f" · {utc_text(position.first_ns + position.t_ns)}", ""
     yield f" · {'‖' if holding else '▶'} {position.speed}", "" if holding else "done"
-    if holding and position.wanted != position.scan:
+    if holding and position.wanted != position.scan:  # the run is replayed up to the wanted scan
         known = position.wanted <= position.last_scan
         yield f" · on the way{f' to {position.wanted}' if known else ''}", "warn"
     if position.note:

@@ -126,6 +126,7 @@ def _parse_keys(given: object, own: set[str], kept: Mapping[str, str]) -> list[s
         key = _parse_key(text)
         if key is None:
             raise ValueError(f"found {quote(text)}, expected {EXPECTED_KEY}")
+        # A lower-case letter is a pin's or a pane's, unless it is a default key of this action.
         if key in FIXED_KEYS or (len(key) == 1 and key.islower() and key not in own):
             raise ValueError(f"found {quote(text)}, which pins and panes use, expected another key")
         if key in kept:

@@ -211,6 +211,7 @@ class FleetTable(LineView, inherit_bindings=False):
         place = self.place_of(event)
         if place is None or place[1] >= len(self.entries):
             return
+        # The first click only moves the cursor, unless it is already on this row by your choice.
         is_open = place[1] == self.cursor and (self._is_moved or event.chain > 1)
         self.go_to(place[1])
         if is_open:

@@ -189,7 +189,7 @@ class AddScreen(FormDialog[str]):
         """Show the fields of another kind, or of another block; the latter keeps what you typed."""
         project = self._project()
         if field is self._kind_field:
-            if field.value in kinds_of(project) and field.value != self.kind:
+            if field.value in kinds_of(project) and field.value != self.kind:  # not while it is half typed
                 self.kind, self._given, self._block = field.value, {}, ""
                 await self._lay_out()
         elif field.key == "block" and field.value != self._block and field.value in project.dialect.blocks:

@@ -375,7 +375,7 @@ class Lab:
             return
         is_other = project.path != self._project.path or project.types is not self._project.types
         self._project = project
-        if is_other and self.opened is None:
+        if is_other and self.opened is None:  # an edit of other parts leaves the types as they are
             self._own = self._project_files()
             self._choose_again()
 
@@ -429,7 +429,7 @@ class Lab:
         self.profiles[side] = profile
         self._is_guess = self._is_guess and side == OURS
         self._clear_results()
-        self.fits, self.fitted, self.news = fits, kept, ""
+        self.fits, self.fitted, self.news = fits, kept, ""  # the ranking stays: you try its rows
 
     def swap_order(self, side: str) -> None:
         profile = self.profiles[side]

@@ -194,7 +194,7 @@ class LabScreen(SideScreen[None]):
         else:
             if pane:
                 self.action_pane(PANE_DIGITS[pane])
-            if is_for_engine(line):
+            if is_for_engine(line):  # after the lab itself: a wrong line is not sent
                 self.send(line)
             self._ask_constants()
         self.show()
@@ -267,7 +267,7 @@ class LabScreen(SideScreen[None]):
         from trcvtui.tui.widgets.dialogs import ChoiceScreen  # read when first asked for
 
         def accept_choice(name: str | None) -> None:
-            if name == HEX and word == "bytes":
+            if name == HEX and word == "bytes":  # the bytes are still to be typed
                 self.action_ask(f"{UDT} {HEX} ")
             elif name is not None:
                 self.run_line(f"{UDT} {word} {name}")

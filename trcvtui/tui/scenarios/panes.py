@@ -349,6 +349,7 @@ class ScenarioText(TextView, inherit_bindings=False):
         return rows
 
     def _keep_step_in_view(self, played: PlayerSnapshot | None) -> None:
+        # Only when the step changes: between steps you may scroll.
         if played is None or (played.path, played.current) == self._followed or not played.steps:
             return
         self._followed = played.path, played.current

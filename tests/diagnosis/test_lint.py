@@ -118,7 +118,7 @@ REFUSED = {
     "a T-selector of rack and slot": (
         "s7-1200",
         'type = "TCON_IP_RFC"\nLocalTSelector = "E0.03"\n',
-        "TCON_IP_RFC.LocalTSelector is byte 46 of C1, and holds 00 02 e0 03",
+        "TCON_IP_RFC.LocalTSelector begins at byte 46 of C1 and holds 00 02 e0 03",
     ),
     "no RemotePort": ("s7-1500", ACTIVE, "RemotePort"),
     "an ID that is too large": ("s7-1500", "ID = 5000\nLocalPort = 2000\n", "ID"),

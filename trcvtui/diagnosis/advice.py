@@ -1,10 +1,10 @@
-"""Evidence to sentences: why a block shows what it shows, what proves it, and what to do about it.
+"""Evidence to sentences: why a block shows its STATUS, what proves it, and what to do about it.
 
-Rule 1: which rules are asked goes by the condition, never by a STATUS number; each answers a sentence or "".
-Rule 2: a rule is one row of RULES: conditions, what moves, function. Rows for what moves replace the general
-ones of a condition; their order is the order in which they are told.
-Rule 3: while the next attempt is waited for, the code of the last one and its advice come first, as if it
-still showed. A block that showed no code of its own for it has none to tell.
+Rule 1: the condition selects the rules, never a STATUS number. Each rule answers a sentence or "".
+Rule 2: a rule is one row of ADVICE_RULES: conditions, traffic, function. Rows for one kind of traffic replace
+the general rows of a condition. The order of the rows is the order of the sentences.
+Rule 3: while a block waits for the next attempt, the code of the last one and its advice come first, as if it
+still showed. If the block showed no code for that attempt, none is named.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SESSION_ERROR_TEXTS: Final = {
 
 
 class Traffic(Enum):
-    """What moves on the link of a block: it decides what is asked."""
+    """What moves on the link of a block: it selects the rules."""
 
     ANYTHING = auto()
     MESSAGES = auto()  # over a connection
@@ -43,9 +43,9 @@ class Traffic(Enum):
 
 
 class Rule(NamedTuple):
-    """One row: in these conditions, where that moves, the function is asked.
+    """One row: `tell` is called in these conditions, if `moves` is the traffic of the block.
 
-    `says_why`: it tells how things stand now, which says more than the cause of the edge does.
+    `says_why`: the answer describes the present state, which says more than the cause of the edge does.
     """
 
     conditions: frozenset[Condition]
@@ -67,9 +67,9 @@ def rules(
 
 DATAGRAMS: Final = (Traffic.DATAGRAMS, Traffic.DATAGRAMS_OF_A_CONNECT)
 ALL_DATAGRAMS: Final = (*DATAGRAMS, Traffic.DATAGRAM_JOBS)
-# What knows no number stands in the STATUS table, on the same card.
+# Advice without numbers is in the STATUS table, on the same card.
 ADVICE_RULES: Final[tuple[Rule, ...]] = (
-    # how things stand, for the sentence of why
+    # the present state, for `why`
     *rules(Condition.RECEIVING, receive.describe_receive_job, says_why=True),
     *rules(Condition.ESTABLISHING, link.describe_setup_wait, says_why=True),
     *rules(
@@ -91,13 +91,13 @@ ADVICE_RULES: Final[tuple[Rule, ...]] = (
         Condition.INTERNAL_FAULT,
         make_constant_rule("please send the report", cause="the error is in this program, not on the line"),
         make_constant_rule(
-            "start {instance} anew: `download {instance}`, or `plc stop` and `plc run`", "download {instance}"
+            "restart {instance}: `download {instance}`, or `plc stop` and `plc run`", "download {instance}"
         ),
     ),
     *rules(
         Condition.STILL_ASKED,
         make_constant_rule(
-            "`set {instance} EN_R=0`, and 1 when it is up",
+            "`set {instance} EN_R=0`, then 1 when the connection is up",
             "set {instance} EN_R=0",
             cause="EN_R is 1 while there is no connection",
         ),
@@ -305,10 +305,10 @@ JOB_CONDITIONS: Final = frozenset({Condition.STARTED, Condition.RUNNING})
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """`why` is how things stand, `causes` what is proven, the most telling first; `do` is what to do.
+    """`why` is the present state, `causes` what is proven, the most telling first; `do` is what to do.
 
-    `code`: that whose row of the table says more than the row of the code that is shown. `rules`: those
-    that spoke.
+    `code`: a STATUS whose row of the table says more than the row of the shown one. `rules`: those that
+    answered.
     """
 
     why: str
@@ -328,13 +328,13 @@ def make_advice(e: Evidence) -> Advice:
     words = describe_cause(failed.cause, e.block) if failed is not None else ""
     first = _describe_failed_attempt(e, words)
     rules = () if first and _has_failed_early(e) else _select_rules(e)
-    told = _ask_rules(e, (serial.explain_port_trouble, *rules))
-    parts = [*first, *(sentence for _, sentence in told)]
+    answers = _ask_rules(e, (serial.explain_port_trouble, *rules))
+    parts = [*first, *(sentence for _, sentence in answers)]
     causes = tuple(dict.fromkeys(part.cause for part in parts if part.cause))
     do = tuple(dict.fromkeys(line for part in parts for line in part.do))
-    if first:  # which may say a cause already, after its own words
+    if first:  # its sentence may contain a cause already
         causes = (causes[0], *(cause for cause in causes[1:] if cause not in causes[0]))
-    return Advice(explain_status(e), causes, do, _attempt_code(e), tuple(tell for tell, _ in told))
+    return Advice(explain_status(e), causes, do, _attempt_code(e), tuple(tell for tell, _ in answers))
 
 
 def _ask_rules(e: Evidence, rules: Iterable[Tell]) -> list[tuple[Tell, AdvisedCause]]:
@@ -342,11 +342,11 @@ def _ask_rules(e: Evidence, rules: Iterable[Tell]) -> list[tuple[Tell, AdvisedCa
 
 
 def _select_rules(e: Evidence) -> tuple[Tell, ...]:
-    found = _rules(e, _transfer_kind(e)) or _rules(e, Traffic.ANYTHING) or (link.name_fault,)
+    found = _find_rules(e, _transfer_kind(e)) or _find_rules(e, Traffic.ANYTHING) or (link.name_fault,)
     return (*found, job.suggest_description_key)
 
 
-def _rules(e: Evidence, moves: Traffic, says_why: bool = False) -> tuple[Tell, ...]:
+def _find_rules(e: Evidence, moves: Traffic, says_why: bool = False) -> tuple[Tell, ...]:
     condition = _condition(e)
     return tuple(
         rule.tell
@@ -374,22 +374,22 @@ def _condition(e: Evidence) -> Condition:
 
 
 def explain_status(e: Evidence) -> str:
-    """Return why it is shown: how things stand now, and where nothing is known of that, the edge's cause."""
+    """Return why a block shows its STATUS: the present state, or the edge's cause if no rule describes it."""
     moves = _transfer_kind(e)
-    found = _rules(e, moves, says_why=True)
+    found = _find_rules(e, moves, says_why=True)
     if not found and moves not in (Traffic.DATAGRAMS, Traffic.DATAGRAM_JOBS):
-        found = _rules(e, Traffic.ANYTHING, says_why=True)
-    asked = [tell for tell in found if e.need or tell is link.describe_setup_wait]
-    stands = as_advised_cause(asked[0](e)).cause if asked else ""
-    if not stands:
+        found = _find_rules(e, Traffic.ANYTHING, says_why=True)
+    describing = [tell for tell in found if e.need or tell is link.describe_setup_wait]
+    state = as_advised_cause(describing[0](e)).cause if describing else ""
+    if not state:
         return serial.describe_port_wait(e) or describe_cause(e.cause, e.block)
-    return INJECTED_PREFIX + stands if e.cause.injected else stands
+    return INJECTED_PREFIX + state if e.cause.injected else state
 
 
 def describe_cause(cause: Cause, block: str) -> str:
     """Return the cause of an edge: what happened, which call and errno, whose, and whether injected."""
     text = cause.name
-    if cause.call == "session":  # what came inside the connection
+    if cause.call == "session":  # the answer came inside the connection
         text = SESSION_ERROR_TEXTS.get(cause.error, f"{cause.name} ({cause.error})")
     elif cause.call in UNDERLYING_CALLS:  # it is no call
         text += "" if cause.why is CauseKind.PARAMETER and cause.detail else f" ({cause.error})"
@@ -415,7 +415,7 @@ def _numbers(cause: Cause, block: str) -> str:
             return f": {cause.have} of {count(cause.need, 'byte')}"
         if cause.pin:
             return f": {cause.pin} is {cause.value}, wanted {cause.have}, at most {count(cause.need, 'byte')}"
-        if not cause.have and row.receives and row.speaks_udp:  # it is here whole, or not at all
+        if not cause.have and row.receives and row.speaks_udp:  # a datagram comes whole or not at all
             return f", at most {count(cause.need, 'byte')}"
         if cause.why is CauseKind.FRAME and cause.have != cause.need:
             return f", {count(cause.have, 'byte')}"
@@ -438,25 +438,25 @@ def _is_building(e: Evidence) -> bool:
 
 
 def _attempt_code(e: Evidence) -> int | None:
-    """Return the code of the last failed attempt, None where none is waited for or none was shown."""
+    """Return the code of the last failed attempt; None: no next one is due, or the block showed none."""
     attempt = e.facts.attempt
     return attempt.status if attempt is not None and attempt.condition and _is_building(e) else None
 
 
 def _describe_failed_attempt(e: Evidence, words: str) -> tuple[AdvisedCause, ...]:
-    """Return what is told of it: it is asked about as in the scan that showed it, `words` are its cause."""
+    """Return its causes and remedies as of the scan that showed it; `words` describe its cause."""
     attempt = e.facts.attempt
     if attempt is None or _attempt_code(e) is None:
         return ()
     then = replace(e, condition=attempt.condition, cause=attempt.cause)
-    asked = (tell for tell in _select_rules(then) if tell is not link.explain_lost_connection)
-    first, *rest = [sentence for _, sentence in _ask_rules(then, asked)] or [AdvisedCause(words)]
+    others = (tell for tell in _select_rules(then) if tell is not link.explain_lost_connection)
+    first, *rest = [sentence for _, sentence in _ask_rules(then, others)] or [AdvisedCause(words)]
     said = f" ({attempt.said})" if attempt.said and attempt.said not in first.cause else ""
     head = f"the last attempt ended in {attempt.status:04X} in scan {attempt.at.scan}"
     return (first._replace(cause=": ".join(filter(None, (head, first.cause))) + said), *rest)
 
 
 def _has_failed_early(e: Evidence) -> bool:
-    """Return whether it never came to a socket: ports and partners have no part in it."""
+    """Return whether the attempt failed before it had a socket: ports and partners play no part."""
     attempt = e.facts.attempt
     return attempt is not None and attempt.cause.call in SETUP_CALLS

@@ -1,4 +1,4 @@
-"""What a failed TLS handshake proves, and what mends it at which end: no check is ever turned off."""
+"""What a failed TLS handshake proves, and what mends it at which end. No remedy turns a check off."""
 
 from __future__ import annotations
 
@@ -10,66 +10,66 @@ from trcvtui.net.layer import TlsError, tls_credentials_of
 from trcvtui.net.results import parse_octets
 
 _SHOW_CERTIFICATES: Final = "`openssl s_client -showcerts -connect {peer}` shows it"
-_WRONG_VERSION: Final = "{peer} does not speak TLS 1.2 or 1.3", "let it take TLS 1.2 or 1.3"
+_WRONG_VERSION: Final = "{peer} does not speak TLS 1.2 or 1.3", "enable TLS 1.2 or 1.3 there"
 _OWN_CERT_REFUSED: Final = (
-    "{peer} does not take the certificate of this end",
-    "compare the one in {shows} (`openssl x509 -noout -text -in FILE`) with the name, use, CA it wants",
+    "{peer} does not accept the certificate of this end",
+    "compare the one in {shows} (`openssl x509 -noout -text -in FILE`) with name, use and CA that it wants",
 )
-# {shows}: the reference to what this end shows, {trusts}: to whom it trusts, {name}: whom it has asked for.
+# {shows}: the reference of this end's own certificate, {trusts}: of those it trusts, {name}: what it called.
 # fmt: off
 _PEER_ERRORS: Final[dict[str, tuple[str, str]]] = {  # what is wrong with the partner's certificate
     TlsError.WRONG_NAME: ("the certificate of {peer} is not valid for {name}",
-        "have it made anew with {name} in its subjectAltName, or call it by a name that stands there"),
-    TlsError.NO_CA: ("the certificate of {peer} was signed by none that {trusts} trusts",
-        "give {trusts} the certificate of its CA, or a self-signed one itself once you know it is genuine"),
+        "have it reissued with {name} in its subjectAltName, or call {peer} by a name that it contains"),
+    TlsError.NO_CA: ("{trusts} trusts no signer of the certificate of {peer}",
+        "set {trusts} to the certificate of its CA; to a self-signed one once you know that it is genuine"),
     TlsError.EXPIRED: ("the certificate of {peer} has expired, or the clock here is wrong",
-        "renew it there, and compare the clock with its last day"),
+        "renew it there, and compare the clock here with its last day"),
     TlsError.DISCARDED: ("the certificate of {peer} is not valid yet, or cannot be used for another reason",
         "compare the clocks of both ends with its first day"),
     TlsError.UNSUPPORTED: ("{peer} showed a certificate for another use, or with too short a key",
-        "have it made anew for that use, with a longer key"),
+        "have it reissued for that use, with a longer key"),
     TlsError.EXTENSION: ("the certificate of {peer} has a critical extension that is not known here",
-        "have it made anew without that extension"),
+        "have it reissued without that extension"),
 }
 _REASONS: Final[dict[str, tuple[str, str]]] = {  # an error, or what the library or an alert calls the reason
-    TlsError.NO_CERTIFICATE: ("{peer} showed no certificate, and is asked for one",
-        "set its own certificate there"),
+    TlsError.NO_CERTIFICATE: ("this end asks for a certificate, and {peer} showed none",
+        "set a certificate of its own there"),
     TlsError.PLAIN: ("{peer} speaks no TLS on this port", "let it speak TLS there, or correct the port"),
-    TlsError.SILENT: ("{peer} does not go on with the handshake: it speaks no TLS on this port, or hangs",
+    TlsError.SILENT: ("{peer} does not continue the handshake: it speaks no TLS on this port, or hangs",
         "correct the port, or look into its log"),
     "protocol_version": _WRONG_VERSION, "unsupported_protocol": _WRONG_VERSION,
-    "no_shared_cipher": ("{peer} has no cipher that this end takes", "let it take those of TLS 1.2 or 1.3"),
+    "no_shared_cipher": ("{peer} has no cipher that this end takes", "enable those of TLS 1.2 or 1.3 there"),
     "certificate_required": ("{peer} asks for a certificate, and this end shows none",
-        "set {shows} to one that has its key here and a CA that is trusted there"),
+        "set {shows} to a certificate with its key here and a CA that {peer} trusts"),
     "handshake_failure": (
-        "{peer} refuses and tells no reason: it wants a certificate of this end, or another cipher",
-        "look into its log; with TLS 1.2 set {shows} where it wants a certificate"),
-    "unknown_ca": ("{peer} does not trust who signed the certificate of this end",
-        "give it the CA of the one in {shows}"),
-    "certificate_expired": ("for {peer} the certificate of this end has expired, or is not valid yet",
-        "renew the one in {shows}, or set the clock there right"),
+        "{peer} refuses and gives no reason: it wants a certificate of this end, or another cipher",
+        "look into its log; with TLS 1.2 set {shows} if it wants a certificate"),
+    "unknown_ca": ("{peer} does not trust the signer of the certificate of this end",
+        "add the CA of the certificate in {shows} there"),
+    "certificate_expired": ("{peer} says that the certificate of this end has expired, or is not valid yet",
+        "renew the one in {shows}, or correct the clock there"),
     "bad_certificate": _OWN_CERT_REFUSED, "certificate_unknown": _OWN_CERT_REFUSED,
     "unsupported_certificate": _OWN_CERT_REFUSED, "certificate_revoked": _OWN_CERT_REFUSED,
 }
 # fmt: on
-_HANDSHAKE_REFUSED: Final = "{peer} refuses the handshake: {words}", "look into its log, which may tell why"
+_HANDSHAKE_REFUSED: Final = "{peer} refuses the handshake: {words}", "look into its log, which may say why"
 
 
 def explain_handshake_failure(e: Evidence) -> RuleAnswer:
-    """Return what the session knows of its end, and the remedy for just that."""
+    """Return why the session ended, and the remedy for exactly that."""
     session = tls_credentials_of(e.config.session) if e.config is not None else None
     if e.config is None or session is None or e.cause.call != "session":
         return ""
     error, is_active, name = e.cause.error, e.config.active, session.server_name.rstrip(".")
-    told = _PEER_ERRORS.get(error) or _REASONS.get(error) or _REASONS.get(e.cause.words)
-    told = told or (_HANDSHAKE_REFUSED if error == TlsError.REFUSED and e.cause.words else ("", ""))
+    row = _PEER_ERRORS.get(error) or _REASONS.get(error) or _REASONS.get(e.cause.words)
+    row = row or (_HANDSHAKE_REFUSED if error == TlsError.REFUSED and e.cause.words else ("", ""))
     words = e.cause.words.replace("_", " ")
     references = ["TLSClientCertRef", "TLSServerCertRef"]
     shows, trusts = references if is_active else reversed(references)
     peer, name = e.cause.peer or "the partner", f"{'DNS' if parse_octets(name) is None else 'IP'}:{name}"
-    is_open = error in _PEER_ERRORS or (error == TlsError.HANDSHAKE and not told[0])
+    is_open = error in _PEER_ERRORS or (error == TlsError.HANDSHAKE and not row[0])
     cause, *texts = (
         each.format(peer=peer, name=name, shows=shows, trusts=trusts, words=words)
-        for each in (*told, _SHOW_CERTIFICATES if is_active and is_open else "")
+        for each in (*row, _SHOW_CERTIFICATES if is_active and is_open else "")
     )
     return AdvisedCause(cause, tuple([SuggestedAction(text) for text in texts if text]))

@@ -1,7 +1,7 @@
 """What a send job, a lock, a pin, a buffer, a description or a certificate proves: which of them is wrong.
 
-Each rule takes the evidence and answers one sentence, or "" where it does not apply. With `do` it says
-what to do about it, too; a rule that proves nothing by itself answers that alone.
+Each rule (also of receive, link, serial) takes the evidence and answers one sentence, or "" where it does not
+apply. `do` says what to do about it; a rule that proves nothing by itself answers `do` alone.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from trcvtui.wording import age, count
 class SuggestedAction(NamedTuple):
     """What to do: a sentence, and the bench lines that do it, one after the other; (): there is none.
 
-    `needs_trial`: they change what a job takes or what it means, and were not tried on what came.
+    `needs_trial`: they change what a job takes or what its bytes mean, and were not tried on received bytes.
     """
 
     text: str
@@ -30,7 +30,7 @@ class SuggestedAction(NamedTuple):
 
 
 class AdvisedCause(NamedTuple):
-    """What a rule answers: what is proven, "": nothing, and what to do about it."""
+    """What is proven, "": nothing; and what to do about it."""
 
     cause: str
     do: tuple[SuggestedAction, ...] = ()
@@ -41,7 +41,7 @@ Tell = Callable[[Evidence], RuleAnswer]
 
 
 def tip(cause: str, text: str, *lines: str, needs_trial: bool = False) -> AdvisedCause:
-    """Return a sentence with one thing to do; each `{}` in its text stands for a bench line."""
+    """Return a sentence with one thing to do; each `{}` in `text` becomes one of the bench lines."""
     for line in lines:
         text = text.replace("{}", f"`{line}`", 1)
     return AdvisedCause(cause, (SuggestedAction(text, lines, needs_trial),))
@@ -58,7 +58,7 @@ GONE: Final = " (gone)"
 
 
 def progress(e: Evidence) -> str:
-    """Return how much of a send job the local stack has taken, and what is on the way."""
+    """Return how much of a send job the local stack has taken, and how much is not acknowledged."""
     text = f"the local stack has taken {e.have} of {count(e.need, 'byte')}"
     if e.is_past:
         return text
@@ -73,7 +73,7 @@ def _describe_unacknowledged(e: Evidence) -> str:
 
 
 def explain_not_reading(e: Evidence) -> str:
-    """Bytes of ours stay unacknowledged, or the stack takes no more: the partner does not read."""
+    """Our bytes stay unacknowledged, or the stack takes no more: the partner does not read."""
     if e.is_past:
         return ""
     waiting = e.link.unacknowledged if e.link is not None else None
@@ -82,15 +82,15 @@ def explain_not_reading(e: Evidence) -> str:
         return ""
     who = e.link.remote if e.link is not None and e.link.remote else "the partner"
     held = f"{count(waiting, 'byte')} of ours are not acknowledged, " if waiting else ""
-    return f"{held}the window is closed: {who} does not read; its receive call is off, or slower than REQ"
+    return f"{held}the window is closed: {who} does not read. Its receive call is off, or slower than REQ"
 
 
 def explain_stall(e: Evidence) -> RuleAnswer:
-    """The partner is a peer of this bench that was told not to read."""
+    """The partner is a peer of this bench that a command stopped from reading."""
     peer = find_connected_peer(e)
     if peer is None or not peer.stalled:
         return ""
-    return tip(f"{peer.name} was told to stop reading", "{}", f"peer {peer.name} resume")
+    return tip(f"{peer.name} does not read: a command stopped it", "{}", f"peer {peer.name} resume")
 
 
 def find_connected_peer(e: Evidence) -> PeerSnapshot | None:
@@ -101,11 +101,11 @@ def find_connected_peer(e: Evidence) -> PeerSnapshot | None:
     return next((p for p in e.peers if p.state == "connected" and (p.local, p.remote) == ends), None)
 
 
-# -- who holds the CONNECT --------------------------------------------------------------------------------
+# -- the holder of the CONNECT -------------------------------------------------------------------------------
 
 
 def explain_connect_holder(e: Evidence) -> RuleAnswer:
-    """Another instance works on this CONNECT: which one, and how it lets go."""
+    """Another instance works on this CONNECT: which one, and what frees it."""
     sends = block_row(e.block).sends
     owners = (e.link.senders if sends else e.link.receivers) if e.link is not None else ()
     holder = next((o for o in owners if o.removesuffix(GONE) != e.instance or o.endswith(GONE)), "")
@@ -122,14 +122,14 @@ def explain_connect_holder(e: Evidence) -> RuleAnswer:
         )
     cure, *lines = ("wait for its DONE or ERROR",) if sends else ("{} frees it", f"set {holder} EN_R=0")
     held = f"{holder} holds the {side} side of {connect}"
-    return tip(held, f"{cure}; better give each a CONNECT of its own", *lines)
+    return tip(held, f"{cure}; better give each instance its own CONNECT", *lines)
 
 
 # -- pins and parameters ----------------------------------------------------------------------------------
 
 
 def explain_wrong_length(e: Evidence) -> RuleAnswer:
-    """LEN does not fit: which of the two limits, and what would."""
+    """LEN exceeds DATA or the maximum: which limit, and which LEN fits."""
     have, most = e.cause.have, e.cause.need
     if have is None or most is None:
         return ""
@@ -139,25 +139,26 @@ def explain_wrong_length(e: Evidence) -> RuleAnswer:
         return tip(cause, "{} receives ad hoc", f"set {e.instance} ADHOC=1 LEN=0")
     if e.cause.value:
         lines = (f"set {e.instance} LEN=0",) if 0 < e.data_size <= most else ()
-        way = "LEN=0 takes all of DATA" if e.data_size <= most else f"set LEN to at most {most}"
+        way = "set LEN=0 for all of DATA" if e.data_size <= most else f"set LEN to at most {most}"
         cause = f"LEN is {e.cause.value}, {data}: {have - most} too many"
         return tip(cause, f"{way}, or enlarge DATA", *lines, needs_trial=not e.has_adhoc)
-    return tip(f"LEN is 0 and {data}, {have - most} more than one job can have", f"set LEN to at most {most}")
+    return tip(
+        f"LEN is 0 and {data}, {count(have - most, 'byte')} more than a job can have",
+        f"set LEN to at most {most}",
+    )
 
 
 def explain_missing_data(e: Evidence) -> RuleAnswer:
-    """DATA is open or empty."""
-    return f"{e.data} has no byte" if e.data else tip("the DATA pin is open", "give the instance a variable")
+    return f"{e.data} has no byte" if e.data else tip("the DATA pin is open", "connect a variable to it")
 
 
 def explain_receive_off(e: Evidence) -> RuleAnswer:
-    """Connected, EN_R is 0, and the stream was left in the middle of a frame."""
     is_off = e.cause.value == 0 if e.cause.pin == "EN_R" and e.is_past else e.pin("EN_R") == 0
     if not is_off or e.condition != "connected":
         return ""
     drop = e.facts.drop
     if drop is None:
-        return "EN_R is 0: what arrives now waits unread in the socket, nothing is lost"
+        return "EN_R is 0: bytes that arrive now wait unread in the socket; nothing is lost"
     text = f"EN_R fell in scan {drop.at.scan} with {drop.have} of {count(drop.need, 'byte')} collected"
     text = f"{text}; they were dropped, and the next frame {_describe_next_frame_begin(e.facts)}"
     lines = (f"pulse {e.instance} COM_RST",) if e.pin("COM_RST") is not None else ()
@@ -174,7 +175,6 @@ def _describe_next_frame_begin(facts: ConnectFacts) -> str:
 
 
 def explain_no_edge(e: Evidence) -> RuleAnswer:
-    """Connected, and REQ stays 1: that is no edge."""
     return explain_req(e) if e.condition == "connected" else ""
 
 
@@ -186,25 +186,25 @@ def explain_req(e: Evidence) -> RuleAnswer:
 
 
 def explain_missing_cont(e: Evidence) -> RuleAnswer:
-    """No job because CONT is 0, and where REQ or EN_R connects, because that does not ask."""
+    """No job: CONT is 0, and where REQ or EN_R can connect, that pin does not ask either."""
     if e.pin("CONT") != 0 or e.condition != "no job":
         return ""
     stay = f"set {e.instance} CONT=1"
     keeps = SuggestedAction(f"or `{stay}` to stay connected", (stay,))
     if e.cause.pin == "REQ":
-        send, lets_go = f"pulse {e.instance} REQ", (f"set {e.instance} REQ=0",) * bool(e.pin("REQ"))
-        text = f"{'set it to 0 first, then ' * len(lets_go)}`{send}` to connect, send and disconnect"
-        return AdvisedCause("REQ stays 1" * len(lets_go), (SuggestedAction(text, (*lets_go, send)), keeps))
+        send, clears = f"pulse {e.instance} REQ", (f"set {e.instance} REQ=0",) * bool(e.pin("REQ"))
+        text = f"{'set it to 0 first, then ' * len(clears)}`{send}` to connect, send and disconnect"
+        return AdvisedCause("REQ stays 1" * len(clears), (SuggestedAction(text, (*clears, send)), keeps))
     if e.cause.pin == "EN_R":
         text, receive = "{} to connect, receive and disconnect", f"set {e.instance} EN_R=1"
         return AdvisedCause("", (*tip("", text, receive).do, keeps))
-    asked = [pin for pin in ("EN_R", "REQ") if e.pin(pin)]
-    return tip(f"CONT is 0{f' while {asked[0]} is 1' if asked else ''}", "{}", stay)
+    high = [pin for pin in ("EN_R", "REQ") if e.pin(pin)]
+    return tip(f"CONT is 0{f' while {high[0]} is 1' if high else ''}", "{}", stay)
 
 
 def explain_not_called(e: Evidence) -> RuleAnswer:
     if e.is_stopped:
-        return tip("the PLC is in STOP, no block is called", "{}", "plc run")
+        return tip("the PLC is in STOP: no block is called", "{}", "plc run")
     return "" if e.is_past else tip(f"no scan has called {e.instance} yet", "check whether its task runs")
 
 
@@ -246,22 +246,21 @@ def explain_description_flaw(e: Evidence) -> str:
     raw = e.config.description.data[field.offset : field.offset + field.size]
     held = raw[:MOST_BYTES].hex(" ") + (" …" if len(raw) > MOST_BYTES else "")
     structure = e.config.description.structure.name
-    return (
-        f"{structure}.{field.name} is byte {field.offset} of {e.config.name}, and holds {held or 'nothing'}"
-    )
+    place = f"{structure}.{field.name} begins at byte {field.offset} of {e.config.name}"
+    return f"{place} and holds {held or 'nothing'}"
 
 
 def suggest_description_key(e: Evidence) -> RuleAnswer:
-    """The screen shows the description byte for byte."""
     if e.cause.call != "description" or e.config is None or e.config.description is None:
         return ""
     return tip(
-        "", f"press `C`: the description of {e.config.name} byte for byte, what is wrong with it first"
+        "",
+        f"press `C` for the description of {e.config.name} byte for byte: what is wrong with it comes first",
     )
 
 
 def suggest_another_port(e: Evidence) -> RuleAnswer:
-    """Return which port may be taken; the port of ISO-on-TCP has a key of its own."""
+    """Return which port to take; the key for ISO-on-TCP is IsoPort."""
     config = e.config
     if config is None:
         return ""
@@ -269,14 +268,13 @@ def suggest_another_port(e: Evidence) -> RuleAnswer:
     if config.local.port == ISO_PORT or says_iso:
         return tip(
             f"{ISO_PORT} is the port of ISO-on-TCP, which TCON_IP_RFC speaks",
-            "where it is taken, or not for every user: "
-            f"`IsoPort = 2102` in [[connect]] {config.name} takes another, the partner's too",
+            "if it is in use, or your user may not use it: "
+            f"`IsoPort = 2102` in [[connect]] {config.name} takes another one, also for the partner",
         )
     return tip(f"LocalPort of {config.name} is {config.local.port}", "take a free one, 2000 to 5000")
 
 
 def suggest_name_lookup(e: Evidence) -> RuleAnswer:
-    """Return how to ask for the partner's name outside of the bench."""
     name = e.config.remote_name if e.config is not None else ""
     if not name and e.config is not None and e.config.description is not None:
         name = read_spec(e.config.description).remote_name
@@ -288,18 +286,17 @@ def suggest_name_lookup(e: Evidence) -> RuleAnswer:
 
 
 def explain_refused_selector(e: Evidence) -> RuleAnswer:
-    """The partner took the call and refused its T-selector."""
     if e.cause.call != "session" or e.config is None or e.config.description is None:
         return ""
-    says_what = read_spec(e.config.description)
-    if says_what.protocol is not Transport.ISO:
+    spec = read_spec(e.config.description)
+    if spec.protocol is not Transport.ISO:
         return ""
-    ours = format_selector(says_what.local_tsap) or "none"
-    theirs = format_selector(says_what.remote_tsap) or "any"
+    ours = format_selector(spec.local_tsap) or "none"
+    theirs = format_selector(spec.remote_tsap) or "any"
     return tip(
-        f"{_partner_name(e)} took the call and refused it",
-        "make the selectors fit crosswise: its remote one has to "
-        f"be {ours} (our local one) and its local one {theirs} (our remote one)",
+        f"{_partner_name(e)} accepted the connection, then refused it",
+        "make the selectors match crosswise: the partner's remote one has to "
+        f"be {ours} (our local one), its local one {theirs} (our remote one)",
     )
 
 
@@ -307,16 +304,15 @@ def explain_refused_selector(e: Evidence) -> RuleAnswer:
 
 
 def explain_message_too_long(e: Evidence) -> RuleAnswer:
-    """A message comes whole or not at all: how much room it needs."""
+    """A message comes whole or not at all: how much room does it need?"""
     have, need = e.cause.have, e.cause.need
     if not have or not need:
         return ""
-    text = f"{limit(e)}, the message had {count(have, 'byte')}: {count(have - need, 'byte')} too many"
-    return tip(f"{text}, and it is lost", f"give DATA and LEN at least {have}")
+    text = f"{limit(e)}; the message had {count(have, 'byte')}: {count(have - need, 'byte')} too many"
+    return tip(f"{text}. The message is lost", f"give DATA and LEN at least {have}")
 
 
 def explain_changed_parameter(e: Evidence) -> RuleAnswer:
-    """DATA or LEN changed while a job ran."""
     pin = e.cause.pin or "DATA"
     held = "until DONE or ERROR: change it while BUSY is 0"
     if pin == "DATA":
@@ -325,7 +321,6 @@ def explain_changed_parameter(e: Evidence) -> RuleAnswer:
 
 
 def explain_symbolic_data(e: Evidence) -> RuleAnswer:
-    """Return what a symbolic DATA (of an optimized block) does not go together with."""
     block = "in a block that is not optimized (`optimized = false`)"
     if e.cause.pin == "LEN":
         return tip("", f"{{}}, or DATA {block}", f"set {e.instance} LEN=0")
@@ -335,7 +330,4 @@ def explain_symbolic_data(e: Evidence) -> RuleAnswer:
 def explain_small_result(e: Evidence) -> str:
     if e.cause.have is None or e.cause.need is None:
         return ""
-    return f"RESULT ({e.data}) has {count(e.cause.have, 'byte')}, the diagnosis has {e.cause.need}"
-
-
-# What is more than the flaw itself, in the order of the conditions.
+    return f"RESULT ({e.data}) has {count(e.cause.have, 'byte')}, the diagnosis needs {e.cause.need}"

@@ -1,7 +1,4 @@
-"""What the set-up of a connection proves: what is waited for, since when, what answered, or was turned away.
-
-Each rule takes the evidence and answers one sentence, or "" where it does not apply; with it what to do.
-"""
+"""What the set-up of a connection proves: what is awaited, since when, what answered or was turned away."""
 
 from __future__ import annotations
 
@@ -23,35 +20,35 @@ from trcvtui.wording import SECOND, age, count, format_ns, times
 
 ANY_ADDRESS: Final = "0.0.0.0"
 NS_PER_MS: Final = SECOND // 1000
-QUIET_NS: Final = 10 * SECOND  # without a byte, after messages: longer than most senders pause
-MOST_FAILURES: Final = 2  # kinds of failed attempts told, the newest
+QUIET_NS: Final = 10 * SECOND  # without a byte after messages: most senders pause shorter
+MOST_FAILURES: Final = 2  # kinds of failed attempts that are named, the newest
 
-_PORT_TAKEN: Final = tip("another program or CONNECT has {local}", "`ss -ltnp` names it")
+_PORT_TAKEN: Final = tip("another program or CONNECT uses {local}", "`ss -ltnp` names it")
 # How an attempt failed -> what that proves, and what to do.
 FAILURE_ANSWERS: Final[dict[str, RuleAnswer]] = {
-    "connect ECONNREFUSED": "{peer} answers with RST: the machine is there, and nothing listens on that port",
+    "connect ECONNREFUSED": "{peer} answers with RST: the machine is there, but nothing listens on that port",
     "attempt_limit ETIMEDOUT": "{peer} does not answer a SYN: wrong address, cable, or a firewall that drops",
     "connect ETIMEDOUT": "{peer} does not answer a SYN: wrong address, cable, or a firewall that drops",
-    "connect EHOSTUNREACH": "{peer} does not answer ARP, or a router says no: wrong address, or it is off",
-    "connect ENETUNREACH": tip("no route leads to {peer}", "look at LocalAddress, the mask and the gateway"),
-    "connect EADDRNOTAVAIL": "no local end is free towards {peer}: LocalPort is fixed and still in TIME_WAIT",
+    "connect EHOSTUNREACH": "{peer} does not answer ARP, or a router cannot reach it: wrong address, or off",
+    "connect ENETUNREACH": tip("no route leads to {peer}", "check LocalAddress, mask and gateway"),
+    "connect EADDRNOTAVAIL": "no local port is free for {peer}: LocalPort is fixed and still in TIME_WAIT",
     "connect EADDRINUSE": tip("LocalPort is fixed and in use towards {peer}", "LocalPort 0 takes a free one"),
     "bind EADDRINUSE": _PORT_TAKEN,
     "listen EADDRINUSE": _PORT_TAKEN,
     "bind EACCES": tip(
-        "{local}: ports below 1024 are not for every user", "take a larger LocalPort or IsoPort"
+        "{local}: not every user may use ports below 1024", "take a larger LocalPort or IsoPort"
     ),
     "bind EADDRNOTAVAIL": tip(
         "{local} belongs to no interface of this machine", "`ip -br address` lists them"
     ),
-    "socket EMFILE": "the process has no descriptor left",
+    "socket EMFILE": "the process has no file descriptor left",
 }
 
 LISTENING: Final = "listening"
 
 
 def describe_condition(project: Project, name: str, shown: StatusEdge | InstanceSnapshot) -> str:
-    """Return what stands beside a STATUS; a passive CONNECT whose listener is there listens."""
+    """Return the word beside a STATUS; a passive CONNECT with a listener is `listening`."""
     decl, cause = project.instance(name), shown.cause
     connect = project.connect(decl.connect) if decl is not None else None
     waits = shown.condition == Condition.ESTABLISHING and connect is not None and not connect.active
@@ -61,19 +58,19 @@ def describe_condition(project: Project, name: str, shown: StatusEdge | Instance
 
 
 ERRNO_WORDS: Final = {"ECONNREFUSED": "refused", "ETIMEDOUT": "unanswered"}
-# What fails before the partner is called, or after it: in words, and no errno beside them.
+# Failed handshakes: these words alone, without the errno.
 SESSION_ERROR_WORDS: Final = {
-    ("session", "ECONNREFUSED"): "taken and refused by the partner",
-    ("session", "ECONNRESET"): "taken and given up by the partner",
+    ("session", "ECONNREFUSED"): "accepted and then refused by the partner",
+    ("session", "ECONNRESET"): "accepted and then ended by the partner",
 }
 CALL_FAILURE_WORDS: Final = {"session": "the handshake failed", "resolve": "the name was not found"}
 
 
-# -- what is waited for -----------------------------------------------------------------------------------
+# -- the wait ---------------------------------------------------------------------------------------------
 
 
 def describe_setup_wait(e: Evidence) -> str:
-    """Return what a set-up waits for, since when, and how far it is; "" where nothing is known."""
+    """Return what a set-up waits for, since when, and how far it is; "": not known."""
     if e.config is None:
         return ""
     return _describe_unbuilt(e) or (_describe_listen(e) if not e.config.active else _describe_call_wait(e))
@@ -111,7 +108,8 @@ def _describe_unbuilt(e: Evidence) -> str:
         return ""
     detail = f", {attempt.cause.detail}" if attempt.cause.detail else ""
     press = " (press C)" if attempt.cause.call == "description" and e.config.description is not None else ""
-    return f"{e.config.name} is not built{_down_since(e)}: {attempt.cause.name}{press}{detail}{_next_try(e)}"
+    waits = f"{e.config.name} has not been built{_down_since(e)}"
+    return f"{waits}: {attempt.cause.name}{press}{detail}{_next_try(e)}"
 
 
 def remote_tsap(config: ConnectConfig) -> str:
@@ -154,23 +152,22 @@ def _describe_failure(failed: FailureCount) -> str:
 
 
 def name_fault(e: Evidence) -> RuleAnswer:
-    asked = e.cause.injected or any(failed.injected for failed in e.facts.failures)
-    text = "a fault that was injected here did that, not the network"
-    return tip(text, "{}", "fault clear") if asked else ""
+    is_injected = e.cause.injected or any(failed.injected for failed in e.facts.failures)
+    text = "a fault injected here caused this, not the network"
+    return tip(text, "{}", "fault clear") if is_injected else ""
 
 
 def explain_failure(e: Evidence) -> RuleAnswer:
-    """The newest failure of an attempt, in words."""
     failed = max(e.facts.failures, key=lambda f: f.last.scan, default=None)
     newest = (failed.call, failed.error) if failed is not None else ("", "")
     error = (e.cause.call, e.cause.error) if e.cause.call else newest
     peer = e.cause.peer or (failed.peer if failed else "") or "the partner"
     local = e.config.local if e.config is not None else "the local port"
-    told = as_advised_cause(FAILURE_ANSWERS.get(" ".join(error), ""))
-    cause = told.cause.format(peer=peer, local=local)
+    answer = as_advised_cause(FAILURE_ANSWERS.get(" ".join(error), ""))
+    cause = answer.cause.format(peer=peer, local=local)
     if cause and failed is not None and newest == error and failed.count > 1:
         cause += f" ({times(failed.count)}, last in scan {failed.last.scan})"
-    return told._replace(cause=cause) if cause else ""
+    return answer._replace(cause=cause) if cause else ""
 
 
 def explain_unanswered_call(e: Evidence) -> RuleAnswer:
@@ -184,7 +181,6 @@ def explain_unanswered_call(e: Evidence) -> RuleAnswer:
 
 
 def explain_wrong_partner(e: Evidence) -> str:
-    """A call came from another address than RemoteAddress."""
     turned = e.facts.wrong_partner
     if turned is None or e.config is None:
         return ""
@@ -195,7 +191,6 @@ def explain_wrong_partner(e: Evidence) -> str:
 
 
 def explain_second_client(e: Evidence) -> str:
-    """A client called while another one was connected."""
     turned = e.facts.second_client
     if turned is None:
         return ""
@@ -206,7 +201,7 @@ def explain_second_client(e: Evidence) -> str:
 
 
 def explain_refused_caller(e: Evidence) -> str:
-    """A caller was let go before it was a partner: its handshake failed, or it has another TSAP."""
+    """A caller was refused before it was a partner: its handshake failed, or it has another TSAP."""
     dropped = e.facts.dropped
     if dropped is None or e.config is None or e.config.active:
         return ""
@@ -219,7 +214,7 @@ def explain_refused_caller(e: Evidence) -> str:
 
 
 def suggest_peer_call(e: Evidence) -> RuleAnswer:
-    """A peer of this bench could be the partner, and does nothing."""
+    """A peer of this bench could be the partner, but does nothing."""
     if e.config is None or e.config.is_datagram or e.is_past or e.link is None:
         return ""
     if e.config.active:
@@ -246,7 +241,6 @@ def _suggest_listen(e: Evidence) -> RuleAnswer:
 
 
 def explain_lost_connection(e: Evidence) -> str:
-    """A connection stood before, and ended."""
     loss = e.facts.loss
     if loss is None or e.facts.up_since is not None:
         return ""
@@ -257,7 +251,6 @@ def explain_lost_connection(e: Evidence) -> str:
 
 
 def explain_early_request(e: Evidence) -> RuleAnswer:
-    """EN_R or REQ came before the connection."""
     pin = e.cause.pin
     since = e.facts.down_since
     if not pin:
@@ -276,21 +269,21 @@ def explain_connection_limit(e: Evidence) -> RuleAnswer:
 
 
 def explain_dead_link(e: Evidence) -> RuleAnswer:
-    """Nothing was acknowledged, as long as the keep-alive waits."""
+    """The partner acknowledged nothing for as long as the keep-alive waits."""
     if e.config is None:
         return ""
     limit = format_ns(3 * e.config.keep_alive_s * SECOND)
     lived = e.facts.loss.up_ns if e.facts.loss is not None else None
-    stood = f"; the link had stood for {age(lived)}" if lived is not None else ""
+    stood = f"; the link had been up for {age(lived)}" if lived is not None else ""
     return tip(
         f"{e.cause.peer or 'the partner'} was silent for about {limit} (3 x KeepAliveTimeInterval "
         f"{e.config.keep_alive_s} s){stood}",
-        "look at cable, switch and its power, not at its program",
+        "check cable, switch and the partner's power, not its program",
     )
 
 
 def explain_quiet_line(e: Evidence) -> RuleAnswer:
-    """Messages came and come no more: STATUS shows no cut line before keep-alive does."""
+    """Messages no longer come. A cut line does not show in STATUS until keep-alive ends the connection."""
     since, patience = e.facts.up_since, max(QUIET_NS, 2 * e.facts.longest_gap_ns)
     if e.config is None or since is None or e.is_past or e.have or e.last_bytes_ns is None:
         return ""
@@ -301,14 +294,14 @@ def explain_quiet_line(e: Evidence) -> RuleAnswer:
         e.link.remote if e.link is not None else "its partner",
     )
     return tip(
-        f"no byte for {age(e.quiet_ns)}: a line cut, or a partner without power, looks just like this for up "
-        f"to {limit}, then keep-alive ends the connection",
-        f"look at cable and power of {peer}, or `ping` it",
+        f"no byte for {age(e.quiet_ns)}. A cut line or a partner without power looks just the same for up to "
+        f"{limit}; then keep-alive ends the connection",
+        f"check cable and power of {peer}, or `ping` it",
     )
 
 
 def explain_partner_end(e: Evidence) -> str:
-    """The partner closed or reset: in mid frame, and how often."""
+    """The partner closed or reset the connection: how far the job was, and how often."""
     cause, loss = e.cause, e.facts.loss
     how = "reset (RST)" if cause.error == "ECONNRESET" else "closed (FIN)"
     text = f"{cause.peer or 'the partner'} {how}"
@@ -321,11 +314,11 @@ def explain_partner_end(e: Evidence) -> str:
 
 
 def explain_close_after_message(e: Evidence) -> str:
-    """The partner had sent whole messages, and the frame wanted more."""
+    """The partner had sent whole messages, but the frame wants more bytes."""
     size, have, need = e.facts.messages.common, e.cause.have, e.cause.need
     if not size or not have or not need or have % size or size >= need:
         return ""
     return (
-        f"it had sent whole messages: each has {count(size, 'byte')}, the frame wants {need}: "
+        f"it had sent whole messages of {count(size, 'byte')}, but the frame wants {need}: "
         f"{count(need - have, 'byte')} short"
     )

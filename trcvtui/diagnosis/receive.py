@@ -1,7 +1,4 @@
-"""What received bytes, messages and datagrams prove: whether a job waits or is stuck; wrong sizes, ports.
-
-Each rule takes the evidence and answers one sentence, or "" where it does not apply; with it what to do.
-"""
+"""What received bytes, messages and datagrams prove: whether a job waits or is stuck; wrong sizes, ports."""
 
 from __future__ import annotations
 
@@ -15,17 +12,17 @@ from trcvtui.history.records import DroppedJob
 from trcvtui.snapshots.bench import PeerSnapshot
 from trcvtui.wording import SECOND, age, count, rate_text, times
 
-QUIET_NS: Final = SECOND  # a frame begun and so long without a byte is stuck, unless the sender is a slow one
-SLOW_SENDER_PAUSES: Final = 2  # so many of a sender's longest pauses are waited for
+QUIET_NS: Final = SECOND  # a frame without a new byte for so long is stuck, unless its sender is slow
+SLOW_SENDER_PAUSES: Final = 2  # times the longest pause of its sender, then it is stuck
 RECEIVING_CONDITIONS: Final = frozenset({Condition.RECEIVING, Condition.RECEIVING_PART, Condition.RUNNING})
 ARMED, FILLING, STUCK = "waiting", "receiving", "stuck"
 
 
-# -- how a job stands -----------------------------------------------------------------------------------
+# -- the state of a job ---------------------------------------------------------------------------------
 
 
 def state(e: Evidence) -> str:
-    """Return waiting (nothing came yet), receiving (bytes arrive) or stuck (some are here, no more come)."""
+    """Return waiting (no byte yet), receiving (bytes arrive) or stuck (some arrived, no more come)."""
     if not e.have:
         return ARMED
     patience = max(QUIET_NS, SLOW_SENDER_PAUSES * e.facts.longest_gap_ns)
@@ -39,10 +36,10 @@ def is_stuck(e: Evidence) -> bool:
 
 
 def describe_receive_job(e: Evidence) -> str:
-    """Return what a job that receives has, wants, and since when nothing came."""
+    """Return how many bytes a job has received and wants, and for how long none came."""
     wanted = f"up to {count(e.need, 'byte')} ({_adhoc_name(e)})" if e.adhoc else count(e.need, "byte")
     if e.is_past:
-        return f"{e.have} of {wanted} were here"
+        return f"{e.have} of {wanted} had been received"
     if not e.have:
         return f"{ARMED} for {wanted}; none received yet{_describe_last_arrival(e, 'frame')}{_link_age(e)}"
     if e.have >= e.need and not e.adhoc:
@@ -85,7 +82,7 @@ def _describe_rate(e: Evidence) -> str:
     return f", {rate_text(e.have, lasted)}" if lasted >= 2 * e.interval_ns else ""
 
 
-# -- who sends, and in which sizes ------------------------------------------------------------------------
+# -- the sender and its message sizes ------------------------------------------------------------------------
 
 
 def _name_messages(e: Evidence) -> str:
@@ -101,12 +98,12 @@ def _sizes(e: Evidence, size: int) -> str:
 
 
 def explain_shift_by_drop(e: Evidence) -> RuleAnswer:
-    """A frame was given up in its middle, and the bytes after it begin the next one."""
+    """A frame was dropped in its middle, and the bytes after it begin the next one."""
     drop, facts = e.facts.drop, e.facts
     if drop is None or e.adhoc or facts.up_since is None:
         return ""
     if not facts.messages.count:
-        doubt = "unless the sender had ended a message there, the stream is shifted"
+        doubt = "the stream is shifted, unless a message of the sender ended there"
         return _advise_resync(e, f"{_describe_drop(drop)}; {doubt}")
     message = facts.begins_in
     if message is None or not message.first:
@@ -117,8 +114,8 @@ def explain_shift_by_drop(e: Evidence) -> RuleAnswer:
 
 def _advise_resync(e: Evidence, cause: str) -> AdvisedCause:
     if e.pin("COM_RST") is None:
-        return tip(cause, "disconnect and connect again: the next frame begins with a message")
-    text = "{} to put the stream back in step, or CONT 0, then 1"
+        return tip(cause, "disconnect and connect again: the next frame then begins with a message")
+    text = "{} to realign the stream; or set CONT to 0, then to 1"
     return tip(cause, text, f"pulse {e.instance} COM_RST")
 
 
@@ -128,7 +125,7 @@ def _describe_drop(drop: DroppedJob) -> str:
 
 
 def explain_shift(e: Evidence) -> str:
-    """The running job begins inside a message, and no dropped frame tells why."""
+    """The running job begins inside a message, and no dropped frame explains it."""
     message = e.facts.begins_in
     if e.adhoc or message is None or not message.first or e.facts.drop is not None or _has_other_size(e):
         return ""
@@ -151,7 +148,7 @@ def explain_short_sender(e: Evidence) -> RuleAnswer:
     missing = e.need - size
     text = f"{limit(e)}. {_sizes(e, size)}: LEN or DATA is {count(missing, 'byte')} too large for this sender"
     if len(e.facts.messages.last) > 1 and e.done_scan is not None:
-        text += f". Each frame takes {count(missing, 'byte')} of the next message, so the values wander"
+        text += f". Each frame takes {count(missing, 'byte')} of the next message, so the values shift"
     pins = (("LEN", f"set {e.instance} LEN={size}"), ("COM_RST", f"pulse {e.instance} COM_RST"))
     has_len, has_reset = (e.pin(pin) is not None for pin, _ in pins)
     way = f"make both equal: {'{}, or ' * has_len}give DATA {count(size, 'byte')}{'; then {}' * has_reset}"
@@ -164,7 +161,7 @@ def explain_several_messages(e: Evidence) -> str:
     if size is None or e.adhoc or not size < e.need or e.need % size:
         return ""
     frame = f"{limit(e)}. {_sizes(e, size)}: one frame takes {e.need // size} of them"
-    return f"{frame}, {e.have // size} are here" if e.have else frame
+    return f"{frame}, {e.have // size} have arrived" if e.have else frame
 
 
 def explain_long_sender(e: Evidence) -> RuleAnswer:
@@ -182,7 +179,7 @@ def explain_long_sender(e: Evidence) -> RuleAnswer:
         return f"{_sizes(e, size)}. {limit(e)}: one message comes as {size // e.need} frames"
     return tip(
         f"{_sizes(e, size)}. {limit(e)}, which is too small for this sender: {count(rest, 'byte')} of each "
-        "message begin a next frame, so the values wander",
+        "message begin the next frame, so the values shift",
         f"give DATA and LEN {count(size, 'byte')}",
     )
 
@@ -205,53 +202,55 @@ def explain_many_sizes(e: Evidence) -> RuleAnswer:
     if e.adhoc or not sizes or e.facts.messages.common is not None or not e.need or explain_odd_size(e):
         return ""
     return tip(
-        f"{_name_messages(e)} had {min(sizes)} to {max(sizes)} bytes, a static frame has always {e.need}",
-        f"{_setting(e)} takes what is there, or one job reads the header and one the rest",
+        f"{_name_messages(e)} had {min(sizes)} to {max(sizes)} bytes, but a static frame always has {e.need}",
+        f"{_setting(e)} takes what has arrived; or read the header with one job and the rest with another",
     )
 
 
 def explain_burst_size(e: Evidence) -> str:
-    """Of a partner whose messages are not known: what comes between two pauses has another size."""
+    """Messages of the partner are not known: the bytes between two pauses have another size than a frame."""
     facts = e.facts
     size = facts.bursts.common
     if facts.messages.count or size is None or e.adhoc or not e.need or size == e.need:
         return ""
     if e.config is None:
-        return ""  # a datagram is whole, whatever its size
+        return ""  # a datagram comes whole, whatever its size
     if e.need % size == 0 and state(e) != STUCK:
         return ""
     if facts.bursts.count == 1 and size > e.need and e.is_arriving:
         return f"{count(size, 'byte')} came without a pause: a stream does not show where a message ends"
     each = "" if facts.bursts.count == 1 else "each time "
-    came = f"bytes came {times(facts.bursts.count)}, {each}{size}: if that is the sender's message,"
+    came = f"bytes came {times(facts.bursts.count)}, {each}{size}. If that is the sender's message,"
     if size < e.need:
-        return f"{limit(e)}, {came} LEN or DATA is {e.need - size} too large"
+        return f"{limit(e)}; {came} LEN or DATA is {count(e.need - size, 'byte')} too large"
     if size % e.need:
-        return f"{limit(e)}, {came} its last {count(size % e.need, 'byte')} begin a next frame"
-    return f"{limit(e)}, {came} it comes as {size // e.need} frames"
+        return f"{limit(e)}; {came} its last {count(size % e.need, 'byte')} begin the next frame"
+    return f"{limit(e)}; {came} it comes as {size // e.need} frames"
 
 
 def suggest_ad_hoc(e: Evidence) -> RuleAnswer:
-    """Static, stuck, and nothing tells whether more will come."""
+    """Static and stuck, and whether more bytes will come is not known."""
     if e.adhoc or state(e) != STUCK or not e.have:
         return ""
     here = count(e.have, "byte")
     if e.adhoc_at_once:
         now = tip("", f"{{}} to get the {here} at once", f"set {e.instance} ADHOC=1", needs_trial=True)
         return tip("", f"ADHOC=1 would have delivered the {here} at once") if e.is_past else now
-    return tip("", f"{_setting(e)} would have delivered the {here} at once (read when EN_R rises again)")
+    return tip(
+        "", f"{_setting(e)} would have delivered the {here} at once (it is read when EN_R rises again)"
+    )
 
 
 def explain_partial_message(e: Evidence) -> str:
-    """ADHOC delivers what is there: that may be a part of a message, or several."""
+    """ADHOC delivers whatever has arrived: a part of a message, or several."""
     size = e.facts.messages.common
     length = e.cause.have
     if not e.adhoc or size is None or not length or length == size or size > e.need:
         return ""
     if e.condition != "received":
         return ""
-    what = f"{length} of them are a part of one" if length < size else f"{length} are more than one"
-    return f"{_sizes(e, size)}: {what}; {_adhoc_name(e)} delivers what is there, not messages"
+    what = f"{length} bytes are {'a part of' if length < size else 'more than'} one"
+    return f"{_sizes(e, size)}, and {what}: {_adhoc_name(e)} delivers whatever has arrived, not messages"
 
 
 def explain_nothing_sent(e: Evidence) -> RuleAnswer:
@@ -262,14 +261,16 @@ def explain_nothing_sent(e: Evidence) -> RuleAnswer:
         if peer.state == "connected" and (peer.local, peer.remote) == (e.link.remote, e.link.local):
             text = f"{peer.name} has sent nothing on this connection"
             return tip(text, "{}", f"peer {peer.name} send hex 01")
-    return tip("the partner has sent nothing since the link is up", "check there: is its send call enabled?")
+    return tip(
+        "the partner has sent nothing since the link came up", "check there: is its send call enabled?"
+    )
 
 
 # -- messages (ISO-on-TCP): a shorter one ends the job, a longer one is lost ------------------------------
 
 
 def describe_message_job(e: Evidence) -> str:
-    """Return what a job waits for: a message is here whole, or not at all."""
+    """Return what a job waits for: a message comes whole or not at all."""
     armed = f"{ARMED} for one message of at most {count(e.need, 'byte')}; none received yet"
     return armed if e.is_past else armed + _describe_last_arrival(e, "message") + _link_age(e)
 
@@ -281,8 +282,8 @@ def explain_short_message(e: Evidence) -> str:
     if not size or not e.need or size >= e.need:
         return ""
     return (
-        f"{limit(e)}, the last message had {count(size, 'byte')}. A message is a whole job whatever its "
-        f"size: RCVD_LEN says {size}, and DATA keeps older bytes from byte {size} on"
+        f"{limit(e)}; the last message had {count(size, 'byte')}. A message of any size completes a job: "
+        f"RCVD_LEN is {size}, and DATA keeps older bytes from byte {size} on"
     )
 
 
@@ -292,22 +293,19 @@ def explain_long_message(e: Evidence) -> RuleAnswer:
     if size is None or not e.need or size <= e.need:
         return ""
     return tip(
-        f"{e.facts.sender}'s messages have {count(size, 'byte')}, {limit(e)}: each is {size - e.need} too "
-        "long, and lost",
+        f"{e.facts.sender}'s messages have {count(size, 'byte')}; {limit(e)}. Each is "
+        f"{count(size - e.need, 'byte')} too long and is lost",
         f"give DATA and LEN at least {size}",
     )
 
 
-# -- datagrams --------------------------------------------------------------------------------------------
+# -- receiving datagrams ----------------------------------------------------------------------------------
 
 ANY_ADDRESS: Final = "0.0.0.0"
 
 
-# -- receiving --------------------------------------------------------------------------------------------
-
-
 def describe_datagram_receive(e: Evidence) -> str:
-    """Return what a job waits for: a datagram is here whole, or not at all."""
+    """Return what a job waits for: a datagram comes whole or not at all."""
     if e.have:
         return f"a datagram of {count(e.have, 'byte')} is received and shows in the next scan"
     armed = f"{ARMED} for one datagram of at most {count(e.need, 'byte')}; none received yet"
@@ -329,7 +327,9 @@ def explain_wrong_port(e: Evidence) -> str:
     )
     if astray is None or not astray.messages_sent:
         return ""
-    return f"{astray.name} sends to {astray.remote}, this socket is at {_local(e)}: address or port is wrong"
+    return (
+        f"{astray.name} sends to {astray.remote}, but this socket is at {_local(e)}: address or port is wrong"
+    )
 
 
 def explain_no_sender(e: Evidence) -> RuleAnswer:
@@ -339,8 +339,8 @@ def explain_no_sender(e: Evidence) -> RuleAnswer:
         if _is_at(peer.remote, _local(e)) and not peer.messages_sent:
             return tip(f"{peer.name} has sent nothing", "{}", f"peer {peer.name} send hex 01")
     return tip(
-        f"no datagram has come to {_local(e)}; UDP tells the sender nothing, a firewall drops without a "
-        "word, and 255.255.255.255 is not heard",
+        f"no datagram has come to {_local(e)}. UDP reports nothing to the sender, a firewall drops silently, "
+        "and datagrams to 255.255.255.255 do not arrive here",
         "check whether the partner sends to this address and port",
     )
 
@@ -363,13 +363,13 @@ def _is_at(target: str, local: str) -> bool:
 
 
 def explain_cut_datagram(e: Evidence) -> str:
-    """What does not fit into LEN or DATA is gone: a datagram comes once."""
+    """Bytes that do not fit into LEN or DATA are lost: a datagram comes once."""
     sizes = e.facts.datagrams.last
     need = e.need or 0
     if not need or not sizes or sizes[-1] <= need:
         return ""
     return (
-        f"{limit(e)}, {_datagram_sizes(e)}: {count(sizes[-1] - need, 'byte')} of it did not fit and are lost"
+        f"{limit(e)}; {_datagram_sizes(e)}: {count(sizes[-1] - need, 'byte')} of it did not fit and are lost"
     )
 
 
@@ -379,8 +379,8 @@ def explain_short_datagram(e: Evidence) -> str:
     if not size or not e.need or size >= e.need or explain_cut_datagram(e):
         return ""
     return (
-        f"{limit(e)}, {_datagram_sizes(e)}. A datagram is a whole job whatever its size: "
-        f"RCVD_LEN says {size}, and DATA keeps older bytes from byte {size} on"
+        f"{limit(e)}; {_datagram_sizes(e)}. A datagram of any size completes a job: "
+        f"RCVD_LEN is {size}, and DATA keeps older bytes from byte {size} on"
     )
 
 
@@ -399,59 +399,53 @@ def _datagram_sizes(e: Evidence) -> str:
 
 
 def explain_unread(e: Evidence) -> str:
-    """The socket is open and EN_R is 0."""
     if e.pin("EN_R") != 0:
         return ""
-    return "EN_R is 0: datagrams wait in the socket; when it is full the stack drops the newer ones unseen"
+    return "EN_R is 0: datagrams wait in the socket. When it is full, the stack silently drops newer ones"
 
 
-# -- sending ----------------------------------------------------------------------------------------------
+# -- sending datagrams ------------------------------------------------------------------------------------
 
 
 def explain_sent(e: Evidence) -> RuleAnswer:
-    """DONE of a datagram tells of the local stack only; a peer of this bench would have to be there."""
+    """DONE of a datagram is about the local stack only; whether a peer of this bench is there is known."""
     target = e.cause.peer
     if not target:
         return ""
+    taken = f"DONE means that the local stack took it for {target}; UDP cannot say whether it arrived"
     if e.is_past or any(_is_at(target, peer.local) and peer.state != "closed" for peer in _udp_peers(e)):
-        return f"DONE tells that the local stack took it for {target}; UDP does not tell whether it came"
+        return taken
     near = next((peer for peer in _udp_peers(e) if peer.local), None)
     if near is None:
-        return f"DONE tells that the local stack took it for {target}; UDP does not tell whether it came"
+        return taken
     if near.state == "closed":
         text = f"it went to {target}, and {near.name} is closed"
         return tip(text, "{}", f"peer {near.name} listen")
-    return f"it went to {target}, {near.name} receives at {near.local}: address or port in ADDR is wrong"
+    return f"it went to {target}, but {near.name} receives at {near.local}: address or port in ADDR is wrong"
 
 
-def explain_done(e: Evidence) -> RuleAnswer:
-    """Return the same of a block whose edge does not name the receiver."""
+def explain_done(e: Evidence) -> RuleAnswer:  # the edge may not name the receiver
     return explain_sent(e) or (
-        "DONE tells that the local stack took the datagram; UDP does not tell whether it came"
+        "DONE means that the local stack took the datagram; UDP cannot say whether it arrived"
     )
 
 
 def explain_datagram_edge(e: Evidence) -> RuleAnswer:
-    """The socket is open and REQ stays 1: that is no edge."""
     return explain_req(e)
 
 
 def explain_empty_addr(e: Evidence) -> RuleAnswer:
-    """The receiver of a datagram stands in ADDR."""
-    return tip("ADDR names the receiver", "write both address and port into it before the edge of REQ")
+    return tip("ADDR names the receiver", "write address and port into it before the rising edge of REQ")
 
 
 def explain_datagram_too_long(e: Evidence) -> RuleAnswer:
-    """A datagram that DATA has no room for is gone, and the next one is clean."""
+    """A datagram without room in DATA is lost whole; the next one is not affected."""
     have, need = e.cause.have, e.cause.need
     if not have or not need:
         return ""
     return tip(
-        f"the datagram had {count(have, 'byte')}, {have - need} too many", f"give DATA at least {have}"
+        f"the datagram had {count(have, 'byte')}, {have - need} too many", f"give DATA at least {have} bytes"
     )
-
-
-# The same of blocks whose CONNECT says UDP: to these the socket is their connection.
 
 
 def describe_datagram_job(e: Evidence) -> str:
@@ -463,12 +457,12 @@ def explain_closed_socket(e: Evidence) -> RuleAnswer:
     at = e.link.name if e.link is not None else "UDP_CONFIG"
     return tip(
         f"the socket of {at} is not open; the next call tries again",
-        "check whether LocalAddress is one of this machine, and LocalPort free (`ss -ulnp`)",
+        "check whether this machine has LocalAddress, and whether LocalPort is free (`ss -ulnp`)",
     )
 
 
 def explain_result_layout(e: Evidence) -> str:
     return (
         f"RESULT ({e.data}): byte 6 is State (1 lost, 2 the active end calls, 3 the passive end waits, "
-        "4 established), byte 8 on the bytes sent, byte 12 on those received"
+        "4 established), bytes 8 to 11 the bytes sent, bytes 12 to 15 those received"
     )

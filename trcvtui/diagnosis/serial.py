@@ -1,7 +1,4 @@
-"""Blocks on a ComBuffer: what to look at when one shows an error, and what will go wrong with a framing.
-
-Each rule takes what is known and answers one sentence, or "" where it does not apply.
-"""
+"""Blocks on a ComBuffer: what to check when one shows an error, and what will go wrong with a framing."""
 
 from __future__ import annotations
 
@@ -24,7 +21,7 @@ def explain_frame_too_long(e: Evidence) -> RuleAnswer:
     size = e.pin("SizeReceiveData")
     frame = f"{count(size, 'byte')} came" if size else "the size was reached"
     cause = f"{frame} without the suffix: the suffix differs, or frames are longer"
-    return tip(cause, "{} tells which", f"framing {e.instance}")
+    return tip(cause, "{} shows which", f"framing {e.instance}")
 
 
 def explain_wrong_frame_size(e: Evidence) -> RuleAnswer:
@@ -36,17 +33,17 @@ def explain_wrong_frame_size(e: Evidence) -> RuleAnswer:
 
 def explain_string_too_long(e: Evidence) -> RuleAnswer:
     text = "the string was full before its text ended"
-    return tip(text, "{} tells how texts end (key B)", f"framing {e.instance}")
+    return tip(text, "{} shows how texts end (key B)", f"framing {e.instance}")
 
 
-# Where nothing is wrong with the block itself, it waits for the line.
+# The block itself is right and waits for the line.
 WAITING_CONDITIONS: Final = frozenset(
     {Condition.FRAME_AWAITED, Condition.FRAME_PART, Condition.BUFFER_EMPTY, Condition.SENDING}
 )
 
 
 def describe_port_wait(e: Evidence) -> str:
-    """Return that the port is not there, for a block that waits for what comes or goes over it."""
+    """Return that the port does not exist, if the block waits for bytes from or to it; else ""."""
     return describe_port_fault(e.buffer) if e.condition in WAITING_CONDITIONS and not e.cause.pin else ""
 
 
@@ -63,7 +60,7 @@ MUCH_NOISE: Final = 16  # bytes thrown away without a single frame
 
 @dataclass(frozen=True, slots=True)
 class FramedBlock:
-    """A receiving block with its framer, its ComBuffer, and what feeds that (None: no TRCV_C)."""
+    """A receiving block with its framer, its ComBuffer, and the TRCV_C that feeds it (None: none does)."""
 
     instance: InstanceSnapshot
     framer: FramerSnapshot
@@ -92,11 +89,11 @@ class FramedBlock:
 
 
 def list_framing_warnings(snapshot: Snapshot, project: Project, name: str) -> tuple[str, ...]:
-    """Return what matters now of an instance's framing, the worst first."""
+    """Return the warnings about an instance's framing, the worst first."""
     framed = _find_framed_block(snapshot, project, name)
     if framed is None:
         return ()
-    return tuple([told for rule in FRAMING_RULES if (told := rule(framed))])
+    return tuple([text for rule in FRAMING_RULES if (text := rule(framed))])
 
 
 def _find_framed_block(snapshot: Snapshot, project: Project, name: str) -> FramedBlock | None:
@@ -127,7 +124,7 @@ def _find_framed_block(snapshot: Snapshot, project: Project, name: str) -> Frame
 
 
 def warn_long_marks(f: FramedBlock) -> str:
-    """The block runs into the overrun."""
+    """Every frame ends with the overrun."""
     marks = len(f.prefix) + len(f.suffix)
     if not f.suffix or marks <= f.framer.size or f.framer.size <= 0:
         return ""
@@ -139,17 +136,17 @@ def warn_long_marks(f: FramedBlock) -> str:
 
 
 def warn_no_end(f: FramedBlock) -> str:
-    """The first row of "every combination": only Reset helps."""
+    """Without suffix and Timeout only the size ends a frame."""
     if f.suffix or f.framer.timeout_ns or f.framer.size <= 0:
         return ""
     if f.framer.is_text:
         return "no suffix and Timeout = 0: the end of a text is never seen; give it a suffix or a Timeout"
     size = count(f.framer.size, "byte")
-    return f"no suffix and Timeout = 0: with fewer than {size} it waits for ever, only Reset helps"
+    return f"no suffix and Timeout = 0: with fewer than {size} it waits forever; only Reset helps"
 
 
 def warn_equal_marks(f: FramedBlock) -> str:
-    """Once out of step, the end of a frame is taken for the beginning of the next."""
+    """After one lost mark, the end of a frame is taken for the beginning of the next."""
     if not f.prefix or f.prefix != f.suffix:
         return ""
     return "prefix and suffix are equal: after one lost mark each end is taken for a beginning, until Reset"
@@ -161,7 +158,7 @@ def warn_only_noise(f: FramedBlock) -> str:
     if f.framer.discarded < MUCH_NOISE or tally.good or tally.gaps or tally.overruns:
         return ""
     thrown = count(f.framer.discarded, "byte")
-    return f"{thrown} came, none of them began a frame: is {f.prefix.hex(' ').upper()} the sender's prefix?"
+    return f"{thrown} came, and none began a frame: is {f.prefix.hex(' ').upper()} the sender's prefix?"
 
 
 # -- the gap -------------------------------------------------------------------------------------------------
@@ -185,7 +182,7 @@ def warn_no_gap(f: FramedBlock) -> str:
     gap = f"{f.framer.timeout_ns / MS:g} ms"
     return (
         f"no suffix, and the gap of {gap} never comes: {f.size_pin} fills to {count(f.framer.size, 'byte')}, "
-        "and cuts anywhere; key B shows how the bytes part into frames"
+        "and cuts anywhere; key B shows how the bytes split into frames"
     )
 
 
@@ -208,8 +205,8 @@ def warn_static(f: FramedBlock) -> str:
     if f.feeder is None or f.feeder.pin("ADHOC"):
         return ""
     return (
-        f"{f.feeder.name} has ADHOC = 0: it hands on whole blocks of LEN bytes, so a frame comes late, "
-        "or not before the next one; ADHOC = 1 hands on whatever arrives"
+        f"{f.feeder.name} has ADHOC = 0: it passes on whole blocks of LEN bytes, so a frame comes late, "
+        "or not before the next one; ADHOC = 1 passes on whatever arrives"
     )
 
 
@@ -220,17 +217,17 @@ def warn_idle_feeder(f: FramedBlock) -> str:
 
 
 def warn_drops(f: FramedBlock) -> str:
-    """With a size of its own, the ComBuffer drops what TCP could hold back."""
+    """With its own size, the ComBuffer drops bytes that TCP could hold back."""
     if f.feeder is None or not f.buffer.size:
         return ""
     return (
-        f"{f.buffer.name} has size = {f.buffer.size}: what has no room is dropped; without size the sender "
-        "is slowed instead"
+        f"{f.buffer.name} has size = {f.buffer.size}: bytes without room are dropped; without size the "
+        "sender is slowed down instead"
     )
 
 
 def warn_port_away(f: FramedBlock) -> str:
-    """A port that is not there looks like silence."""
+    """A port that does not exist looks like silence."""
     return ": ".join(part for part in (describe_port_fault(f.now), port_hint(f.now)) if part)
 
 
@@ -241,7 +238,6 @@ def warn_lost_bytes(f: FramedBlock) -> str:
 
 
 def warn_shared_buffer(f: FramedBlock) -> str:
-    """Each byte is taken once."""
     if len(f.readers) < 2:
         return ""
     return f"{' and '.join(f.readers)} read {f.buffer.name}: each byte reaches one of them only"

@@ -82,7 +82,9 @@ async def test_the_newest_edge_is_explained_with_the_numbers_of_now() -> None:
         await desk.do("peer P1 send random 20 seed=1", "run 300")
         assert "Stuck: 20 of 24 bytes received" in desk.words("status")
         await desk.do("peer P1 send random 4 seed=1", "run 9")
-        assert "20 of 24 bytes were here" in desk.words("status"), "up to the last scan in which it showed"
+        assert "20 of 24 bytes had been received" in desk.words("status"), (
+            "up to the last scan in which it showed"
+        )
 
 
 async def test_words_from_outside_are_never_markup() -> None:

@@ -162,7 +162,7 @@ def test_arp_alone_with_a_fault_is_1(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.parametrize(("partner", "target", "text"), [
-    (PARTNER, PARTNER, ""), (PARTNER, "10.0.0.19", "the project has 10.0.0.9"),
+    (PARTNER, PARTNER, ""), (PARTNER, "10.0.0.19", "the project has the partner 10.0.0.9"),
     ("192.168.7.2", GATEWAY, "the gateway on the way to 192.168.7.2 does not answer"),
 ])  # fmt: skip
 def test_no_such_host_names_the_partner_or_the_gateway(

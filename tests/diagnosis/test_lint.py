@@ -122,7 +122,7 @@ REFUSED = {
     ),
     "no RemotePort": ("s7-1500", ACTIVE, "RemotePort"),
     "an ID that is too large": ("s7-1500", "ID = 5000\nLocalPort = 2000\n", "ID"),
-    "a port of the system": ("s7-1500", "LocalPort = 161\n", "LocalPort is byte"),
+    "a port of the system": ("s7-1500", "LocalPort = 161\n", "LocalPort begins at byte"),
     "a name without its dot": (
         "s7-1500",
         'type = "TCON_QDN"\nActiveEstablished = true\nRemoteQDN = "scale"\nRemotePort = 2000\n',
@@ -148,7 +148,7 @@ REFUSED = {
         "s7-1500",
         'type = "TCON_IP_v4"\nLocalPort = 161\n'
         + INSTANCE.replace("TRCV_C", "TCON").replace('data = "rx"\n', ""),
-        "LocalPort is byte",
+        "LocalPort begins at byte",
     ),
     "a receiver beside another one": (
         "baosky",

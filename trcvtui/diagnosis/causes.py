@@ -1,7 +1,7 @@
-"""The rules of the doctor, one row a cause: what speaks for it, what silences it, and the remedy.
+"""The rules of the doctor, one row a cause: what proves it, which causes silence it, and the remedy.
 
-Rule 1: a judge that lacks a fact says nothing; "healthy" is what is left when no rule speaks.
-Rule 2: a row that explains another one silences it, so that a storm is not told as ten resets.
+Rule 1: a judge that lacks a fact says nothing. A conversation is healthy if no rule speaks.
+Rule 2: a row silences those that it explains: a storm is one finding, not ten resets.
 """
 
 from __future__ import annotations
@@ -35,30 +35,30 @@ from trcvtui.diagnosis.session_causes import TPKT, is_http, judge_line_errors, j
 from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import SECOND, count, format_ns, times
 
-UNANSWERED_NS: Final = 3 * SECOND  # a SYN that waits so long has no answer
+UNANSWERED_NS: Final = 3 * SECOND  # then a SYN has no answer
 IDLE_NS: Final = 20 * SECOND
-CLOSED_NS: Final = SECOND  # a window that stays closed
+CLOSED_NS: Final = SECOND  # of a zero window
 AT_ONCE_NS: Final = 2 * SECOND
-AFTER_ACK_NS: Final = 1_500_000  # after the ACK that it waited for, a write leaves so soon
+AFTER_ACK_NS: Final = 1_500_000  # a write that waited for an ACK leaves so soon after it
 NEAR_NS: Final = 30_000_000
 SHORT_LIFE_NS: Final = 30 * SECOND
 STORM: Final = 4  # connections
-RECONNECT_NS: Final = 10 * SECOND  # in which the same ends build a new connection
+RECONNECT_NS: Final = 10 * SECOND  # within it the same ends build a new connection
 PROVEN: Final = 0.95  # a fact of the protocol, or a remedy that was tried
 UNTRIED_CONFIDENCE: Final = 0.85
 MOST_AROUND: Final = 64  # conversations that one is compared with
 
 
 class EndsGroup:
-    """The conversations between the same two ends, in their order."""
+    """The conversations between the same two ends, in the order of time."""
 
     def __init__(self, lines: tuple[LineFacts, ...], restarts: Mapping[LineFacts, LineFacts] = {}) -> None:
         self.lines = lines
-        self.restarts = restarts  # of all half-open connections, each with the call that shows it
+        self.restarts = restarts  # of half-open connections: each with the call that proves it
 
     @cached_property
     def built(self) -> tuple[LineFacts, ...]:
-        """Return those whose SYN and its answer are in the capture."""
+        """Return those whose SYN and answer are both in the capture."""
         return tuple([one for one in self.lines if one.has_begin and one.answered_ns is not None])
 
     @cached_property
@@ -71,7 +71,7 @@ class EndsGroup:
 
     @cached_property
     def sequential_lines(self) -> tuple[LineFacts, ...]:
-        """Return those that were built and lost in turn; the others are parallel to one of them."""
+        """Return those that were built one after the other, without any that was parallel to one of them."""
         found: list[LineFacts] = []
         for one in self.built:
             if not found or found[-1].last_ns <= one.first_ns:
@@ -80,13 +80,13 @@ class EndsGroup:
 
     @cached_property
     def harmful_end_count(self) -> int:
-        """Return how many ends did harm to a block, as far as that is known, and were not asked for."""
+        """Return how many ends harmed a block (or it is not known) and were not requested."""
         ends = [(one, one.end) for one in self.ended_lines if one.end is not None and not one.end.is_ours]
         return sum(one.has_harm_at(end.ns) and not (one.connect and end.by_plc) for one, end in ends)
 
     @cached_property
     def has_recovered(self) -> bool:
-        """Return whether one of them stands, and has for ten seconds."""
+        """Return whether one of them is open, and has been for ten seconds."""
         return any(one.is_built and one.end is None and one.lasted_ns >= RECONNECT_NS for one in self.lines)
 
     @cached_property
@@ -109,7 +109,7 @@ class EndsGroup:
 
     @cached_property
     def ordinary_end_count(self) -> int:
-        """Return how many the caller itself ended: both had sent bytes, nothing was on its way to it."""
+        """Return how many the caller itself ended, after both sent bytes and with none on their way to it."""
         return sum(1 for one in self.ended_lines if _is_ordinary(one))
 
     @cached_property
@@ -122,19 +122,19 @@ class EndsGroup:
 
     @cached_property
     def plc_end_and_reset_counts(self) -> tuple[int, int]:
-        """Return how many of them the PLC end ended, and how many of all ended by RST."""
+        """Return how many of them the PLC end ended, and how many any end ended by RST."""
         ends = [one.end for one in self.ended_lines if one.end is not None]
         return sum(1 for end in ends if end.by_plc), sum(1 for end in ends if end.kind == "rst")
 
     @cached_property
     def life_and_period_ns(self) -> tuple[int, int]:
-        """Return how long connections stood, and after what time the next one was built."""
+        """Return the median life of a connection, and the median time from one to the next."""
         life = int(median(one.lasted_ns for one in self.ended_lines))
         return life, int(median(b.first_ns - a.first_ns for a, b in pairwise(self.built)))
 
 
 class LineCase(NamedTuple):
-    """What is judged: a conversation, those between the same ends, those before it at the same listener."""
+    """A conversation, those between the same ends, those before it (`older`) at the same listener."""
 
     line: LineFacts
     group: EndsGroup
@@ -162,7 +162,7 @@ def _judge_refused(case: LineCase) -> Finding | None:
     if not _is_tcp(case) or not line.has_begin or line.is_built or reset is None or not line.caller.syns:
         return None
     if line in case.group.restart_calls:
-        return None  # the old connection answers
+        return None  # half-open: the RST is the old connection's, not a closed port's
     who = "the partner" if line.plc_calls else "the PLC end"
     text = f"{who} answers SYN with RST: nothing listens on port {_listener_end(line)[1]}"
     texts = (text, f"{times(case.group.refusal_count)} in this capture")
@@ -180,10 +180,10 @@ def _judge_turned_away(case: LineCase) -> Finding | None:
     line, end, often = case.line, case.line.end, case.group.turned_away_count
     if end is None or not _is_tcp(case) or not _is_turned_away(line):
         return None
-    is_asked = line.has_harm_at(end.ns) and (case.receiver is not None or line.harms)
-    if often < (STORM if not is_asked else 1 if end.kind == "rst" else FEW_MESSAGES):
+    is_needed = line.has_harm_at(end.ns) and (case.receiver is not None or line.harms)
+    if often < (STORM if not is_needed else 1 if end.kind == "rst" else FEW_MESSAGES):
         return None
-    text = f"the partner listens, takes the call and ends it with {end.kind.upper()} before a byte is said"
+    text = f"the partner listens, accepts the call and ends it with {end.kind.upper()} before any byte"
     at = SegmentFacts(end.ns, 0, 0, end.packet)
     return Finding(0.95 if often > 2 else 0.85, (text, f"{times(often)} in this capture"), "to-plc", at)
 
@@ -203,7 +203,7 @@ def _judge_filtered(case: LineCase) -> Finding | None:
     text = f"{count(len(syns), 'SYN')} to port {_listener_end(line)[1]}, no answer in {format_ns(waited)}"
     before = next((one for one in reversed(case.older) if one.partner_end[0] == line.partner_end[0]), None)
     if before is not None and _outage(before):
-        return Finding(0.6, (text, "a connection between the same ends died before it"), _listener_way(line))
+        return Finding(0.6, (text, "an earlier connection to the same partner died"), _listener_way(line))
     return Finding(0.95 if len(syns) > 2 else 0.85, (text,), way=_listener_way(line), at=syns[0])
 
 
@@ -215,7 +215,7 @@ def _judge_second_client(case: LineCase) -> Finding | None:
     if not older:
         return None
     first = older[0]
-    since = f"the PLC end serves {first.partner} since {format_ns(line.first_ns - first.first_ns)} before"
+    since = f"the PLC end has served {first.partner} for {format_ns(line.first_ns - first.first_ns)}"
     if not line.is_built:
         reset = line.listener.reset
         if reset is not None:
@@ -230,16 +230,16 @@ def _judge_second_client(case: LineCase) -> Finding | None:
         at_once = ended.ns - max(begun, line.to_plc.writes[0].ns if line.to_plc.writes else 0) < AT_ONCE_NS
         if at_once or ended.kind == "rst":
             word = "RST" if ended.kind == "rst" else "FIN"
-            text = f"{word} from the PLC end after {format_ns(ended.ns - begun)}, it had said nothing"
+            text = f"{word} from the PLC end after {format_ns(ended.ns - begun)}, without a byte from it"
             return Finding(0.93, (since, text), way="from-plc", at=SegmentFacts(ended.ns, 0, 0, ended.packet))
-    said = line.to_plc.segments
+    segments = line.to_plc.segments
     still = min(first.last_ns, line.last_ns if ended is not None else first.last_ns) - line.first_ns
-    if not said and not line.from_plc.segments and still >= UNANSWERED_NS:
-        text = f"it stands without a byte for {format_ns(still)}"
+    if not segments and not line.from_plc.segments and still >= UNANSWERED_NS:
+        text = f"it has been open without a byte for {format_ns(still)}"
         return Finding(0.75 if ended is None else 0.6, (since, text), way="to-plc")
     has_answers = len(first.from_plc.writes) > 2 and not line.from_plc.segments
-    if has_answers and said and line.lasted_ns >= UNANSWERED_NS:
-        text = f"{count(said, 'segment')} of this client in {format_ns(line.lasted_ns)}, and no answer"
+    if has_answers and segments and line.lasted_ns >= UNANSWERED_NS:
+        text = f"{count(segments, 'segment')} of this client in {format_ns(line.lasted_ns)}, and no answer"
         return Finding(0.7, (since, text), way="to-plc")
     return None
 
@@ -248,21 +248,21 @@ def _judge_address(case: LineCase) -> Finding | None:
     line = case.line
     if not _is_tcp(case) or not line.has_begin:
         return None
-    has_stood = case.group.has_built_line or case.reverse.has_built_line
-    if not line.is_built and case.reverse.lines and not has_stood:
+    was_built = case.group.has_built_line or case.reverse.has_built_line
+    if not line.is_built and case.reverse.lines and not was_built:
         texts = ("both ends call each other, and neither listens: both are active",)
         return Finding(0.93, texts, at=next(iter(line.caller.syns), None))
     receiver = case.receiver
     is_sure = receiver is not None and receiver.connect != "" and line.guess.confidence >= 0.8
     if receiver is not None and is_sure and line.plc_calls is not None and receiver.active != line.plc_calls:
-        is_said = "active" if receiver.active else "passive"
+        role = "active" if receiver.active else "passive"
         who = "the PLC end" if line.plc_calls else "the partner"
-        text = f"{receiver.connect} is {is_said} in the project, and {who} calls"
+        text = f"{receiver.connect} is {role} in the project, but {who} calls"
         return Finding(0.85, (text,), instance=receiver.instance)
     if receiver is None and case.receivers and not line.plc_calls and not line.is_built:
         ports = sorted({one.local_port for one in case.receivers if not one.active and one.local_port})
         if ports and line.plc_end[1] not in ports and _judge_refused(case) is not None:
-            text = f"the partner calls port {line.plc_end[1]}, the project listens on {ports[0]}"
+            text = f"the partner calls port {line.plc_end[1]}, but the project listens on {ports[0]}"
             return Finding(0.98, (text,), way="to-plc")
     return None
 
@@ -290,12 +290,12 @@ def _is_short(writes: Sequence[SegmentFacts]) -> bool:
 def _judge_closes(case: LineCase) -> Finding | None:
     if not _is_tcp(case) or not case.line.is_built:
         return None
-    ended, alike, stood = case.group.ended_lines, case.group.one_message_lines, len(case.group.built)
-    if len(alike) < 2 or len(alike) < 0.7 * stood - 1 or len(alike) < 0.7 * len(ended):
+    ended, alike, built = case.group.ended_lines, case.group.one_message_lines, len(case.group.built)
+    if len(alike) < 2 or len(alike) < 0.7 * built - 1 or len(alike) < 0.7 * len(ended):
         return None
     sure = 0.95 if len(alike) > 3 else 0.85 if len(alike) > 2 else 0.7
     end = alike[0].end
-    texts = (f"the partner ended {len(alike)} of {count(stood, 'connection')} after one message",)
+    texts = (f"the partner ended {len(alike)} of {count(built, 'connection')} after one message",)
     at = SegmentFacts(end.ns, 0, 0, end.packet) if end is not None else None
     return Finding(sure, texts, way="to-plc", at=at)
 
@@ -323,8 +323,8 @@ def _judge_storm(case: LineCase) -> Finding | None:
     by_plc, resets = case.group.plc_end_and_reset_counts
     who = f"ended by the PLC end {by_plc}, by the partner {len(ended) - by_plc} times"
     texts = (
-        f"{count(len(built), 'connection')} built, {len(ended)} lost again, one each {format_ns(period)}",
-        f"{who}; {resets} by RST; each stood {format_ns(life)}",
+        f"{count(len(built), 'connection')} built, {len(ended)} lost again, one every {format_ns(period)}",
+        f"{who}; {resets} by RST; each lasted {format_ns(life)}",
     )
     at = SegmentFacts(built[0].first_ns, 0, 0, 0)
     packets = tuple([one.first_packet for one in built[:MOST_SHOWN]])
@@ -350,11 +350,11 @@ def _judge_resets(case: LineCase) -> Finding | None:
 
     later = [one.first_ns for one in case.group.lines[-MOST_AROUND:] if one.first_ns > line.first_ns]
     if end.is_ours or (end.by_plc and line.connect is not None):
-        return finding(0.0, "it was asked for here", is_remark=True)
+        return finding(0.0, "it was requested here", is_remark=True)
     if (line.from_plc if end.by_plc else line.to_plc).probes_open:
-        return finding(0.0, "its keep-alive probe had no answer: it gave the connection up", is_remark=True)
+        return finding(0.0, "its keep-alive probe had no answer: it gave up the connection", is_remark=True)
     if not line.has_harm_at(end.ns):
-        return finding(0.0, "no block lost anything by it", is_remark=True)
+        return finding(0.0, "no block lost anything through it", is_remark=True)
     part = _describe_partial_job(line, case.receiver) or _describe_partial_frame(line)
     if part:
         return finding(0.96, part)
@@ -363,28 +363,32 @@ def _judge_resets(case: LineCase) -> Finding | None:
         if case.receiver is None or is_new:
             return finding(0.0, "the answer to an old connection", is_remark=True)
     if lost.unacked and lost.is_heard and line.has_begin and Quality.ACKS_MISSING not in line.qualities:
-        return finding(0.85, f"{count(lost.unacked, 'byte')} of {other} were on their way, and are lost")
+        return finding(0.85, f"{count(lost.unacked, 'byte')} of {other} were on their way and are lost")
     sizes = [one.size for one in line.messages]
     is_even = len(sizes) > 2 and sizes.count(sizes[-1]) * 5 >= 4 * len(sizes)
     if line.harms is None and (case.receiver is None or (is_even and not later)):
         return finding(0.0, "ends by RST, with nothing on its way", is_remark=True)
-    text_of_harm = "a block showed an ERROR, or lost a job" if line.harms else "a CONNECT is meant to stand"
+    text_of_harm = (
+        "a block showed an ERROR, or lost a job" if line.harms else "a CONNECT is meant to stay connected"
+    )
     return finding(0.85 if size else 0.6, text_of_harm)
 
 
 def _describe_partial_job(line: LineFacts, receiver: Receiver | None) -> str:
-    """Return that the stream ends inside a job, "" where it does not, or that is not known."""
-    said = line.to_plc
-    if receiver is None or receiver.is_secure or not line.has_begin or said.missing:
+    """Return that the stream ends inside a job; "": it does not, or it is not known."""
+    flow = line.to_plc
+    if receiver is None or receiver.is_secure or not line.has_begin or flow.missing:
         return ""
     if receiver.is_whole:
-        at, content = 0, said.content
+        at, content = 0, flow.content
         while at + 4 <= len(content) and content[at] == TPKT:
             at += max(int.from_bytes(content[at + 2 : at + 4], "big"), 4)
-        return "in mid unit of ISO-on-TCP" if len(content) == said.bytes and at != len(content) else ""
+        return (
+            "in the middle of an ISO-on-TCP unit" if len(content) == flow.bytes and at != len(content) else ""
+        )
     is_static = receiver.need and not receiver.adhoc and Quality.SESSION not in line.qualities
-    part = said.bytes % receiver.need if is_static else 0
-    return f"in mid job: {part} of {receiver.need} bytes had come" if part else ""
+    part = flow.bytes % receiver.need if is_static else 0
+    return f"in mid job: {part} of {receiver.need} bytes had arrived" if part else ""
 
 
 def _describe_partial_frame(line: LineFacts) -> str:
@@ -395,7 +399,7 @@ def _describe_partial_frame(line: LineFacts) -> str:
     if sizes.count(usual) < 3 or sizes.count(usual) * 2 <= len(sizes) or sizes[-1] >= usual:
         return ""
     content, part = bytes(line.to_plc.content), line.messages[-1]
-    in_turn = abs(len(line.answers) - len(line.messages)) < 2  # else the PLC end talks on its own
+    in_turn = abs(len(line.answers) - len(line.messages)) < 2  # else the PLC end also sends unasked
     if sizes.count(sizes[-1]) > 1 or (in_turn and line.answers[-1].ns > part.ns):
         return ""  # as long as whole ones, or answered as one
     whole = [content[one.at : one.at + part.size] for one in line.messages if one.size == usual]
@@ -404,27 +408,27 @@ def _describe_partial_frame(line: LineFacts) -> str:
         len({each[n : n + 1] for each in whole}) == 1 and begin[n : n + 1] != whole[0][n : n + 1]
         for n in (0, 1)
     ):
-        return ""  # it begins as none of them: a message of another kind
+        return ""  # no whole one begins like it: a message of another kind
     last = begin[:4]
     is_unit = last[:1] == bytes([TPKT]) and int.from_bytes(last[2:4], "big") == sizes[-1]
-    return "" if is_unit else f"in mid frame: {sizes[-1]} of {usual} bytes had come"
+    return "" if is_unit else f"in mid frame: {sizes[-1]} of {usual} bytes had arrived"
 
 
 # -- silence -------------------------------------------------------------------------------------------------
 
 
 def _outage(line: LineFacts) -> tuple[DirectionFacts, int, int, int, bool, int] | None:
-    for said in (line.from_plc, line.to_plc):
-        other = line.to_plc if said is line.from_plc else line.from_plc
-        for one in said.outages:
+    for flow in (line.from_plc, line.to_plc):
+        other = line.to_plc if flow is line.from_plc else line.from_plc
+        for one in flow.outages:
             until = one.until_ns if one.until_ns is not None else line.last_ns
             closed = any(
                 window.ns <= one.ns and (window.until_ns is None or window.until_ns >= one.ns)
                 for window in other.closed
             )
-            since = next((write.ns for write in reversed(said.writes) if write.ns <= one.ns), one.ns)
+            since = next((write.ns for write in reversed(flow.writes) if write.ns <= one.ns), one.ns)
             if until - since >= SECOND and not closed:
-                return said, one.copies, since, until - since, one.until_ns is not None, one.packet
+                return flow, one.copies, since, until - since, one.until_ns is not None, one.packet
     return None
 
 
@@ -434,16 +438,16 @@ def _judge_dead_link(case: LineCase) -> Finding | None:
         return None
     found = _outage(line)
     if found is not None:
-        said, copies, since, size, back, packet = found
-        who = "the PLC end" if said is line.from_plc else "the partner"
-        other = "the partner" if said is line.from_plc else "the PLC end"
-        texts = [f"{who} said its bytes {copies} times again, {other} gave no answer for {format_ns(size)}"]
-        if said.unacked:
-            texts.append(f"{said.unacked} bytes were never acknowledged")
+        flow, copies, since, size, back, packet = found
+        who = "the PLC end" if flow is line.from_plc else "the partner"
+        other = "the partner" if flow is line.from_plc else "the PLC end"
+        texts = [f"{who} repeated its bytes {times(copies)}, {other} did not answer for {format_ns(size)}"]
+        if flow.unacked:
+            texts.append(f"{flow.unacked} bytes were never acknowledged")
         texts += [_GONE_TEXT] * bool(line.gone)
         sure = (0.95 if copies > 2 else 0.8) if not back else 0.75 if size > 3 * SECOND else 0.0
         at = SegmentFacts(since, 0, 0, packet)
-        way = "from-plc" if said is line.from_plc else "to-plc"
+        way = "from-plc" if flow is line.from_plc else "to-plc"
         return Finding(sure, tuple(texts), way=way, at=at) if sure else None
     return _judge_keep_alive_probes(case)
 
@@ -451,17 +455,17 @@ def _judge_dead_link(case: LineCase) -> Finding | None:
 def _judge_keep_alive_probes(case: LineCase) -> Finding | None:
     line, odd = case.line, None
     ways = ((line.from_plc, "the PLC end", "from-plc"), (line.to_plc, "the partner", "to-plc"))
-    for said, who, way in ways if line.is_wire else ():
-        is_plc = said is line.from_plc
+    for flow, who, way in ways if line.is_wire else ():
+        is_plc = flow is line.from_plc
         gives_up = line.end is not None and line.end.kind == "rst" and line.end.by_plc == is_plc
         is_gone = (line.partner_end if is_plc else line.plc_end)[0] in line.gone
-        n, since = said.probes_open, said.probes_since
+        n, since = flow.probes_open, flow.probes_since
         if n >= (2 if gives_up or is_gone else 3):
             texts = [f"the last {n} keep-alive probes of {who} have no answer"]
-            texts += ["then it gave the connection up (RST)"] * gives_up + [_GONE_TEXT] * is_gone
+            texts += ["then it gave up the connection (RST)"] * gives_up + [_GONE_TEXT] * is_gone
             return Finding(0.92, tuple(texts), way=way, at=since)
-        lacking = said.keep_alives - said.keep_alives_answered
-        if lacking >= 3 and said.keep_alives_answered * 2 < said.keep_alives:
+        lacking = flow.keep_alives - flow.keep_alives_answered
+        if lacking >= 3 and flow.keep_alives_answered * 2 < flow.keep_alives:
             return Finding(0.9, (f"{lacking} keep-alive probes of {who} have no answer",), way=way)
         if n and case.last_ns - since.ns >= SECOND:
             text = f"the last keep-alive probe of {who} has no answer in {format_ns(case.last_ns - since.ns)}"
@@ -480,11 +484,11 @@ def _judge_no_keep_alive(case: LineCase) -> Finding | None:
     end = line.end
     for idle in line.idles:
         if idle.size_ns < IDLE_NS or (dead is not None and idle.until_ns > dead[2] + AT_ONCE_NS):
-            continue  # it was idle, and not waiting for an answer
+            continue  # not idle: an end waited for an answer
         texts = [f"{format_ns(idle.size_ns)} without a packet, no keep-alive probe"]
         at = SegmentFacts(idle.until_ns - idle.size_ns, 0, 0, idle.packet)
         is_reset = end is not None and end.kind == "rst" and end.ns - idle.until_ns < AT_ONCE_NS
-        is_reset = is_reset and end is not None and end.packet != idle.packet  # it answers a packet
+        is_reset = is_reset and end is not None and end.packet != idle.packet  # else it answers that packet
         if end is not None and is_reset and not _has_written_since(line, end.by_plc, idle.until_ns):
             texts.append("then RST: one end had forgotten the connection")
             return Finding(0.93, tuple(texts), at=at)
@@ -510,7 +514,7 @@ def _has_written_since(line: LineFacts, by_plc: bool, since_ns: int) -> bool:
 
 
 def _has_parallel_connection(case: LineCase, ns: int) -> bool:
-    """Return whether another connection of the same ends lived then: a new one takes the place of none."""
+    """Return whether the same ends had another connection then: a new one does not replace this one."""
     others = [one for one in case.group.lines[-MOST_AROUND:] if one is not case.line and one.is_built]
     return any(one.first_ns <= ns < one.last_ns for one in others)
 
@@ -519,7 +523,7 @@ def _judge_replaced_connection(case: LineCase) -> Finding | None:
     line = case.line
     for idle in line.idles:
         since = idle.until_ns - idle.size_ns
-        heard = sum(said.last_ns > since for said in (line.to_plc, line.from_plc))
+        heard = sum(flow.last_ns > since for flow in (line.to_plc, line.from_plc))
         new = [
             one for one in case.group.built[-MOST_AROUND:] if since + IDLE_NS <= one.first_ns <= idle.until_ns
         ]
@@ -535,51 +539,51 @@ def _judge_replaced_connection(case: LineCase) -> Finding | None:
 # -- windows, delays, losses ---------------------------------------------------------------------------------
 
 
-def _measure_closed_windows(line: LineFacts, said: DirectionFacts) -> tuple[int, int, ClosedWindow] | None:
-    if not line.is_wire or not said.closed:
+def _measure_closed_windows(line: LineFacts, flow: DirectionFacts) -> tuple[int, int, ClosedWindow] | None:
+    if not line.is_wire or not flow.closed:
         return None
-    ends = [one.until_ns if one.until_ns is not None else line.last_ns for one in said.closed]
-    longest = max(end - one.ns for end, one in zip(ends, said.closed, strict=True))
-    return len(said.closed), longest, said.closed[0]
+    ends = [one.until_ns if one.until_ns is not None else line.last_ns for one in flow.closed]
+    longest = max(end - one.ns for end, one in zip(ends, flow.closed, strict=True))
+    return len(flow.closed), longest, flow.closed[0]
 
 
 def _judge_not_reading(case: LineCase, by_plc: bool) -> Finding | None:
     line = case.line
-    said = line.from_plc if by_plc else line.to_plc
-    found = _measure_closed_windows(line, said)
+    flow = line.from_plc if by_plc else line.to_plc
+    found = _measure_closed_windows(line, flow)
     if found is None:
         return None
     often, longest, first = found
     if longest < CLOSED_NS // 2 or (often >= 4 and longest < 3 * SECOND):
         return None
-    if by_plc and often > 1 and said.closed[0].until_ns is not None and _describe_overload(case):
-        return None  # it reads, and too slowly
+    if by_plc and often > 1 and flow.closed[0].until_ns is not None and _describe_overload(case):
+        return None  # it reads, but too slowly: a flood
     who = "the PLC end" if by_plc else "the partner"
-    texts = (f"{who} told a window of 0 {times(often)}, the longest time for {format_ns(longest)}",)
+    texts = (f"{who} announced a zero window {times(often)}, the longest for {format_ns(longest)}",)
     sure = 0.95 if longest >= CLOSED_NS else 0.75
     way = "to-plc" if by_plc else "from-plc"
-    packets = tuple([one.packet for one in said.closed[:MOST_SHOWN]])
+    packets = tuple([one.packet for one in flow.closed[:MOST_SHOWN]])
     return Finding(sure, texts, way=way, at=SegmentFacts(first.ns, 0, 0, first.packet), packets=packets)
 
 
 def _judge_flood(case: LineCase) -> Finding | None:
-    line, said = case.line, case.line.from_plc
-    found, rate = _measure_closed_windows(line, said), _describe_overload(case)
+    line, flow = case.line, case.line.from_plc
+    found, rate = _measure_closed_windows(line, flow), _describe_overload(case)
     if found is not None and (found[0] >= 3 or (found[0] >= 2 and rate)):
         often, longest, first = found
-        opened = sum(1 for one in said.closed if one.until_ns is not None)
+        opened = sum(1 for one in flow.closed if one.until_ns is not None)
         if (opened >= 2 and longest < 3 * SECOND) or (opened and rate):
             texts = [f"the window of the PLC end closed {times(often)} and opened again: it reads too slowly"]
             at = SegmentFacts(first.ns, 0, 0, first.packet)
             return Finding(0.9, (*texts, *rate), "to-plc", at, is_remark=case.receiver is None)
-    low, high = said.lowest_window, said.highest_window
-    if line.is_wire and low is not None and high >= 1024 and low * 5 < high and said.acks >= 8:
-        falls = said.last_window * 3 < high or rate
+    low, high = flow.lowest_window, flow.highest_window
+    if line.is_wire and low is not None and high >= 1024 and low * 5 < high and flow.acks >= 8:
+        falls = flow.last_window * 3 < high or rate
         if falls and line.to_plc.bytes > 2 * (high - low) // 3:
             text = f"the window of the PLC end fell from {high} to {low}: its backlog grows"
             at = line.to_plc.writes[0]
             return Finding(0.8, (text, *rate), "to-plc", at, is_remark=case.receiver is None)
-    return Finding(0.8, rate, "to-plc", line.to_plc.writes[0]) if rate else None  # of a receiver
+    return Finding(0.8, rate, "to-plc", line.to_plc.writes[0]) if rate else None  # of a known receiver
 
 
 def _describe_overload(case: LineCase) -> tuple[str, ...]:
@@ -595,7 +599,9 @@ def _describe_overload(case: LineCase) -> tuple[str, ...]:
     if taken < SECOND // (100 if closed else 2) or jobs <= scans * 1.05:
         return ()
     ms = receiver.interval_ns / 1e6
-    return (f"{jobs / taken * 1e9:.0f} messages a second, one job a scan of {ms:g} ms takes {1000 / ms:.0f}",)
+    return (
+        f"{jobs / taken * 1e9:.0f} messages a second; one job per scan of {ms:g} ms takes {1000 / ms:.0f}",
+    )
 
 
 def _judge_slow_ack(case: LineCase) -> Finding | None:
@@ -603,19 +609,19 @@ def _judge_slow_ack(case: LineCase) -> Finding | None:
     if not line.is_wire:
         return None
     begun = line.established_ns
-    trip = 2 * AFTER_ACK_NS if begun is None else begun - line.first_ns  # its begin is not in the capture
-    for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
+    trip = 2 * AFTER_ACK_NS if begun is None else begun - line.first_ns  # the handshake is not in the capture
+    for flow, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
         limit = AFTER_ACK_NS + (trip if trip < 100 * AFTER_ACK_NS else 0)
-        slow = [one for one in said.slow if one.after_ns <= limit]
-        near = [one for one in said.slow if limit < one.after_ns <= limit + NEAR_NS]
-        if len(slow) < 3 or len(slow) * 6 < min(said.segments, 256) or len(near) * 3 > len(slow):
-            continue  # a sender with a period meets ACKs by chance: then before and after them, too
-        if _has_period(said, line.from_plc if said is line.to_plc else line.to_plc, [*slow, *near]):
+        slow = [one for one in flow.slow if one.after_ns <= limit]
+        near = [one for one in flow.slow if limit < one.after_ns <= limit + NEAR_NS]
+        if len(slow) < 3 or len(slow) * 6 < min(flow.segments, 256) or len(near) * 3 > len(slow):
+            continue  # a periodic sender meets ACKs by chance, then also a while after them
+        if _has_period(flow, line.from_plc if flow is line.to_plc else line.to_plc, [*slow, *near]):
             continue
         usual = median(one.wait_ns for one in slow)
         packets = tuple([one.write.packet for one in slow[:MOST_SHOWN]])
         texts = (
-            f"{count(len(slow), 'small write')} of {said.segments} waited {usual / 1e6:.0f} ms for an ACK, "
+            f"{count(len(slow), 'small write')} of {flow.segments} waited {usual / 1e6:.0f} ms for an ACK, "
             "and the next one left with it",
         )
         sure = 0.92 if len(slow) > 4 else 0.75
@@ -623,11 +629,11 @@ def _judge_slow_ack(case: LineCase) -> Finding | None:
     return None
 
 
-def _has_period(said: DirectionFacts, other: DirectionFacts, slow: Sequence[LateAck]) -> bool:
+def _has_period(flow: DirectionFacts, other: DirectionFacts, slow: Sequence[LateAck]) -> bool:
     waited, answers = {one.write.at for one in slow}, [write.ns for write in other.writes]
     others = [
         b.ns - a.ns
-        for a, b in pairwise(said.writes)
+        for a, b in pairwise(flow.writes)
         if a.at not in waited and bisect(answers, a.ns) == bisect(answers, b.ns)
     ]
     usual = median(one.wait_ns + one.after_ns for one in slow)
@@ -639,25 +645,27 @@ def _judge_loss(case: LineCase) -> Finding | None:
     if not _is_tcp(case):
         return None
     best: Finding | None = None
-    for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
-        odd = said.resent + said.late
+    for flow, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
+        odd = flow.resent + flow.late
         if _judge_no_keep_alive(case) is not None:
-            odd -= sum(one.copies for one in said.outages)  # what a forgotten connection repeats
-        share = odd / max(said.segments + said.resent, 1)
-        is_often = odd >= 3 and odd * 100 >= said.segments
-        is_long = said.longest_wait_ns >= SECOND and odd * 20 >= said.segments >= 3
-        again, of_all = count(said.resent, "segment"), said.segments + said.resent
-        text = f"{again} sent again, {said.late} came late, of {of_all}: {share:.1%}"
-        at, packets = said.first_of("resent") or said.first_of("early"), said.packets_of("resent")
+            odd -= sum(
+                one.copies for one in flow.outages
+            )  # a forgotten connection repeats its bytes: no loss
+        share = odd / max(flow.segments + flow.resent, 1)
+        is_often = odd >= 3 and odd * 100 >= flow.segments
+        is_long = flow.longest_wait_ns >= SECOND and odd * 20 >= flow.segments >= 3
+        again, of_all = count(flow.resent, "segment"), flow.segments + flow.resent
+        text = f"{again} sent again, {flow.late} came late, of {of_all}: {share:.1%}"
+        at, packets = flow.first_of("resent") or flow.first_of("early"), flow.packets_of("resent")
         if is_often or is_long:
-            waited = f"the longest wait for a copy was {format_ns(said.longest_wait_ns)}"
+            waited = f"the longest wait for a copy was {format_ns(flow.longest_wait_ns)}"
             sure = 0.92 if odd > 4 else 0.8 if odd > 2 else 0.6
-            texts = (text, *([waited] if said.longest_wait_ns else []))
+            texts = (text, *([waited] if flow.longest_wait_ns else []))
             found = Finding(sure, texts, way=way, at=at, packets=packets)
-        elif said.spurious >= 3 and said.spurious * 20 > said.segments:
-            lost = f"{said.spurious} segments that had arrived were sent again: their ACKs get lost"
-            packets = said.packets_of("spurious")
-            found = Finding(0.7, (lost,), way=way, at=said.first_of("spurious"), packets=packets)
+        elif flow.spurious >= 3 and flow.spurious * 20 > flow.segments:
+            lost = f"{flow.spurious} segments that had arrived were sent again: their ACKs get lost"
+            packets = flow.packets_of("spurious")
+            found = Finding(0.7, (lost,), way=way, at=flow.first_of("spurious"), packets=packets)
         elif odd:
             found = Finding(0.0, (text,), way=way, at=at, is_remark=True, packets=packets)
         else:
@@ -670,10 +678,10 @@ def _judge_capture_incomplete(case: LineCase) -> Finding | None:
     if Quality.GAPS not in case.line.qualities:
         return None
     texts, at = [], None
-    for said, way in ((case.line.to_plc, "to the PLC"), (case.line.from_plc, "from the PLC")):
-        size = "more bytes than can be" if said.has_jumped else count(said.missing, "byte")
-        texts += [f"{size} {way}: missing in the capture only"] if said.missing else []
-        at = at or said.first_of("missing")
+    for flow, way in ((case.line.to_plc, "to the PLC"), (case.line.from_plc, "from the PLC")):
+        size = "more bytes than possible" if flow.has_jumped else count(flow.missing, "byte")
+        texts += [f"{size} {way}: missing in the capture only"] if flow.missing else []
+        at = at or flow.first_of("missing")
     texts = texts or ["its sequence numbers jump further than any window"]
     return Finding(0.0, tuple(texts), at=at, is_remark=True)
 
@@ -702,7 +710,7 @@ def _adapt_frame_rule(row: CauseRule) -> Callable[[LineCase], Finding | None]:
 _NO_TIMES: Final = (Quality.CLOCK,)
 _LACKS_ACKS: Final = (Quality.ONE_DIRECTION, Quality.ACKS_MISSING, Quality.CLOCK)
 STALL_CAUSES: Final = ("dead-link", "mtu", "plc-not-reading", "partner-not-reading")
-_GONE_TEXT: Final = "ARP asks for the other end in vain: it is off, or its cable is out"
+_GONE_TEXT: Final = "ARP requests for the other end have no answer: it is off, or its cable is unplugged"
 _REFUSED: Final = ("second-client", "turned-away", "wrong-tsap", "tls-refused")
 _MISREAD_CAUSES: Final = ("frame-short", "frame-long", "adhoc-missing", "padding", "header", "byte-order")
 _LACKS_COPIES: Final = (Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK)
@@ -741,21 +749,21 @@ CAUSE_RULES: Final = (
 
 
 def judge_case(case: LineCase) -> tuple[tuple[Finding, ...], list[Finding], dict[str, Quality]]:
-    """Return what is found, the surest first; what is worth knowing; what cannot be judged, and why."""
+    """Return the findings, the surest first; the remarks; the causes that cannot be judged, and why."""
     blind = {rule.cause: each for rule in CAUSE_RULES for each in rule.blind if each in case.line.qualities}
     seen = {rule.cause: rule for rule in CAUSE_RULES if rule.cause not in blind}
 
     def judge(receiver: Receiver | None) -> dict[str, Finding]:
-        told = {cause: rule.judge(case._replace(receiver=receiver)) for cause, rule in seen.items()}
-        return {cause: said for cause, said in told.items() if said is not None}
+        made = {cause: rule.judge(case._replace(receiver=receiver)) for cause, rule in seen.items()}
+        return {cause: one for cause, one in made.items() if one is not None}
 
     by_cause = judge(case.receiver)
     if "duplicate-ip" in by_cause:
-        by_cause = {cause: said for cause, said in by_cause.items() if cause not in DOUBLE_EFFECTS}
-    remarks = [replace(said, cause=cause) for cause, said in by_cause.items() if said.is_remark]
-    by_cause = {cause: said for cause, said in by_cause.items() if not said.is_remark}
+        by_cause = {cause: one for cause, one in by_cause.items() if cause not in DOUBLE_EFFECTS}
+    remarks = [replace(one, cause=cause) for cause, one in by_cause.items() if one.is_remark]
+    by_cause = {cause: one for cause, one in by_cause.items() if not one.is_remark}
     findings = weigh_findings(by_cause, CAUSE_RULES, judge)
-    if "duplicate-ip" in by_cause:  # it comes first: the other device may be the cause of anything
+    if "duplicate-ip" in by_cause:  # first and the others halved: the second device may cause anything
         first = [one for one in findings if one.cause == "duplicate-ip"]
         rest = [replace(one, confidence=one.confidence / 2) for one in findings if one not in first]
         findings = (*first, *rest)
@@ -768,26 +776,29 @@ def weigh_findings(
     rules: Sequence[CauseRule],
     judge: Callable[[Receiver], Mapping[str, Finding]],
 ) -> tuple[Finding, ...]:
-    """Return the findings of what the rules say, the surest first.
+    """Return the findings that no other cause silences, the surest first.
 
-    What one offers is tried: `judge` says what would be found with another receiver. What leaves the cause
-    there, or brings another one, is not offered.
+    Remedies are tried: `judge` returns what is found with the cured receiver. A remedy that leaves the cause,
+    or brings another one, is not offered.
     """
-    found: list[tuple[float, Finding]] = []  # how sure its rule is, too
+    found: list[tuple[float, Finding]] = []  # each with the confidence of its rule
     for rule in rules:
-        said = by_cause.get(rule.cause)
-        if said is None or any(cause in by_cause for cause in rule.silenced_by):
+        finding = by_cause.get(rule.cause)
+        if finding is None or any(cause in by_cause for cause in rule.silenced_by):
             continue
         share = 0.5 if any(cause in by_cause for cause in rule.weakened_by) else 1.0
-        if by_cause.get("resets", said).confidence > PROVEN and rule.cause in ("resets", "reconnect-storm"):
-            share = 1.0 if rule.cause == "resets" else 0.5  # what cuts a message comes before how often
-        mend, is_tried = said.mend, said.is_fact
-        if isinstance(said.trial, RemedyOffer) and said.trial.cured is not None:
-            after = {cause for cause, one in judge(said.trial.cured).items() if not one.is_remark}
+        if by_cause.get("resets", finding).confidence > PROVEN and rule.cause in (
+            "resets",
+            "reconnect-storm",
+        ):
+            share = 1.0 if rule.cause == "resets" else 0.5  # a cut message comes before the number of ends
+        mend, is_tried = finding.mend, finding.is_fact
+        if isinstance(finding.trial, RemedyOffer) and finding.trial.cured is not None:
+            after = {cause for cause, one in judge(finding.trial.cured).items() if not one.is_remark}
             is_tried = rule.cause not in after <= by_cause.keys()
-            mend = tuple([replace(one, tried=True) for one in mend]) if is_tried else said.trial.otherwise
-        sure = min(said.confidence * share, PROVEN if is_tried else UNTRIED_CONFIDENCE)
-        found.append((said.confidence, replace(said, confidence=sure, cause=rule.cause, mend=mend)))
+            mend = tuple([replace(one, tried=True) for one in mend]) if is_tried else finding.trial.otherwise
+        sure = min(finding.confidence * share, PROVEN if is_tried else UNTRIED_CONFIDENCE)
+        found.append((finding.confidence, replace(finding, confidence=sure, cause=rule.cause, mend=mend)))
     found.sort(key=lambda each: (-each[1].confidence, -each[0]))
     return tuple([one for _, one in found])
 
@@ -804,7 +815,7 @@ def cases_of(lines: Sequence[LineFacts], receivers: tuple[Receiver, ...], last_n
     only = _only_receiver(lines, receivers)
     fitting = [_find_receiver(line, receivers, only) for line in lines]
     pairs = [*zip(lines, fitting, strict=True)]
-    stands = any(known is not None and known.connect and line.is_built for line, known in pairs)
+    has_own_line = any(known is not None and known.connect and line.is_built for line, known in pairs)
     ports = frozenset[int]().union(*(one.ports for one in receivers))
     before: dict[tuple[str, tuple[bytes, int]], deque[LineFacts]] = {}
     for line, receiver in pairs:
@@ -812,7 +823,7 @@ def cases_of(lines: Sequence[LineFacts], receivers: tuple[Receiver, ...], last_n
         kind, caller, listener = _hosts_key(line)
         reverse = reverses.get((kind, listener, caller), _EMPTY_GROUP) if caller != listener else _EMPTY_GROUP
         is_other = receiver is None and not line.connect and _listener_end(line)[1] not in ports
-        foreign = is_other and (stands or is_http(line))
+        foreign = is_other and (has_own_line or is_http(line))
         group = groups[_ends_key(line)]
         yield LineCase(line, group, tuple(older), reverse, receiver, receivers, last_ns, foreign)
         older.append(line)

@@ -1,4 +1,4 @@
-"""What frames make of DATA, without a guess why: members not written, values that no machine sends."""
+"""The symptoms of DATA, without a guess why: members not written, values that no machine sends."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from trcvtui.udt.compare.likelihood import evidence
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf, lay_out
 from trcvtui.udt.types import Elementary, Struct, ValueKind
 
-MOST_LEAVES: Final = 256  # members that are looked at
-MOST_NAMED: Final = 2  # that a sentence names
+MOST_LEAVES: Final = 256  # members that are examined
+MOST_NAMED: Final = 2  # members in a sentence
 
 
 class UnwrittenMembers(NamedTuple):
-    """The members behind the last byte of a frame; `is_cut`: the frame ends inside the first one."""
+    """The members after the last byte of a frame; `is_cut`: the frame ends inside the first of them."""
 
     names: str
     is_cut: bool
 
 
 def make_data_layout(receiver: Receiver) -> Layout | None:
-    """Return how DATA lies; None where it has no members, so that its bytes mean nothing by themselves."""
+    """Return the layout of DATA; None: it has no members, so its bytes mean nothing by themselves."""
     if receiver.rules is None or not isinstance(receiver.type, Struct):
         return None
     return lay_out(receiver.type, receiver.rules, receiver.type_name)
@@ -44,9 +44,9 @@ def unwritten_members(receiver: Receiver, size: int) -> UnwrittenMembers | None:
 
 
 def odd_values(receiver: Receiver, frames: Sequence[bytes]) -> tuple[str, ...]:
-    """Return a text for each member that has a value which no machine sends, in two of three frames or more.
+    """Return a text for each member with a value that no machine sends, in two of three frames or more.
 
-    A number that is not finite is none of them: devices send it for "no value".
+    Numbers that are not finite do not count: devices send them for "no value".
     """
     if receiver.type is None or receiver.rules is None or not frames:
         return ()

@@ -1,6 +1,6 @@
-"""Another layout in which DATA would take what came: by the size of a message, or by its values.
+"""Another layout for DATA that fits the received bytes, by the size of a message or by its values.
 
-Rule: an offer needs evidence: a size that no other reading of the type has to explain, or a clear suspicion.
+Rule: an offer needs evidence: the exact size of another layout, or a clear suspicion.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from trcvtui.wording import count
 # Rule: a suspicion needs two members, one of them of four bytes or more, and none that speaks against it (one
 # where there is no other). Small numbers look sensible in either order and say nothing.
 
-# Rule: between sensible and senseless there is room for doubt, and a doubt says nothing.
+# Rule: a value between sensible and senseless is doubtful and says nothing.
 
 SENSIBLE_REAL: Final = (1e-5, 1e8)
 SENSELESS_REAL: Final = (1e-15, 1e18)
@@ -30,26 +30,26 @@ def judge_swap(row: Elementary, read: float, swapped: float) -> int:
     if row.kind is ValueKind.REAL:
         good, bad = is_sensible_real, is_senseless_real
         return (bad(read) and good(swapped)) - (good(read) and bad(swapped))
-    large = 1 << 8 * (row.size - 1)  # the highest byte is needed
-    small = 1 << 4 * row.size  # the upper half of the bytes is not
+    large = 1 << 8 * (row.size - 1)  # needs its highest byte
+    small = 1 << 4 * row.size  # does not need the upper half of its bytes
     read, swapped = abs(read), abs(swapped)
     return (read >= large and 0 < swapped < small) - (swapped >= large and 0 < read < small)
 
 
 def is_sensible_real(value: float, within: tuple[float, float] = SENSIBLE_REAL) -> bool:
-    """Return whether the magnitude is one that machines send; 0 is not, it says nothing."""
+    """Return whether machines send numbers of this magnitude; 0 says nothing, so it is not sensible."""
     low, high = within
     return math.isfinite(value) and low <= abs(value) <= high
 
 
 def is_senseless_real(value: float) -> bool:
-    """Return whether it is no number, or one that no machine sends."""
+    """Return whether it is not finite, or of a magnitude that no machine sends."""
     low, high = SENSELESS_REAL
     return not math.isfinite(value) or 0 < abs(value) < low or abs(value) > high
 
 
-MOST_LEAVES: Final = 256  # that are looked at
-MOST_NAMED: Final = 2  # that the sentence names
+MOST_LEAVES: Final = 256  # members that are examined
+MOST_NAMED: Final = 2  # members in the sentence
 OTHER_BYTE_ORDER: Final = {"little": "big", "big": "little"}
 NUMBER_KINDS: Final = frozenset({ValueKind.INTEGER, ValueKind.REAL})
 
@@ -104,7 +104,9 @@ def byte_order_suspicion(layout: Layout, content: bytes) -> Suspicion | None:
             clear += leaf.size >= 4
     if not clear or len(suspects) < min(2, asked):
         return None
-    suspects.sort(key=lambda suspect: not isinstance(suspect.as_read, float))  # the loudest first
+    suspects.sort(
+        key=lambda suspect: not isinstance(suspect.as_read, float)
+    )  # REALs first: they are the most telling
     return Suspicion(order, OTHER_BYTE_ORDER[order], tuple(suspects))
 
 
@@ -120,16 +122,14 @@ def _format_number(value: float) -> str:
 
 
 class Offer(NamedTuple):
-    """A layout for DATA, and what speaks for it."""
-
     choice: LayoutChoice
     why: str
 
 
 def find_layout_offer(decl: DataDecl, size: int | None, content: bytes) -> Offer | None:
-    """Return what to read DATA as: messages of `size` bytes came, `content` is the newest one, or its part.
+    """Return a layout for DATA; messages of `size` bytes came, `content` is the newest one or its part.
 
-    None where the layout fits, where several sizes came, or where nothing else fits better.
+    None if the layout fits, if several sizes came, or if no other one fits better.
     """
     if size is not None and size != decl.size:
         found = _find_layout_of_size(decl, size)
@@ -137,7 +137,7 @@ def find_layout_offer(decl: DataDecl, size: int | None, content: bytes) -> Offer
         if found is None or order is None:
             return None
         name = found.rules.name
-        why = f"{count(size, 'byte')} came, and that is the size of {decl.type_name} in the layout {name}"
+        why = f"{count(size, 'byte')} came: the size of {decl.type_name} in the layout {name}"
         return Offer(LayoutChoice(name, None if rules_for(name).byte_order == order else order), why)
     suspicion = byte_order_suspicion(decl.layout, content)
     if suspicion is None:
@@ -147,7 +147,7 @@ def find_layout_offer(decl: DataDecl, size: int | None, content: bytes) -> Offer
 
 
 def _find_layout_of_size(decl: DataDecl, size: int) -> Layout | None:
-    """Return the type in the first layout that gives it this size; the byte order stays, where it can."""
+    """Return the first layout with this size; one with the same byte order comes first."""
     own = decl.layout.rules
     laid_out = group_same_layouts(decl.type, profiles_for(decl.type))
     found = [layout for _, layout in laid_out if layout.size == size]
@@ -156,7 +156,7 @@ def _find_layout_of_size(decl: DataDecl, size: int) -> Layout | None:
 
 
 def _order(layout: Layout, content: bytes) -> str | None:
-    """Return the byte order that the members speak for, None where they speak for none."""
+    """Return the byte order in which the members make sense, None where that is not clear."""
     own = layout.rules.byte_order
     if byte_order_suspicion(layout, content) is not None:
         return OTHER_BYTE_ORDER[own]
@@ -174,7 +174,7 @@ def view_command(decl: DataDecl, choice: LayoutChoice) -> str:
 
 
 def make_choice(layout: str, byte_order: str, text: str) -> LayoutChoice:
-    """Return the choice that gives these rules, without what the layout says by itself."""
+    """Return the choice of these rules; what the layout implies is None."""
     rules = rules_for(layout)
     return LayoutChoice(
         layout,

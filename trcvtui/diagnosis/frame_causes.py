@@ -1,7 +1,7 @@
 """Messages against what a receiver expects: sizes, where they begin, what their bytes mean.
 
-Rule: a receiver (of a project, of a type) alone knows LEN and members. Without one these rules stay silent,
-but for messages that come several at once.
+Rule: only a receiver (of a project, of a type) knows LEN and members. Without one these rules are silent,
+except for several messages in one segment (`merged`).
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.udt.types import StringType
 from trcvtui.wording import SECOND, count
 
-FEW_MESSAGES: Final = 3  # messages, below which sizes say little
+FEW_MESSAGES: Final = 3  # fewer sizes say little
 SPLIT_NS: Final = 4_000_000  # a pause that a scan may fall into
 STATIC, AD_HOC, DATAGRAM = "static", "ad-hoc", "datagram"
 MOST_FRAMES: Final = 8
-MOST_MESSAGES: Final = 256  # of which the bytes are looked at as text
+MOST_MESSAGES: Final = 256  # of which the bytes are examined
 
 
 class MessageSizes(NamedTuple):
@@ -51,7 +51,7 @@ class MessageSizes(NamedTuple):
 
 
 def select_whole_messages(line: LineFacts) -> tuple[LineMessage, ...]:
-    """Return the messages that are whole: not what the capture, an end, or a closed window may have cut."""
+    """Return the whole messages: none that the capture, an end or a closed window may have cut."""
     found = line.messages
     closed = line.from_plc.closed
     if closed:
@@ -65,7 +65,7 @@ def select_whole_messages(line: LineFacts) -> tuple[LineMessage, ...]:
 
 
 def measure_sizes(messages: Sequence[LineMessage]) -> MessageSizes:
-    """Return the sizes of messages; several messages at once count as theirs."""
+    """Return the sizes of messages; a multiple of a frequent size counts as several messages of it."""
     counted = Counter(one.size for one in messages)
     if not counted:
         return MessageSizes(0, 0.0, 0, 0)
@@ -86,7 +86,7 @@ def _eligible(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver
         and line.messages[FEW_MESSAGES:]
         and line.from_plc.closed[0].ns <= line.messages[FEW_MESSAGES].ns
     ):
-        return None  # the window has cut the stream, and no pause
+        return None  # the window cut the stream, not pauses
     known = DATAGRAM if line.protocol == "udp" else AD_HOC if receiver.adhoc else STATIC
     is_read = known == kind and line.to_plc.writes and not is_session(line, receiver)
     return receiver if is_read else None
@@ -104,11 +104,11 @@ def _has_right_frames(line: LineFacts, need: int) -> bool:
         return True
     ends = {one.at + one.size for one in found}
     frames = range(start + need, found[-1].at + found[-1].size + 1, need)
-    whole = sum(end in frames for end in ends)  # a hole may be as wide as two gigabytes
+    whole = sum(end in frames for end in ends)  # by ends: a hole may be two gigabytes wide
     is_varied = Counter(one.size for one in found).most_common(1)[0][1] * 10 < 9 * len(found)
     return (
         is_varied and len(frames) >= FEW_MESSAGES and whole * 100 >= 97 * len(frames)
-    )  # each frame in pieces
+    )  # each frame comes in pieces
 
 
 def _find_static_mismatch(line: LineFacts, receiver: Receiver | None) -> tuple[Receiver, MessageSizes] | None:
@@ -133,7 +133,7 @@ def _len_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
 
 
 def _type_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
-    """Return what is left to do where LEN alone would cut members, or read them at wrong places."""
+    """Return the remedy if LEN alone would cut members, or read them at wrong places."""
     left = unwritten_members(receiver, size)
     if left is None:
         return ()
@@ -146,21 +146,21 @@ def _type_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
 def _offer_len(receiver: Receiver, size: int, line: LineFacts) -> RemedyOffer:
     as_string = offer_string(receiver, _contents(line))
     if as_string is not None or isinstance(receiver.type, StringType):
-        return as_string or NO_OFFER  # LEN alone would put a text where the header of a STRING is
+        return as_string or NO_OFFER  # LEN alone would put the text where a STRING has its header
     room = max(receiver.room, size) if receiver.room else 0
     has_members = make_data_layout(receiver) is not None
-    # What further bytes mean is not known: a type with members cannot be tried with them.
+    # The meaning of further bytes is not known, so a type with members cannot be tried with them.
     cured = None if has_members and size > receiver.room else receiver._replace(need=size, room=room)
     return RemedyOffer(_len_remedies(receiver, size), cured, _type_remedies(receiver, size))
 
 
 def _room_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
-    """Return what gives DATA room for so many bytes; (): it has it."""
+    """Return the remedy that gives DATA room for so many bytes; (): it has room."""
     if not receiver.room or size <= receiver.room:
         return ()
     element = getattr(receiver.type, "element", None)
     if getattr(element, "size", 0) != 1:
-        return (Remedy(f"members for the {size - receiver.room} bytes that DATA has no room for"),)
+        return (Remedy(f"declare members for the {size - receiver.room} bytes that DATA has no room for"),)
     array = f"ARRAY[0..{size - 1}] OF BYTE"
     change = f"{receiver.data} type={array}"
     path = f"data.{receiver.data}.type={array}"
@@ -172,7 +172,7 @@ def _judge_frame_short(line: LineFacts, receiver: Receiver | None) -> Finding | 
     if found is None:
         return None
     wanted, sizes = found
-    is_varied = sizes.share < 0.7  # then no LEN is theirs
+    is_varied = sizes.share < 0.7  # then no single LEN fits
     longest = max(one.size for one in line.messages)
     if sizes.usual >= wanted.need or (
         is_varied and (sizes.messages >= FEW_MESSAGES or longest >= wanted.need)
@@ -183,7 +183,7 @@ def _judge_frame_short(line: LineFacts, receiver: Receiver | None) -> Finding | 
     some = "messages of several lengths" if is_varied else of_all
     text = f"{some}, a job wants {wanted.need}"
     sure = 0.95 if sizes.messages >= 5 else 0.8 if sizes.messages >= FEW_MESSAGES else 0.7
-    is_soon = last.ns - line.messages[0].ns < 2 * SECOND  # pieces come soon after each other
+    is_soon = last.ns - line.messages[0].ns < 2 * SECOND  # pieces of one message come in quick succession
     whole = is_soon and (last.at + last.size - _first_frame_byte(line)) % wanted.need == 0
     if sizes.messages < FEW_MESSAGES and (whole or any(one.size == wanted.need for one in line.messages)):
         return None
@@ -194,7 +194,7 @@ def _judge_frame_short(line: LineFacts, receiver: Receiver | None) -> Finding | 
         (end.is_reset and not end.by_plc and sizes.messages < FEW_MESSAGES)
         or (line.connect is not None and end.by_plc and end.ns - last.ns < SECOND and len(line.messages) < 2)
     ):
-        return None  # the rest may have been on its way
+        return None  # the end may have cut off the rest
     if is_soon and last.at + last.size - _first_frame_byte(line) == wanted.need:
         return None  # the pieces of one job
     may_be_cut = sizes.messages < 2 and line.end is not None
@@ -213,7 +213,7 @@ def _judge_frame_long(line: LineFacts, receiver: Receiver | None) -> Finding | N
         left = sizes.usual % wanted.need
         of_all = f"{sizes.share:.0%} of {count(sizes.messages, 'message')} have {sizes.usual} bytes"
         text = f"{of_all}, a job takes {wanted.need}"
-        more = f"the next frame begins {left} bytes before its message"
+        more = f"the next frame begins {count(left, 'byte')} before its message"
         sure = 0.95 if sizes.messages >= 5 else 0.8
         if (members := _make_reading_judge("frame-long")(line, receiver)) is not None:
             return replace(members, evidence=(text, more, *members.evidence))
@@ -284,11 +284,11 @@ def _judge_shifted(line: LineFacts, receiver: Receiver | None) -> Finding | None
     text = f"frames of {need} bytes begin {where} since {line.to_seconds(odd.ns):.3f} s"
     is_first = line.has_begin and not odd.at
     again = sum(one.size == odd.size for one in messages) if odd.size % need else 0
-    offer = RemedyOffer(offer_frame_reset(wanted))  # where nothing brings it again
+    offer = RemedyOffer(offer_frame_reset(wanted))  # enough for an odd size that comes once
     if again > 1 or (is_first and again):
         ways = f"a job with LEN {odd.size} first, or ad hoc and cut in the program (TwinCAT: ReceiveData)"
         name = "the greeting" if is_first else "these messages"
-        take = f"take the {odd.size} bytes for themselves: {ways}; or switch {name} off at the device"
+        take = f"receive the {odd.size} bytes separately: {ways}; or switch {name} off at the device"
         offer = RemedyOffer((Remedy(take),))
     return finding_to_plc(wanted, 0.95, (text, f"{what}; {before}"), _segment(odd), offer)
 
@@ -303,7 +303,7 @@ def _judge_adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Finding |
         more = f"a head of {pairs.head} bytes, then the rest: {pairs.proof}; an ad-hoc job delivers each"
         offer = _offer_static(wanted, max(pairs.sizes))
         if len(pairs.sizes) > 1:
-            text_of_two = f"two jobs: LEN {pairs.head} for the head, then as many bytes as it tells"
+            text_of_two = f"two jobs: LEN {pairs.head} for the head, then as many bytes as it says"
             offer = RemedyOffer((Remedy(text_of_two),))
         return finding_to_plc(wanted, 0.92, (text, more), _segment(messages[0]), offer)
     split = [one for one in messages if one.pieces > 1 and one.pause_ns >= SPLIT_NS]
@@ -316,7 +316,7 @@ def _judge_adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Finding |
     text = (
         f"{len(split)} of {len(messages)} messages come in up to {pieces} pieces, {pause / 1e6:.0f} ms apart"
     )
-    more = f"together {sizes.usual} bytes: an ad-hoc job delivers each piece for itself"
+    more = f"together {sizes.usual} bytes: an ad-hoc job delivers each piece separately"
     offer = _offer_static(wanted, sizes.usual)
     return finding_to_plc(wanted, sure, (text, more), _segment(split[0]), offer)
 
@@ -324,7 +324,7 @@ def _judge_adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Finding |
 def _offer_static(receiver: Receiver, size: int) -> RemedyOffer:
     name = receiver.instance
     mend = Remedy(
-        f"receive static, LEN {size}, where messages have one length; else cut them in the program",
+        f"receive static, LEN {size}, if messages have one length; else cut them in the program",
         f"set {name} {receiver.static}LEN={size}",
         f"instance.{name}.ADHOC=false" if receiver.static else None,
     )  # fmt: skip
@@ -352,7 +352,7 @@ def _judge_merged(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     sure = 0.92 if known is not None else 0.7
     of_type = known is not None and known.type is not None and base % known.need == 0 and base > known.need
     if known is not None and of_type and _has_recurring_pieces(line, known.need):
-        base, often, amount, share, others = known.need, 0, len(writes), 1.0, 0  # all of them
+        base, often, amount, share, others = known.need, 0, len(writes), 1.0, 0  # each write holds several
         several = counted
     elif len(counted) >= 3 and 4 <= (beat := gcd(*counted)) < base and _has_recurring_pieces(line, beat):
         several = {size: n for size, n in counted.items() if size > beat}
@@ -361,7 +361,7 @@ def _judge_merged(line: LineFacts, receiver: Receiver | None) -> Finding | None:
         return _judge_merged_in_scan(writes, known, base)
     elif base < 4 or often < 2 or amount < FEW_MESSAGES or share < 0.08 or others * 8 > len(writes):
         return None
-    if often and not _has_repeated_begin(line, base):  # a size that divides another by chance
+    if often and not _has_repeated_begin(line, base):  # one size divides the other by chance
         return None
     most = max(several) // base
     at = next(write for write in writes if write.size in several)
@@ -372,7 +372,7 @@ def _judge_merged(line: LineFacts, receiver: Receiver | None) -> Finding | None:
 
 
 def _judge_merged_by_border(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    """Judge whether a delimiter or a length parts the messages of one segment."""
+    """Judge whether a delimiter or a length separates several messages in one segment."""
     content, some = bytes(line.to_plc.content), line.to_plc.writes[:MOST_MESSAGES]
     known = [one for one in some if one.at + one.size <= len(content)]
     parts = [content[one.at : one.at + one.size] for one in known]
@@ -405,9 +405,9 @@ def _offer_one_per_job(receiver: Receiver, base: int) -> RemedyOffer:
 
 
 def is_session(line: LineFacts, receiver: Receiver | None = None) -> bool:
-    """Return whether the ends speak TLS, or ISO-on-TCP: whole units with their lengths, one behind the other.
+    """Return whether the ends speak TLS or ISO-on-TCP: whole units by their lengths, without gaps.
 
-    Where a project calls the connection plain, a handshake has to prove it, and both ends speak it.
+    If the project declares the connection as plain, both ends have to speak it, with a handshake.
     """
     if line.protocol != "tcp":
         return False
@@ -421,7 +421,7 @@ def is_session(line: LineFacts, receiver: Receiver | None = None) -> bool:
 
 
 def _has_recurring_pieces(line: LineFacts, beat: int) -> bool:
-    """Return whether each piece of `beat` bytes begins as all others do, and they do not all say the same."""
+    """Return whether all pieces of `beat` bytes begin alike and are not all equal."""
     content = line.to_plc.content
     parts = [content[at : at + beat] for at in range(0, len(content) - beat + 1, beat)]
     if len(parts) < 2 * FEW_MESSAGES or any(write.size % beat for write in line.to_plc.writes):
@@ -431,7 +431,7 @@ def _has_recurring_pieces(line: LineFacts, beat: int) -> bool:
 
 
 def _has_repeated_begin(line: LineFacts, base: int) -> bool:
-    """Return whether a segment with several messages looks like several: bytes that never change recur."""
+    """Return whether constant bytes of single messages recur inside segments with several."""
     content = line.to_plc.content
     single = [
         content[w.at : w.at + base]
@@ -486,7 +486,7 @@ def _judge_framing(line: LineFacts, receiver: Receiver | None) -> Finding | None
     return None
 
 
-# -- what the bytes mean -------------------------------------------------------------------------------------
+# -- the meaning of bytes ------------------------------------------------------------------------------------
 
 
 def _frames(line: LineFacts, receiver: Receiver) -> list[bytes]:
@@ -509,14 +509,14 @@ def _frames(line: LineFacts, receiver: Receiver) -> list[bytes]:
 
 
 def _can_read(line: LineFacts, receiver: Receiver) -> bool:
-    """Return whether the bytes of messages are known, and mean what DATA is declared as."""
+    """Return whether the bytes of messages are known and are those of DATA."""
     if receiver.is_whole or receiver.is_secure or not line.messages or line.to_plc.cut:
         return False
     return not is_session(line, receiver)
 
 
 def _contents(line: LineFacts) -> list[bytes]:
-    """Return the bytes of the first messages that are whole."""
+    """Return the bytes of the first whole messages."""
     content = bytes(line.to_plc.content)
     some = (select_whole_messages(line) or line.messages)[:MOST_MESSAGES]
     return [content[one.at : one.at + one.size] for one in some if one.at + one.size <= len(content)]
@@ -527,7 +527,7 @@ MOST_CACHED_READINGS: Final = 256
 
 
 def _reading(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    """Return how the bytes mean something, where that is not as the PLC reads them; its cause first."""
+    """Return a reading of the bytes that makes sense and is not the PLC's; its `cause` is set."""
     if receiver is None or receiver.type is None or receiver.rules is None or not _can_read(line, receiver):
         return None
     frames = _frames(line, receiver)
@@ -586,7 +586,7 @@ def _make_reading_judge(cause: str) -> Callable[[LineFacts, Receiver | None], Fi
 
 
 def _judge_unwritten(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    """Say which members frames do not write; where they end between two members, that may be wanted."""
+    """Judge which members frames never write; an end between two members may be wanted: a remark."""
     if receiver is None or not receiver.need or receiver.is_whole or not line.messages:
         return None
     size = receiver.need
@@ -614,7 +614,7 @@ def _judge_odd_values(line: LineFacts, receiver: Receiver | None) -> Finding | N
     else:
         some = [(at, need) for at in range(_first_frame_byte(line), len(content) - need + 1, need)]
     frames = [content[at : at + size] for at, size in some if at + size <= len(content)][-MOST_FRAMES:]
-    if isinstance(receiver.type, StringType):  # its header comes first, however much of it a frame writes
+    if isinstance(receiver.type, StringType):  # its header comes first, so a short frame can be read
         frames = [one.ljust(receiver.room, b"\0") for one in frames]
     texts = odd_values(receiver, frames)
     if not texts:
@@ -629,7 +629,7 @@ def _segment(message: LineMessage) -> SegmentFacts:
 
 
 def _is_lone_message(line: LineFacts, receiver: Receiver) -> bool:
-    """Return whether one message came, and a job has waited for the rest of it for a second or longer."""
+    """Return whether a single message came, and a job waited for its rest for a second or longer."""
     only = line.messages[0]
     is_over = line.end is not None or line.last_ns - only.ns >= SECOND
     return len(line.messages) == 1 and only.pieces == 1 and only.size < receiver.need and is_over
@@ -637,7 +637,7 @@ def _is_lone_message(line: LineFacts, receiver: Receiver) -> bool:
 
 _LAYOUT_CAUSES: Final = ("header", "padding")
 _OTHER: Final = ("wrong-tsap", "tls-refused")
-_FORMS: Final = ("encoding", "text")  # the bytes are another thing than what is declared
+_FORMS: Final = ("encoding", "text")  # the bytes are not of the declared kind
 _DATA_CAUSES: Final = (
     *_OTHER, *_LAYOUT_CAUSES, *_FORMS, "byte-order", "frame-short", "frame-long", "adhoc-missing", "shifted",
     "adhoc-splits", "merged", "datagram-size", "framing",

@@ -1,7 +1,7 @@
-"""How the bytes of frames mean something, where that is not as the PLC reads them: all differences at once.
+"""A reading of frames that makes sense and is not the PLC's, with all its differences.
 
-Rule: front + members + back = the message. The cause is the first difference, in the order bytes before
-(`header`), packing (`padding`), byte order, bytes after (`frame-long`).
+Rule: message = bytes before + members + bytes after. The cause is the first difference, in the order bytes
+before (`header`), packing (`padding`), byte order, bytes after (`frame-long`).
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from trcvtui.udt.layout.rules import LayoutRules
     from trcvtui.udt.types import Type
 
-CLEAR_LEAD: Final = 6.0  # points of `fit`, ahead of our own reading
+CLEAR_LEAD: Final = 6.0  # points of `fit`, ahead of the PLC's reading
 NOT_KNOWN: Final = "not known"
-UNSURE_CONFIDENCE: Final = 0.8  # where bytes are left that nothing explains
+UNSURE_CONFIDENCE: Final = 0.8  # of a reading with bytes that nothing explains
 
 
 def read_frames(frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules) -> Finding | None:
@@ -60,13 +60,13 @@ def read_frames(frames: list[bytes], receiver: Receiver, type_: Type, rules: Lay
 
 
 def _choose_plainest(fits: Sequence[Fit], rules: LayoutRules) -> Fit | None:
-    """Return the best reading, or one that is near it and differs less from our own."""
+    """Return the best reading, or one near it that differs less from the PLC's."""
     near = [one for one in fits if one.score > fits[0].score - CLEAR_LEAD]
     return min(near, key=lambda one: (one.cause.front > 0) + (not _has_rules(one, rules)), default=None)
 
 
 def _read_by_size(frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules) -> Finding | None:
-    """Read the only message in another layout that has exactly its size and values that machines send."""
+    """Read the only message in another layout with exactly its size and values that machines send."""
     from trcvtui.udt.compare.fit import rank
 
     size = len(frames[0])
@@ -79,7 +79,7 @@ def _read_by_size(frames: list[bytes], receiver: Receiver, type_: Type, rules: L
         and not odd_values(receiver._replace(rules=one.layout.rules, need=size), frames)
     ]
     if not found or (len(found) > 1 and found[1].score > found[0].score - CLEAR_LEAD):
-        return None  # with one message nothing else tells two layouts apart
+        return None  # one message cannot decide between two layouts
     best = found[0]
     text = (
         f"the only message has {size} bytes, a job wants {receiver.need}; as {best.name} {receiver.type_name}"
@@ -95,7 +95,7 @@ def _has_rules(one: Fit, rules: LayoutRules) -> bool:
 def _classify_reading(
     best: Fit, frames: list[bytes], receiver: Receiver, rules: LayoutRules, sides: Sequence[str]
 ) -> tuple[str, RemedyOffer]:
-    """Return the cause that the best reading of the bytes is, and what mends it; "": it is none."""
+    """Return the cause that the best reading means, and the remedy; "": it is no cause."""
     from trcvtui.udt.compare.beside import has_length_field
     from trcvtui.udt.compare.causes import BYTE_TOO_MANY, HEADER, SWAP_CAUSES, TRAILER
     from trcvtui.udt.compare.drift import MOST_LEAVES
@@ -119,7 +119,7 @@ def _classify_reading(
         return cause, _offer_partner_layout(text, best, receiver, rules)
     has_numbers = any(leaf.size > 1 for leaf in best.layout.leaves(0, MOST_LEAVES))
     if not has_numbers and not has_length_field(best.cause, frames, receiver.need):
-        return "", NO_OFFER  # bytes alone read as well wherever they begin
+        return "", NO_OFFER  # single bytes read equally well from any place
     cause = "header" if best.cause.front else cause if text else "frame-long"
     declare = f"declare {' and '.join(sides)}; a frame then has {len(frames[0])} bytes"
     leave = "" if text else ", or let the partner leave them out"
@@ -127,7 +127,7 @@ def _classify_reading(
 
 
 def _describe_sides(best: Fit, frames: Sequence[bytes]) -> list[str]:
-    """Return the bytes before the members, and those after them, each with what they are."""
+    """Return a text for the bytes before the members, and one for those after them."""
     from trcvtui.udt.compare.beside import extra_evidence
     from trcvtui.udt.compare.causes import cut
 
@@ -149,7 +149,9 @@ def _describe_sides(best: Fit, frames: Sequence[bytes]) -> list[str]:
 
 def _describe_side_bytes(parts: Sequence[bytes], names: Sequence[str]) -> str:
     if names and all(names):
-        return Counter(names).most_common(1)[0][0]  # a sum of few bytes is another one by chance
+        return Counter(names).most_common(1)[0][
+            0
+        ]  # the commonest: a sum of few bytes may look like another kind by chance
     size = len(parts[0])
     fixed = parts[0].hex(" ").upper() if size <= 8 else f"{parts[0][:8].hex(' ').upper()} .."
     if len(set(parts)) == 1:
@@ -158,7 +160,7 @@ def _describe_side_bytes(parts: Sequence[bytes], names: Sequence[str]) -> str:
 
 
 def _has_counter(parts: Sequence[bytes]) -> bool:
-    """Return whether a byte goes on by the same step from frame to frame."""
+    """Return whether a byte changes by the same step from frame to frame."""
     if len(parts) < 4:
         return False
     for column in zip(*parts, strict=True):
@@ -169,7 +171,6 @@ def _has_counter(parts: Sequence[bytes]) -> bool:
 
 
 def _offer_partner_layout(text: str, best: Fit, receiver: Receiver, rules: LayoutRules) -> RemedyOffer:
-    """Offer to lay DATA out as the partner does."""
     profile, data = best.profile, receiver.data
     ours = (("layout", rules.name), ("byte_order", rules.byte_order), ("text", rules.text.name))
     theirs = zip(ours, (profile.layout, profile.byte_order, profile.text or rules.text.name), strict=True)

@@ -15,14 +15,14 @@ from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import times
 
-CERTAIN_ANSWERS: Final = 2  # answers of ICMP to datagrams; one may be chance
-CLOSED: Final = 3  # the same, where the end has received before: fewer are late answers to a closed socket
+CERTAIN_ANSWERS: Final = 2  # ICMP answers to datagrams: a single one may be chance
+CLOSED: Final = 3  # likewise, of an end that sent bytes: fewer are answers to a socket that was just closed
 MOST_KNOWN_PORT: Final = 1023
 _SERVICES: Final = frozenset({1900, 3702, 5353, 5355})  # SSDP, WS-Discovery, mDNS, LLMNR
 _LAST_BYTES: Final = (1, 254)  # of most gateways
 _CALL_FAILED: Final = (Condition.UNREACHABLE, Condition.CONNECT_FAILED)
 _NO_FRAGMENTS: Final = "keep datagrams below 1472 bytes, or let the way carry fragments: firewalls drop them"
-# What a second device with the address of an end explains, all of it.
+# Causes that a second device with the address of an end explains.
 DOUBLE_EFFECTS: Final = frozenset({
     "second-client", "refused", "turned-away", "filtered", "closes-each-message", "reconnect-storm",
     "half-open", "no-keep-alive", "dead-link", "mtu", "resets", "loss",
@@ -30,7 +30,7 @@ DOUBLE_EFFECTS: Final = frozenset({
 
 
 def is_service(line: LineFacts) -> bool:
-    """Return whether datagrams are those of any network: to all hosts, or of a service."""
+    """Return whether datagrams are ordinary in any network: to all hosts, or of a common service."""
     ends = line.plc_end, line.partner_end
     if line.protocol != "udp":
         return False
@@ -39,7 +39,7 @@ def is_service(line: LineFacts) -> bool:
 
 
 def _by_icmp(line: LineFacts, some: Sequence[TimedNote], sure: float, *texts: str, mend: str = "") -> Finding:
-    """Return what notes of ICMP prove of the way of their packets, in the words of the first one."""
+    """Return the finding that ICMP messages of one way prove, in the words of the first one."""
     first, packets = some[0], tuple([one.packet for one in some])
     way = "from-plc" if first.note.source == line.plc_end[0] else "to-plc"
     mends = (Remedy(mend),) if mend else ()
@@ -49,24 +49,24 @@ def _by_icmp(line: LineFacts, some: Sequence[TimedNote], sure: float, *texts: st
 
 
 def find_icmp_reports(line: LineFacts, receivers: Sequence[Receiver], *kinds: str) -> Finding | None:
-    """Return that a host refuses packets to its own port, or a router or filter those to another host."""
+    """Return the finding that a host refuses packets to its port, or a router or filter those to a host."""
     some = [one for one in line.undelivered if one.note.kind in kinds]
     is_udp = line.protocol == "udp"
     if not some or (line.is_built and not is_udp):
         return None
     note = some[0].note
     if note.kind == "port":
-        said = _by_icmp(line, some, 0.97, f"nothing listens on port {note.port}")
+        finding = _by_icmp(line, some, 0.97, f"nothing listens on port {note.port}")
     else:
         router, target = ip_address(note.said_by), ip_address(note.target)
         no_way = f"correct the address, switch {target} on, or give {router} a route to it"
-        mend = f"ask who runs {router}: it forbids this" if note.kind == "admin" else no_way
-        said = replace(_by_icmp(line, some, 0.97, mend=mend), leads_to=_CALL_FAILED)
-    return _judge_datagram_report(line, receivers, some, said) if is_udp else said
+        mend = f"ask the operator of {router}: it forbids this" if note.kind == "admin" else no_way
+        finding = replace(_by_icmp(line, some, 0.97, mend=mend), leads_to=_CALL_FAILED)
+    return _judge_datagram_report(line, receivers, some, finding) if is_udp else finding
 
 
 def _judge_datagram_report(
-    line: LineFacts, receivers: Sequence[Receiver], some: Sequence[TimedNote], said: Finding
+    line: LineFacts, receivers: Sequence[Receiver], some: Sequence[TimedNote], finding: Finding
 ) -> Finding | None:
     note = some[0].note
     is_to_plc = (note.target, note.port) == line.plc_end
@@ -76,49 +76,47 @@ def _judge_datagram_report(
     takes = {one.local_port for one in receivers if one.is_datagram and is_to_plc} - {0}
     if takes and note.port not in takes:
         texts, mend = (f"the project receives on {min(takes)}",), f"send to port {min(takes)}"
-        said = replace(said, evidence=(*said.evidence, *texts), mend=(Remedy(mend),))
+        finding = replace(finding, evidence=(*finding.evidence, *texts), mend=(Remedy(mend),))
     is_noise = note.port not in takes and is_service(line)
     is_sure = len(some) >= CERTAIN_ANSWERS
     is_remark = is_noise or not (receivers or is_sure)
     sure = 0.97 if is_sure else 0.6
-    return replace(said, confidence=sure, is_remark=is_remark, is_fact=is_sure, leads_to=())
+    return replace(finding, confidence=sure, is_remark=is_remark, is_fact=is_sure, leads_to=())
 
 
 # -- packets that are too large ------------------------------------------------------------------------------
 
 
 def judge_mtu(line: LineFacts) -> Finding | None:
-    """Return that large packets do not get there, and small ones do."""
+    """Return the finding that large packets do not arrive and small ones do."""
     pieces = [one for one in line.undelivered if one.note.kind == "fragments"]
     if pieces:
         return _by_icmp(line, pieces, 0.95, mend=_NO_FRAGMENTS)
-    for said, end in ((line.from_plc, line.plc_end), (line.to_plc, line.partner_end)):
-        told = [one for one in line.undelivered if (one.note.kind, one.note.source) == ("size", end[0])]
-        size, stuck = told[0].note.size if told else 0, said.stuck
+    for flow, end in ((line.from_plc, line.plc_end), (line.to_plc, line.partner_end)):
+        reports = [one for one in line.undelivered if (one.note.kind, one.note.source) == ("size", end[0])]
+        size, stuck = reports[0].note.size if reports else 0, flow.stuck
         to = f"to {size}" if size else "lower (try 1300)"
-        mend = f"let the way carry large packets, or set the MTU at both ends {to}; no cable does this"
-        again = f"{stuck.size} bytes are sent again {times(said.stuck_often)}"
-        if told and said.stuck_often >= 2 and stuck.size + 40 > size:
-            return _by_icmp(line, told, 0.97, f"{again}, as large as before", mend=mend)
-        if told:  # one datagram after the other is a sender that does not hear it
-            is_late = line.protocol == "udp" and len(told) > CERTAIN_ANSWERS
-            return replace(_by_icmp(line, told, 0.95 * is_late, mend=mend), is_remark=not is_late)
-        if said.stuck_often >= 3 and stuck.size >= LARGE_SEGMENT and _is_only_small_arriving(said):
-            small = (
-                "smaller segments behind them arrive (SACK): large packets do not get there, small ones do"
-            )
-            way = "from-plc" if said is line.from_plc else "to-plc"
+        mend = f"let the way carry large packets, or set the MTU at both ends {to}; a cable is not the cause"
+        again = f"{stuck.size} bytes are sent again {times(flow.stuck_often)}"
+        if reports and flow.stuck_often >= 2 and stuck.size + 40 > size:  # 40: IP and TCP headers
+            return _by_icmp(line, reports, 0.97, f"{again}, as large as before", mend=mend)
+        if reports:  # of several datagrams: their sender ignores the report
+            is_late = line.protocol == "udp" and len(reports) > CERTAIN_ANSWERS
+            return replace(_by_icmp(line, reports, 0.95 * is_late, mend=mend), is_remark=not is_late)
+        if flow.stuck_often >= 3 and stuck.size >= LARGE_SEGMENT and _is_only_small_arriving(flow):
+            small = "smaller segments after them arrive (SACK): large packets do not arrive, small ones do"
+            way = "from-plc" if flow is line.from_plc else "to-plc"
             texts = f"{again}, and never acknowledged", small
-            return Finding(0.9, texts, way, stuck, mend=(Remedy(mend),), packets=said.packets_of("resent"))
+            return Finding(0.9, texts, way, stuck, mend=(Remedy(mend),), packets=flow.packets_of("resent"))
     return None
 
 
-def _is_only_small_arriving(said: DirectionFacts) -> bool:
-    at = said.stuck.at
-    has = [one for one in said.sacked if one[1] > at + said.stuck.size]
-    large = [one.at for one in said.writes if one.size >= LARGE_SEGMENT and one.at != at]
+def _is_only_small_arriving(flow: DirectionFacts) -> bool:
+    at = flow.stuck.at
+    has = [one for one in flow.sacked if one[1] > at + flow.stuck.size]
+    large = [one.at for one in flow.writes if one.size >= LARGE_SEGMENT and one.at != at]
     arrived = (one < at or any(begin <= one < end for begin, end in has) for one in large)
-    return bool(has) and said.acked_at <= at and not any(arrived)
+    return bool(has) and flow.acked_at <= at and not any(arrived)
 
 
 # -- addresses -----------------------------------------------------------------------------------------------
@@ -129,7 +127,7 @@ def list_host_facts(
 ) -> Iterator[tuple[HostFact, bool]]:
     """Yield addresses without a host, and those of two devices that have no conversation.
 
-    With each: is it of the project or of `plc`, the address that was asked for, or alone in the capture?
+    With each: is it in the project, is it `plc` (the chosen address), or is it alone in the capture?
     """
     known = {plc, *(end for one in receivers for end in (one.own_address, one.partner_address))} - {b""}
     ends = {end[0] for line in facts.lines for end in (line.plc_end, line.partner_end)}
@@ -156,16 +154,16 @@ def make_host_finding(fact: HostFact, receivers: Sequence[Receiver]) -> Finding:
 
 
 def _explain_missing_host(target: bytes, asker: bytes, receivers: Sequence[Receiver]) -> tuple[str, str]:
-    """Return what it means that a host is not there, and what mends it."""
+    """Return what a missing host means, and the remedy."""
     gone, here = ip_address(target), ip_address(asker)
     partners = {one.partner_address for one in receivers if one.own_address == asker} - {b""}
     far = [one for one in partners if one[:3] != asker[:3] == target[:3]]
-    of_gateway = f"look at {gone}: the gateway that {here} has is wrong, off or not plugged in"
+    of_gateway = f"check {gone}: the gateway of {here} is wrong, off or unplugged"
     if far and target not in partners:
         return f"the gateway on the way to {ip_address(far[0])} does not answer", of_gateway
     if partners and target not in partners:
         names = ", ".join(str(ip_address(one)) for one in sorted(partners))
-        return f"the project has {names}", f"correct the address of the partner at {here}"
+        return f"the project has the partner {names}", f"correct the address of the partner at {here}"
     if not partners and target[-1] in _LAST_BYTES:
-        return "it may be a gateway: then that does not answer", of_gateway
+        return "it may be a gateway that does not answer", of_gateway
     return "", f"switch {gone} on and plug it in, or correct the address at {here}"

@@ -1,7 +1,7 @@
 """One pass over the conversations of a capture: typed facts with numbers, nothing judged.
 
-Rule 1: what a source cannot know is None (windows and ACKs of our own recordings), never a guess.
-Rule 2: what is kept of one conversation, and of all, is bounded; what comes after the bound is counted.
+Rule 1: a fact that a source cannot know is None (windows and ACKs of our own recordings), never a guess.
+Rule 2: memory is bounded, of one conversation and of all; bytes beyond the bound are only counted.
 """
 
 from __future__ import annotations
@@ -35,27 +35,26 @@ MOST_WRITES_OF_ALL: Final = 400_000
 MOST_CONTENT: Final = 64 << 10  # bytes of one direction
 MOST_CONTENT_OF_ALL: Final = 48 << 20
 MOST_MOMENTS: Final = 256  # of one kind and direction
-WIRE_WINDOW: Final = 65_535  # the only window of our own recordings
+WIRE_WINDOW: Final = 65_535  # the only window that our own recordings write
 MOST_SHOWN: Final = 8  # packets of a finding
-JOINED_NS: Final = 50_000_000  # the rest of what fills a segment follows so soon
-LATE_NS: Final = 30_000_000, 260_000_000  # delayed ACKs
+JOINED_NS: Final = 50_000_000  # after a full segment the rest follows so soon
+LATE_NS: Final = 30_000_000, 260_000_000  # from and to: a delayed ACK
 REORDERED_NS: Final = 3_000_000
-SPURIOUS_NS: Final = 200_000_000  # a sender that waited so long for an ACK did not get it
-OUTAGE_COPIES: Final = 2  # copies
-HARM_BEFORE_NS: Final = (
-    100_000_000  # in which a block shows what happens on its connection: before, and after
-)
+SPURIOUS_NS: Final = 200_000_000  # a sender that waited so long for an ACK has not received it
+OUTAGE_COPIES: Final = 2  # copies without an answer
+# An ERROR belongs to the end of a connection if it shows from so long before it to so long after it.
+HARM_BEFORE_NS: Final = 100_000_000
 HARM_AFTER_NS: Final = 2_000_000_000
-PAUSE_NS: Final = 4_000_000  # after which a message begins
+PAUSE_NS: Final = 4_000_000  # after it a message begins
 FULL_SEGMENT: Final = 536  # bytes: a smaller segment is not full
 LARGE_SEGMENT: Final = 1200  # a segment of most networks; a smaller one may be a message
-SCANS_BETWEEN_JOBS: Final = 3  # at most, where bytes wait
+SCANS_BETWEEN_JOBS: Final = 3  # at most, while bytes wait
 MOST_PIECES: Final = 64  # of one message
 PAUSE_JUMP: Final = 5.0  # times longer: pauses between messages, and inside them
 
 
 class SegmentFacts(NamedTuple):
-    """Bytes that came at once: `at` is the byte of the direction, `packet` its number in the capture."""
+    """Bytes that came at once, from byte `at` of their direction; `packet` is a number in the capture."""
 
     ns: int
     at: int
@@ -115,22 +114,20 @@ class WireEnd(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class DirectionFacts:
-    """What one end said, in numbers."""
-
     bytes: int = 0
     segments: int = 0
     cut: int = 0
     missing: int = 0
     writes: list[SegmentFacts] = field(default_factory=list)
-    line_errors: Counter[str] = field(default_factory=Counter)  # of a serial line, as its driver tells them
+    line_errors: Counter[str] = field(default_factory=Counter)  # of a serial line, as its driver reports them
     content: bytearray = field(default_factory=bytearray)  # from byte 0 to the first hole, bounded
     newest: SegmentFacts | None = None
     syns: list[SegmentFacts] = field(default_factory=list)
     resent: int = 0
-    spurious: int = 0  # of what was acknowledged already, after a long wait for that ACK
+    spurious: int = 0  # copies of acknowledged bytes, after a long wait for the ACK
     longest_wait_ns: int = 0  # from a segment to its copy
     is_heard: bool = False  # bytes of it were acknowledged
-    has_jumped: bool = False  # its sequence numbers, further than can be
+    has_jumped: bool = False  # its sequence numbers, further than possible
     is_reset_behind: bool = False  # its RST came right after its FIN
     late: int = 0  # holes that were filled later than a reordered packet would be
     early_ns: int | None = None
@@ -148,14 +145,14 @@ class DirectionFacts:
     probes_open: int = 0  # since the other end was heard
     probes_since: SegmentFacts = NOWHERE
     challenges: int = 0  # ACKs of an old connection, in answer to a SYN
-    again: SegmentFacts = NOWHERE  # what is said again, and how often so far; `stuck`: most often
+    again: SegmentFacts = NOWHERE  # the copied bytes, how often so far; `stuck`: the most
     again_often: int = 0
     stuck: SegmentFacts = NOWHERE
     stuck_often: int = 0
-    sacked: tuple[tuple[int, int], ...] = ()  # bytes from and to, that the other end has behind a hole
-    acked_at: int = 0  # up to which byte the other end has all
+    sacked: tuple[tuple[int, int], ...] = ()  # bytes from and to: the other end has them after a hole
+    acked_at: int = 0  # the other end has all bytes up to here
     slow: list[LateAck] = field(default_factory=list)
-    late_ack: LateAck | None = None  # before what follows it: when it came, as `after_ns`
+    late_ack: LateAck | None = None  # until the next write; `after_ns` is then its time
     last_ns: int = 0
     unacked: int = 0
     ended: SegmentFacts | None = None
@@ -163,7 +160,6 @@ class DirectionFacts:
     resets: int = 0
 
     def mark(self, write: SegmentFacts, kind: str) -> None:
-        """Keep the place of something odd."""
         if len(self.moments) < MOST_MOMENTS:
             self.moments.append((write, kind))
 
@@ -178,13 +174,13 @@ class DirectionFacts:
 
 
 class RecordedReads(NamedTuple):
-    """What our own recordings have in place of segments: reads, at most of the bytes that a job lacks."""
+    """Our own recordings have reads, not segments: each of at most the bytes that a job lacks."""
 
     job: int
     interval_ns: int
 
     def may_cut(self, before: SegmentFacts, gap_ns: int) -> bool:
-        """Return whether a job's end, and no pause, parts a write from the next one."""
+        """Return whether the end of a job, not a pause, separates a write from the next one."""
         return (before.at + before.size) % self.job == 0 and gap_ns <= SCANS_BETWEEN_JOBS * self.interval_ns
 
 
@@ -206,7 +202,7 @@ class LineFacts:
         self.qualities: frozenset[Quality] = frozenset()
         self.harms: Sequence[int] | None = None  # ns (UTC) of ERRORs and lost jobs; None: not known
         self.since_ns, self.until_ns = 0, 1 << 62  # messages before and after are not judged
-        self.connect: str | None = None  # of a run of ours, "": none; None: not known
+        self.connect: str | None = None  # of our own run; "": none, None: not known
         is_there = guess.says is conversation.there
         self.from_plc, self.to_plc = (talk.there, talk.back) if is_there else (talk.back, talk.there)
         self.plc_end, self.partner_end = guess.says.address, guess.says.other.address
@@ -219,21 +215,21 @@ class LineFacts:
         self.idles = talk.idles
         self.undelivered = conversation.undelivered
         self.doubled: HostFact | None = None  # the address of an end has two devices
-        self.gone: frozenset[bytes] = frozenset()  # ends that ARP asks for in vain at last
+        self.gone: frozenset[bytes] = frozenset()  # ends whose last ARP requests have no answer
         listener = conversation.listener
         self.plc_calls = None if listener is None else listener is not guess.says
         self.end: WireEnd | None = None
         if conversation.end is not None:
             kind, who = conversation.end
-            said = self.from_plc if who is guess.says else self.to_plc
-            of_kind = said.ended if kind == "fin" else said.reset
+            flow = self.from_plc if who is guess.says else self.to_plc
+            of_kind = flow.ended if kind == "fin" else flow.reset
             at = of_kind or SegmentFacts(self.last_ns, 0, 0, 0)
-            is_reset = kind == "rst" or said.is_reset_behind
+            is_reset = kind == "rst" or flow.is_reset_behind
             self.end = WireEnd(kind, who is guess.says, at.ns, at.packet, is_reset, conversation.is_ours)
         ways = (self.to_plc, self.from_plc)
         copies = any(way.resent or way.keep_alives or way.late for way in ways)
         windows = {way.lowest_window for way in ways} | {way.highest_window for way in ways}
-        has_acks = any(way.acks > 1 for way in ways)  # one is the handshake's, which a recording has, too
+        has_acks = any(way.acks > 1 for way in ways)  # one is the handshake's: recordings have that, too
         self.reads: RecordedReads | None = None  # of a static job, where these are the writes
         self.is_wire = not is_recording and (copies or has_acks or not windows <= {None, 0, WIRE_WINDOW})
 
@@ -247,7 +243,7 @@ class LineFacts:
 
     @property
     def is_built(self) -> bool:
-        """Return whether the connection stood, or begins in the middle."""
+        """Return whether the connection was established, or began before the capture."""
         return (
             self.established_ns is not None
             or self.answered_ns is not None
@@ -260,9 +256,9 @@ class LineFacts:
         return self.last_ns - self.first_ns
 
     def make_filter(self, evidence: str, of_group: bool) -> str:
-        """Return what shows its packets in Wireshark, those of the evidence alone; "": nothing does.
+        """Return a Wireshark filter for those of its packets that are evidence; "": there is none.
 
-        `of_group`: and those of all conversations with the same listener.
+        `of_group`: for those of all conversations with the same listener.
         """
         if self.protocol == "serial" or evidence == "arp":
             return "" if self.protocol == "serial" else evidence
@@ -274,7 +270,7 @@ class LineFacts:
         return " && ".join(parts)
 
     def has_harm_at(self, ns: int) -> bool:
-        """Return whether a block showed an ERROR then, or lost a job, as far as that is known."""
+        """Return whether a block showed an ERROR or lost a job then; True if that is not known."""
         return self.harms is None or any(-HARM_BEFORE_NS <= one - ns <= HARM_AFTER_NS for one in self.harms)
 
     def to_seconds(self, ns: int) -> float:
@@ -283,7 +279,7 @@ class LineFacts:
 
     @cached_property
     def messages(self) -> tuple[LineMessage, ...]:
-        """Return the messages to the PLC, as pauses and turns tell them."""
+        """Return the messages to the PLC, as pauses and turns separate them."""
         writes = [one for one in self.to_plc.writes if self.since_ns <= one.ns < self.until_ns]
         return _messages(writes, self.from_plc.writes, self.protocol == "udp", self.reads)
 
@@ -293,7 +289,7 @@ class LineFacts:
 
 
 class CaptureFacts(NamedTuple):
-    """What one capture says: its conversations, what could not be read, when it ended."""
+    """The conversations of one capture, what could not be read, the hosts, and when it ended."""
 
     lines: tuple[LineFacts, ...]
     found: Conversations
@@ -440,9 +436,9 @@ class _Collector:
         own.mark(at, "resent")
 
     def _add_hole(self, own: DirectionFacts, at: SegmentFacts, direction: WireDirection) -> None:
-        own.early_ns = None  # what follows a hole did not come late
+        own.early_ns = None  # bytes after a hole did not come late
         cut, own.cut = direction.cut - own.cut, direction.cut
-        if cut == at.size:  # the capture keeps the first bytes of each packet alone
+        if cut == at.size:  # snaplen: the capture has only the first bytes of each packet
             last = own.writes[-1] if own.writes else None
             own.bytes += cut
             if last is not None and last.packet == at.packet and last.at + last.size == at.at:
@@ -456,24 +452,24 @@ class _Collector:
         own.mark(at, "missing")
 
 
-def _end_outage(said: DirectionFacts, ns: int | None) -> None:
-    """Take that the other end is heard again; None: to the end it was not."""
-    if said.resent_since_heard >= OUTAGE_COPIES and len(said.outages) < MOST_MOMENTS:
-        since = said.copies_since
-        said.outages.append(Outage(said.resent_since_heard, since.ns, ns, since.packet))
-    said.resent_since_heard = 0
+def _end_outage(flow: DirectionFacts, ns: int | None) -> None:
+    """End the time without an answer: at `ns` the other end is heard; None: it is not until the end."""
+    if flow.resent_since_heard >= OUTAGE_COPIES and len(flow.outages) < MOST_MOMENTS:
+        since = flow.copies_since
+        flow.outages.append(Outage(flow.resent_since_heard, since.ns, ns, since.packet))
+    flow.resent_since_heard = 0
 
 
 def make_line_of_writes(protocol: str, writes: Sequence[SegmentFacts], content: bytes) -> LineFacts:
-    """Return a line on which the partner says these bytes, and nothing else happens."""
+    """Return an established line on which the partner sends these bytes and nothing else happens."""
     conversation = Conversation(1, protocol, 0, ((bytes(4), 0), (bytes(4), 1)))
     conversation.mark_established()
     conversation.last_ns = writes[-1].ns if writes else 0
     talk = _ConversationFacts(conversation)
     talk.established_ns = 0
-    said = talk.there
-    said.writes, said.content = list(writes), bytearray(content)
-    said.segments, said.bytes = len(writes), len(content)
+    flow = talk.there
+    flow.writes, flow.content = list(writes), bytearray(content)
+    flow.segments, flow.bytes = len(writes), len(content)
     return LineFacts(talk, PlcGuess(conversation.back, 1.0, "project"), 0, True)
 
 
@@ -486,8 +482,8 @@ def collect_facts(
 ) -> CaptureFacts:
     """Return the facts of one capture; what is `known` of the PLC names its end.
 
-    `receives`: it is known what the PLC receives; where one end alone says anything, it is the other one.
-    `until_ns`: the capture goes on so long: a conversation without an end is silent until then.
+    `receives`: the PLC is known to receive; if only one end sends, the PLC is the other one.
+    `until_ns`: the capture lasts so long; a conversation without an end is silent until then.
     """
     collector, troubles = _Collector(), list[Problem]()
     found = collector.found
@@ -567,15 +563,15 @@ def _messages(
 def _join_writes(
     writes: Sequence[SegmentFacts], turns: Sequence[bool], most: int, limit: int, reads: RecordedReads | None
 ) -> tuple[LineMessage, ...]:
-    """Return the writes as messages: what comes sooner than `limit` ns after a write belongs to it."""
+    """Return the writes as messages; a write sooner than `limit` ns after another one belongs to it."""
     found: list[LineMessage] = []
     for number, write in enumerate(writes):
         before = writes[number - 1]
         gap = write.ns - before.ns
         is_full = fills_segment(before.size, most, gap)
-        goes_on = number and not turns[number] and write.at == before.at + before.size
+        continues = number and not turns[number] and write.at == before.at + before.size
         is_cut = reads is not None and reads.may_cut(before, gap)
-        if goes_on and (is_full or is_cut or gap < limit):
+        if continues and (is_full or is_cut or gap < limit):
             last = found[-1]
             found[-1] = last._replace(
                 size=last.size + write.size, pieces=last.pieces + 1, pause_ns=max(last.pause_ns, gap)
@@ -586,15 +582,15 @@ def _join_writes(
 
 
 def fills_segment(size: int, largest: int, gap_ns: int) -> bool:
-    """Return whether bytes fill a segment, so that what follows them after so short a gap is their rest."""
+    """Return whether bytes fill a segment, so that bytes after so short a gap are their rest."""
     soon_ns = JOINED_NS if largest >= LARGE_SEGMENT else JOINED_NS // 25
     return size == largest >= FULL_SEGMENT and gap_ns < soon_ns
 
 
 def _find_pause_limit(gaps: Sequence[int], share: int) -> int:
-    """Return how long a pause between messages is at least; 0: pauses are all of one kind.
+    """Return the shortest pause between messages, in ns; 0: all pauses are of one kind.
 
-    One pause of `share` at least is of each kind.
+    Pauses inside messages and between them: each kind has at least one of `share` pauses.
     """
     ordered = sorted(max(gap, 1000) for gap in gaps)
     low = max(2, len(ordered) // share)

@@ -1,4 +1,4 @@
-"""What a rule of the doctor offers against what the partner says, and how that can be tried."""
+"""What a rule of the doctor offers as a remedy, and how that can be tried."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from trcvtui.snapshots.doctor import Finding, Remedy
 
 
 class CauseRule(NamedTuple):
-    """One row. `silenced_by`: causes that explain it when they are found; `weakened_by`: that may.
+    """One row. `silenced_by`: causes that explain it if they are found; `weakened_by`: causes that may.
 
-    `blind`: what a capture may lack so that the row cannot judge.
+    `blind`: qualities of a capture with which the row cannot judge.
     """
 
     cause: str
-    judge: Callable[..., Finding | None]  # is asked with a LineCase, in FRAME_RULES with line and receiver
+    judge: Callable[..., Finding | None]  # takes a LineCase, in FRAME_RULES line and receiver
     silenced_by: tuple[str, ...] = ()
     weakened_by: tuple[str, ...] = ()
     blind: tuple[Quality, ...] = ()
 
 
 class RemedyOffer(NamedTuple):
-    """What a rule offers, and the receiver as it would be with all of it; None: it cannot be tried.
+    """The remedies, and the receiver with all of them applied (None: they cannot be tried).
 
-    `otherwise` is offered where the trial fails.
+    `otherwise` is offered if the trial fails.
     """
 
     mend: tuple[Remedy, ...] = ()
@@ -42,12 +42,11 @@ def finding_to_plc(
     receiver: Receiver, sure: float, texts: tuple[str, ...], at: SegmentFacts | None,
     offer: RemedyOffer = NO_OFFER, is_remark: bool = False,
 ) -> Finding:  # fmt: skip
-    """Return what speaks for a cause in what the partner says to a receiver."""
     return Finding(sure, texts, "to-plc", at, receiver.instance, offer.mend, is_remark, trial=offer)
 
 
 def offer_frame_reset(receiver: Receiver) -> tuple[Remedy, ...]:
-    """Return what lets frames begin with a message after their length has changed."""
+    """Return the remedy by which frames begin with a message after their length has changed; (): none."""
     text = "COM_RST: the next frame then begins with a message"
     is_stream = receiver.has_reset and not receiver.is_datagram
     return (Remedy(text, f"pulse {receiver.instance} COM_RST"),) if is_stream else ()

@@ -1,4 +1,4 @@
-"""Which connections are half open: their caller has started anew, and the other end does not know it."""
+"""Which connections are half open: their caller has restarted, and the other end does not know it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOST_LATER: Final = 64  # conversations that one is compared with
 def find_restarts(
     lines: Sequence[LineFacts], groups: Iterable[Sequence[LineFacts]]
 ) -> Mapping[LineFacts, LineFacts]:
-    """Return the connections that are half open, each with the call that shows it.
+    """Return the half-open connections, each with the call that proves it.
 
     `groups`: those of one caller to one listener.
     """
@@ -48,7 +48,7 @@ def _is_answered_by_old(new: LineFacts, later: Sequence[LineFacts]) -> bool:
 
 
 def _has_forgotten(old: LineFacts, new: LineFacts) -> bool:
-    """Return whether a caller resets its old connection, when it is spoken to, after it has called anew."""
+    """Return whether a caller, after a new call, answers bytes on its old connection with RST."""
     end, caller, spoken = old.end, old.caller.writes, old.listener.writes
     if (
         end is None
@@ -66,10 +66,10 @@ def judge_half_open(old: LineFacts, restarts: Mapping[LineFacts, LineFacts]) -> 
     if (new := restarts.get(old)) is None:
         return None
     who = "the PLC end" if new.plc_calls else "the partner"
-    before = [one.ns for said in (old.to_plc, old.from_plc) for one in said.writes if one.ns < new.first_ns]
+    before = [one.ns for flow in (old.to_plc, old.from_plc) for one in flow.writes if one.ns < new.first_ns]
     silence = format_ns(new.first_ns - max(before, default=old.first_ns))
     texts = (
-        f"{who} calls anew after {silence} of silence, and its old connection stands",
+        f"{who} calls again after {silence} of silence while its old connection is still open",
         "the other end still answers for the old one, and the caller answers that with RST",
     )
     at = SegmentFacts(new.first_ns, 0, 0, new.first_packet)

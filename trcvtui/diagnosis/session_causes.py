@@ -1,4 +1,4 @@
-"""What the layer below or above TCP tells: ISO-on-TCP refused, TLS refused, errors of a serial line."""
+"""What the layer below or above TCP shows: ISO-on-TCP refused, TLS refused, errors of a serial line."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _ALERTS: Final = {
 }  # fmt: skip
 _MEANINGS: Final = {  # RFC 8446, section 6.2
     42: "the certificate of {other} is damaged, wrongly signed, or bears another name than the one asked for",
-    43: "the certificate of {other} is of a kind that it does not take",
-    44: "who signed the certificate of {other} has revoked it",
+    43: "the certificate of {other} is of a kind that it does not accept",
+    44: "the certificate of {other} was revoked by its signer",
     45: "the certificate of {other} has expired, or is not valid yet: compare the clocks, too",
-    46: "it does not accept the certificate of {other}, and tells no reason",
+    46: "it does not accept the certificate of {other}, and gives no reason",
     47: "a field of the handshake of {other} is wrong, or contradicts another one",
-    48: "it does not trust who signed the certificate of {other}: the CA is missing there",
+    48: "it does not trust the signer of the certificate of {other}: the CA is missing there",
     70: "it does not speak the TLS version that {other} asks for",
     116: "it asks for a certificate, and {other} shows none",
 }
@@ -45,13 +45,13 @@ _ENCRYPTED_ALERT: Final = 19  # bytes: level, description, kind, 16 of the ciphe
 _HANDSHAKE, _ALERT, _DATA, _CHANGE = 22, 21, 23, 20
 
 
-def find_session_units(said: DirectionFacts, has_begin: bool) -> list[bytes]:
-    """Return the heads of the first units of TLS or ISO-on-TCP, one right behind the other; []: others come.
+def find_session_units(flow: DirectionFacts, has_begin: bool) -> list[bytes]:
+    """Return the heads of the first units of TLS or ISO-on-TCP, without a gap; []: it is neither.
 
-    Where the begin is not in the capture, they may begin at one of the first writes.
+    If the begin is not in the capture, they may begin at one of the first writes.
     """
-    content = said.content
-    for at in [0] if has_begin else [write.at for write in said.writes[:MOST_UNITS]]:
+    content = flow.content
+    for at in [0] if has_begin else [write.at for write in flow.writes[:MOST_UNITS]]:
         heads, size = list[bytes](), 1
         while size and at + 7 <= len(content) and len(heads) < MOST_UNITS:
             head = bytes(content[at : at + 7])
@@ -73,7 +73,7 @@ def is_session_begin(head: bytes) -> bool:
 
 
 def _unit_size(head: bytes) -> int:
-    """Return how long a unit is, 0: it is none."""
+    """Return the bytes of a unit; 0: it is none. TLS: RFC 8446, 5.1; ISO-on-TCP: RFC 1006, 6."""
     if is_tls(head):
         size = int.from_bytes(head[3:5], "big") + 5
         fits = head[0] in (_HANDSHAKE, _ALERT, _DATA, _CHANGE) and head[1] == 3 and 1 <= head[2] <= 4
@@ -88,8 +88,8 @@ def is_http(line: LineFacts) -> bool:
     return any(_HTTP.match(way.content) for way in (line.to_plc, line.from_plc))
 
 
-def _first(said: DirectionFacts) -> SegmentFacts | None:
-    return said.writes[0] if said.writes else None
+def _first(flow: DirectionFacts) -> SegmentFacts | None:
+    return flow.writes[0] if flow.writes else None
 
 
 def _cotp(content: bytes | bytearray) -> tuple[int, bytes] | None:
@@ -119,11 +119,11 @@ def judge_wrong_tsap(line: LineFacts) -> Finding | None:
     asked = _cotp(line.caller.content)
     if line.protocol != "tcp" or asked is None or asked[0] != _CR:
         return None
-    told = _cotp(line.listener.content)
+    answer = _cotp(line.listener.content)
     way = "to-plc" if line.plc_calls else "from-plc"
     texts = [f"connection request {_tsaps(asked[1])}".rstrip()]
-    if told is not None and told[0] == _DR:
-        reason = told[1][10] if len(told[1]) > 10 else 0
+    if answer is not None and answer[0] == _DR:
+        reason = answer[1][10] if len(answer[1]) > 10 else 0
         texts.append(f"answered by a disconnect request: {_REASONS.get(reason, f'reason {reason}')}")
         return Finding(0.97, tuple(texts), way=way, at=_first(line.listener), is_fact=True)
     end = line.end
@@ -165,16 +165,16 @@ def _records(content: bytes | bytearray) -> list[tuple[int, bytes]]:
 
 
 def judge_tls(line: LineFacts) -> Finding | None:
-    """Judge whether the TLS handshake failed: with an alert, or with an end in it."""
+    """Judge whether the TLS handshake failed: with an alert, or because the connection ended in it."""
     if line.protocol != "tcp" or not (line.to_plc.content or line.from_plc.content):
         return None
-    told = {"to-plc": _records(line.to_plc.content), "from-plc": _records(line.from_plc.content)}
-    if not any(told.values()):
+    both = {"to-plc": _records(line.to_plc.content), "from-plc": _records(line.from_plc.content)}
+    if not any(both.values()):
         return None
-    hello = next((way for way, records in told.items() if records and _is_client_hello(*records[0])), None)
-    if (hello is None and not line.has_begin) or _is_handshake_complete(told):
-        return None  # its handshake is not in the capture, or went well
-    for way, records in told.items():
+    hello = next((way for way, records in both.items() if records and _is_client_hello(*records[0])), None)
+    if (hello is None and not line.has_begin) or _is_handshake_complete(both):
+        return None  # the handshake is not in the capture, or succeeded
+    for way, records in both.items():
         is_open = True  # not encrypted yet
         for kind, body in records:
             is_open = is_open and kind != _CHANGE
@@ -182,7 +182,7 @@ def judge_tls(line: LineFacts) -> Finding | None:
                 break
             if kind != _ALERT or (len(body) == 2 and body[1] == 0):
                 continue
-            said = line.to_plc if way == "to-plc" else line.from_plc
+            flow = line.to_plc if way == "to-plc" else line.from_plc
             who = "the partner" if way == "to-plc" else "the PLC end"
             if len(body) == 2 and body[0] in (1, 2):
                 name = _ALERTS.get(body[1], "alert")
@@ -190,20 +190,20 @@ def judge_tls(line: LineFacts) -> Finding | None:
                 means = f": {_MEANINGS[body[1]]}".format(other=whose) if body[1] in _MEANINGS else ""
                 text = f"TLS alert {body[1]} ({name}) from {who}{means}"
                 note = () if hello else ("the other end does not speak TLS",)
-                return Finding(0.97, (text, *note), way=way, at=_first(said), is_fact=True)
+                return Finding(0.97, (text, *note), way=way, at=_first(flow), is_fact=True)
             if hello is not None and (not is_open or len(body) > 2):
                 return Finding(0.85, (f"an encrypted TLS alert of {who} before any data",), way=way)
     if hello is None or line.end is None:
         return None
-    answer = told["from-plc" if hello == "to-plc" else "to-plc"]
+    answer = both["from-plc" if hello == "to-plc" else "to-plc"]
     other = line.from_plc if hello == "to-plc" else line.to_plc
     end = SegmentFacts(line.end.ns, 0, 0, line.end.packet)
     who = "the PLC end" if line.end.by_plc else "the partner"
     if not answer:
         what = "is no TLS" if other.content else f"is {line.end.kind.upper()} of {who}"
         return Finding(0.85, (f"a TLS ClientHello, and the answer {what}",), way=hello, at=end)
-    data = sum(kind == _DATA and len(body) > 40 for records in told.values() for kind, body in records)
-    asked = told[hello]
+    data = sum(kind == _DATA and len(body) > 40 for records in both.values() for kind, body in records)
+    asked = both[hello]
     if not any(kind == _DATA for kind, _ in asked) and not (len(asked) > 2 and data):
         return Finding(0.8, (f"{who} ended the connection inside the TLS handshake",), at=end)
     sent = [len(body) for kind, body in asked if kind == _DATA]
@@ -217,15 +217,15 @@ def judge_tls(line: LineFacts) -> Finding | None:
     return None
 
 
-def _is_handshake_complete(told: dict[str, list[tuple[int, bytes]]]) -> bool:
-    """Return whether a handshake up to TLS 1.2 ended well: both ends have encrypted, or data went through."""
-    kinds = [[kind for kind, _ in records] for records in told.values()]
+def _is_handshake_complete(both: dict[str, list[tuple[int, bytes]]]) -> bool:
+    """Return whether a handshake up to TLS 1.2 succeeded: both ends encrypted, or data passed."""
+    kinds = [[kind for kind, _ in records] for records in both.values()]
     ready = [_CHANGE in each and _HANDSHAKE in each[each.index(_CHANGE) :] for each in kinds]
     return all(ready) or (any(ready) and any(_DATA in each for each in kinds))
 
 
 def _is_client_hello(kind: int, body: bytes) -> bool:
-    return kind == _HANDSHAKE and body[:1] == b"\x01"  # 2: of the server
+    return kind == _HANDSHAKE and body[:1] == b"\x01"  # 1: ClientHello, 2: ServerHello
 
 
 def _is_answered_by_alert(
@@ -240,13 +240,13 @@ def _is_answered_by_alert(
 
 
 def judge_line_errors(line: LineFacts) -> Finding | None:
-    """Judge whether the driver of a serial line has told errors."""
-    for said, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
-        told = said.line_errors
-        if told:
-            amount = sum(told.values())
-            kinds = ", ".join(f"{kind} {often}" for kind, often in told.most_common())
-            text = f"{count(amount, 'error')} of the line in {count(said.bytes, 'byte')}: {kinds}"
+    """Judge whether the driver of a serial line has reported errors."""
+    for flow, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
+        errors = flow.line_errors
+        if errors:
+            amount = sum(errors.values())
+            kinds = ", ".join(f"{kind} {often}" for kind, often in errors.most_common())
+            text = f"{count(amount, 'error')} of the line in {count(flow.bytes, 'byte')}: {kinds}"
             sure = 0.95 if amount > 2 else 0.8
-            return Finding(sure, (text,), way=way, at=said.first_of("line error"), is_fact=True)
+            return Finding(sure, (text,), way=way, at=flow.first_of("line error"), is_fact=True)
     return None

@@ -11,7 +11,7 @@ from trcvtui.snapshots.doctor import Remedy
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.types import Array, Elementary, StringType, Type
 
-FEW_MESSAGES: Final = 3  # messages
+FEW_MESSAGES: Final = 3
 MOST_LEAVES: Final = 64  # members that are looked at
 MOST_SHOWN: Final = 24  # characters of a message
 PRINTABLE_SHARE: Final = 0.95  # of the bytes of a text
@@ -24,7 +24,7 @@ _NUMBER_BYTES: Final = frozenset(b"0123456789+-., ;:\t\r\n")
 
 
 class FoundText(NamedTuple):
-    """What says that messages are text, and the mark that ends each of them, b"": none does."""
+    """The sentence that messages are text, and the mark that ends each of them; b"": none does."""
 
     said: str
     end: bytes
@@ -36,7 +36,7 @@ def _is_mostly_text(messages: Sequence[bytes]) -> bool:
 
 
 def find_text(messages: Sequence[bytes]) -> FoundText | None:
-    """Return that messages are text: printable with a delimiter, or only digits, signs and separators."""
+    """Return the proof that messages are text: printable with a delimiter, or only digits and separators."""
     if len(messages) < 2 or sum(map(len, messages)) < LEAST_TEXT_BYTES or not _is_mostly_text(messages):
         return None
     end = next((end for end in _TEXT_ENDS if all(one.endswith(end) and one != end for one in messages)), b"")
@@ -70,7 +70,7 @@ def offer_text(receiver: Receiver, found: FoundText, longest: int) -> RemedyOffe
 
 
 def find_string_header(messages: Sequence[bytes]) -> int:
-    """Return the maximum that the header of a STRING has in all messages; 0: they have none."""
+    """Return the maximum length in the STRING header of all messages; 0: they have no header."""
     most = messages[0][0] if messages and messages[0] else 0
     for one in messages:
         if len(one) < HEADER + 1 or one[0] != most or not one[1] <= most <= LONGEST_STRING:
@@ -81,7 +81,7 @@ def find_string_header(messages: Sequence[bytes]) -> int:
 
 
 def offer_string(receiver: Receiver, messages: Sequence[bytes]) -> RemedyOffer | None:
-    """Return what mends a STRING for which text without its header comes, or the header of another one."""
+    """Return the remedy if a STRING gets text without its header, or with another one's; else None."""
     type_, rules = receiver.type, receiver.rules
     if (
         not isinstance(type_, StringType)
@@ -99,7 +99,9 @@ def offer_string(receiver: Receiver, messages: Sequence[bytes]) -> RemedyOffer |
         )
     if most or not _is_mostly_text(messages):
         return None
-    text = "the partner sends no header of a STRING: receive characters, make a STRING of them in the program"
+    text = (
+        "the partner sends no header of a STRING: receive characters and make a STRING of them in the program"
+    )
     return _offer_type(receiver, f"ARRAY[0..{longest - 1}] OF CHAR", longest, text)
 
 
@@ -116,7 +118,7 @@ def _offer_type(receiver: Receiver, name: str, size: int, text: str) -> RemedyOf
 
 
 def describe_sent_strings(receiver: Receiver, messages: Sequence[bytes]) -> str:
-    """Return that the sender sends whole STRINGs, where bytes or characters are declared; "": it does not."""
+    """Return that whole STRINGs come although DATA is bytes or characters; "": they do not."""
     if len(messages) < FEW_MESSAGES or not is_bytes(receiver.type):
         return ""
     most = find_string_header(messages)

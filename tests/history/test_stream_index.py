@@ -148,7 +148,7 @@ def test_one_message_over_several_frames_is_named() -> None:
 def test_a_message_that_is_shorter_than_the_frame_is_named() -> None:
     ledger = told(connected(), started(1, 0), sent(1, 0, 17), taken(1, 0, 17))
     assert list_frame_notes(receiving(have=17, need=24), ledger) == [
-        "P1's message 1, 17 B, is wholly here and ends 7 bytes before the frame does"
+        "P1's message 1, 17 B, has fully arrived and ends 7 bytes before the frame does"
     ]
     assert list_frame_notes(receiving(have=12, need=24), ledger) == [], "its end is still on the way"
 

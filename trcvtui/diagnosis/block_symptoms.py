@@ -1,6 +1,6 @@
-"""What the blocks of a run showed that is not as it should be, found while it runs again.
+"""The symptoms that the blocks of a run showed, found while it runs again.
 
-Rule: an ERROR counts where it stands at the end, or came again after all was well: the one 80C4 of a start is
+Rule: an ERROR counts if it shows at the end, or came again after all was well: a single 80C4 at the start is
 no fault.
 """
 
@@ -37,7 +37,7 @@ LINKED_CONDITIONS: Final = (
 ) - {Condition.NOTHING_TO_RESET}
 BUILDING_CONDITIONS: Final = frozenset({Condition.CREATING, Condition.CREATED, Condition.ESTABLISHING})
 UNCONNECTED_NS: Final = 10 * SECOND
-QUIET_NS: Final = SECOND  # a job with bytes waits so long at least, with one message ten times as long
+QUIET_NS: Final = SECOND  # of a job with bytes, at least; after a single message ten times as long
 KEPT_PAUSES: Final = 64
 GOOD_JOBS: Final = 2
 RECENT_NS: Final = 10 * SECOND
@@ -49,7 +49,7 @@ NO_ADVICE: Final = FramingAdvice((), "")
 
 @dataclass
 class _ErrorRecord:
-    """One ERROR of one instance; `good`: DONEs since it showed last."""
+    """One ERROR of one instance; `good`: DONEs since it last showed."""
 
     line: Line
     edge: StatusEdge
@@ -65,14 +65,14 @@ def _last_error_ns(item: tuple[object, _ErrorRecord]) -> int:
 
 
 class BlockSymptoms:
-    """Takes the ledger of a run, line by line; `found` is asked at its end."""
+    """Takes the ledger of a run, line by line; `list_findings` is called at its end."""
 
     def __init__(self, bench: Bench, wall_ns: int) -> None:
         self._bench, self._wall_ns = bench, wall_ns
         self._errors: dict[tuple[str, str], _ErrorRecord] = {}
-        self._linked_ns: dict[str, int] = {}  # when an instance was connected last, or asked for it
-        self._came: dict[str, deque[int]] = {}  # when bytes of each CONNECT came
-        self._handshakes: dict[str, str] = {}  # why that of each CONNECT ended last, in the library's words
+        self._linked_ns: dict[str, int] = {}  # when an instance was last connected, or requested it
+        self._came: dict[str, deque[int]] = {}  # when bytes of a CONNECT came
+        self._handshakes: dict[str, str] = {}  # why that of a CONNECT last ended, in the library's words
 
     def add_event(self, scan: int, t_ns: int, event: object) -> None:
         match event:
@@ -105,14 +105,14 @@ class BlockSymptoms:
                 record.is_over, record.good = True, record.good + (errors is None)
 
     def refuses_jobs(self, instance: str) -> bool:
-        """Return whether an instance refuses its jobs to the end, whatever the line does."""
+        """Return whether an instance refused its jobs to the end, whatever the line did."""
         return any(
             name == instance and condition in JOB_REFUSALS and not record.is_over
             for (name, condition), record in self._errors.items()
         )
 
     def list_findings(self, is_running: bool) -> tuple[Finding, ...]:
-        """Return the symptoms of the run, of one that goes on what is not over."""
+        """Return the symptoms of the run; of a running one, those that are not over."""
         snapshot = self._bench.runtime.snapshot()
         found = [*self._find_lasting_errors(is_running)]
         named = {one.instance for one in found}
@@ -127,7 +127,7 @@ class BlockSymptoms:
             is_old = record.good >= GOOD_JOBS or self._bench.now - record.last_ns >= RECENT_NS
             if record.is_over and (not record.has_recurred or (is_running and is_old)):
                 continue
-            if record is newest[name] or record.times > 1:  # else another ERROR took its place
+            if record is newest[name] or record.times > 1:  # else another ERROR replaced it
                 yield self._symptom(record)
 
     def _symptom(self, record: _ErrorRecord) -> Finding:
@@ -159,7 +159,7 @@ class BlockSymptoms:
         return replace(made, **more)
 
     def _explain_by_framing(self, found: Finding) -> Finding:
-        """Return how the bytes of its line part into frames, where an instance cuts them anywhere."""
+        """Return the finding with the framing that fits its line, if the block cuts the bytes anywhere."""
         decl = self._bench.project.instance(found.instance)
         shown = self._bench.runtime.snapshot().instance(found.instance)
         advice = advise(self._bench.runtime.recording(decl.connect)) if decl is not None else NO_ADVICE
@@ -174,7 +174,7 @@ class BlockSymptoms:
         return replace(found, cause="framing", confidence=FRAMING_CONFIDENCE, evidence=evidence, mend=(mend,))
 
     def _find_connect(self, name: str) -> str:
-        """Return the CONNECT of an instance; that of a ComBuffer is the one that feeds it."""
+        """Return the CONNECT of an instance; on a ComBuffer, that of the instance that feeds it."""
         project = self._bench.project
         decl = project.instance(name)
         own = decl.connect if decl is not None else ""
@@ -183,18 +183,18 @@ class BlockSymptoms:
         return feeds.connect if feeds is not None else own
 
     def _unconnected(self, shown: InstanceSnapshot) -> Iterator[Finding]:
-        """Yield that a connection was asked for and does not stand, where no ERROR says so."""
+        """Yield that a requested connection does not exist, if no ERROR says so."""
         config = self._bench.project.connect(shown.connect)
         is_stream = config is not None and not config.is_datagram
         if shown.condition not in BUILDING_CONDITIONS or not shown.pin("CONT") or not is_stream:
             return
         now, since = self._bench.now, self._linked_ns.get(shown.name, 0)
         if now - since >= UNCONNECTED_NS:
-            text = f"{shown.name} has asked for a connection for {format_ns(now - since)}, and none stands"
+            text = f"{shown.name} has requested a connection for {format_ns(now - since)}, and there is none"
             yield self._finding(shown.name, "not-connected", text, since, connect=shown.connect)
 
     def _unfinished(self, shown: InstanceSnapshot) -> Iterator[Finding]:
-        """Yield that a job holds bytes, and none came for longer than between two messages."""
+        """Yield that a job holds bytes, and none came for twice the usual pause."""
         last = shown.last_receive_ns
         if not block_row(shown.block).receives or not 0 < shown.have < shown.need or last is None:
             return
@@ -205,12 +205,12 @@ class BlockSymptoms:
             return
         here = f"{shown.name} holds {shown.have} of {count(shown.need, 'byte')}"
         text = f"{here}, and none came for {format_ns(quiet)}"
-        sure = 0.85 if pauses else 0.7  # of one message nobody knows the period
+        sure = 0.85 if pauses else 0.7  # a single message has no known period
         more = {"connect": shown.connect, "confidence": sure, "mend": self._offer_com_rst(shown)}
         yield self._finding(shown.name, "job-waits", text, last, **more)
 
     def _offer_com_rst(self, shown: InstanceSnapshot) -> tuple[Remedy, ...]:
-        """Return COM_RST for a job that wants another length than the next one will."""
+        """Return COM_RST if the next job will want another length than this one."""
         data = self._bench.project.data_decl(shown.data) if shown.data else None
         wanted = shown.pin("LEN") or (data.size if data is not None else shown.need)
         if wanted == shown.need or shown.pin("COM_RST") is None:

@@ -1,4 +1,4 @@
-"""The whole card of one instance: what the evidence proves, then what messages and bytes of DATA say."""
+"""The whole card of one instance: what the evidence proves, then what messages and bytes of DATA show."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from trcvtui.history.stream_index import StreamIndex
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.wording import count
 
-if TYPE_CHECKING:  # the screen explains before it knows what a project is
+if TYPE_CHECKING:  # the screen explains before it imports a project
     from trcvtui.diagnosis.data_view import Offer
     from trcvtui.project.project import DataDecl
 
 
 class DataBytes(NamedTuple):
-    """DATA of an instance, its bytes, and those that the running job has collected."""
+    """DATA of an instance, its bytes, and those of the running job."""
 
     decl: DataDecl | None
     content: bytes
@@ -28,7 +28,7 @@ class DataBytes(NamedTuple):
 
 
 class Card:
-    """Explains one instance after the other; the last answers about bytes are kept."""
+    """Explains one instance after the other; keeps the last answers about bytes."""
 
     def __init__(self) -> None:
         self._suspected: tuple[object, bytes, str] | None = None  # layout, content, suspicion
@@ -44,24 +44,27 @@ class Card:
         reads: str,
         has_values: bool = True,
     ) -> Advice:
-        """Return what is known after the last scan; `reads`: how to read DATA in another layout.
+        """Return the advice after the last scan; `reads`: the words that read DATA in another layout.
 
-        Without `has_values` no value of DATA is told.
+        Without `has_values` the advice has no value of DATA.
         """
-        told = make_advice(e)
-        causes = told.causes if told.checks else tuple(list_frame_notes(instance, index))
+        advice = make_advice(e)
+        causes = advice.causes if advice.checks else tuple(list_frame_notes(instance, index))
         swapped = self._suspect_byte_order(e, data) if has_values else ""
-        offer, do = self.offer(e, data, index), told.do
+        offer, do = self.offer(e, data, index), advice.do
         if offer is not None:
             read = SuggestedAction(f"{reads} {offer.choice}")
-            do = (read, *do) if swapped else (read,)  # as the sender lays it out, its size fits
+            do = (read, *do) if swapped else (read,)  # its size fits: only the layout is wrong
             swapped = swapped or one_line(offer.why)
         return Advice(
-            told.why + _name_missing(e, data.decl), (swapped, *causes) if swapped else causes, do, told.code
+            advice.why + _name_missing(e, data.decl),
+            (swapped, *causes) if swapped else causes,
+            do,
+            advice.code,
         )
 
     def offer(self, e: Evidence, data: DataBytes, index: StreamIndex) -> Offer | None:
-        """Return the layout in which DATA would take what came, None where nothing speaks for one."""
+        """Return a layout in which DATA fits the received bytes, None without evidence for one."""
         decl, content = data.decl, data.content
         if decl is None or e.facts.drop is not None:
             return None
@@ -72,14 +75,14 @@ class Card:
             content = _message_bytes(e.instance, data, index)
         elif e.done_scan is None or _has_shifting_frames(e):
             return None
-        asked = e.instance, decl.layout, size, content
-        if asked != self._asked:
-            from trcvtui.diagnosis.data_view import find_layout_offer  # read when the first bytes are here
+        question = e.instance, decl.layout, size, content
+        if question != self._asked:
+            from trcvtui.diagnosis.data_view import find_layout_offer  # imported when the first bytes come
 
-            # Of a few bytes nothing is known: what more of them have shown stays.
-            before = self._offer if self._asked is not None and self._asked[:3] == asked[:3] else None
+            # A few bytes show nothing: the offer that more of them have shown is kept.
+            before = self._offer if self._asked is not None and self._asked[:3] == question[:3] else None
             found = find_layout_offer(decl, size, content)
-            self._asked, self._offer = asked, found or (before if size != decl.size else None)
+            self._asked, self._offer = question, found or (before if size != decl.size else None)
         return self._offer
 
     def _suspect_byte_order(self, e: Evidence, data: DataBytes) -> str:
@@ -87,14 +90,14 @@ class Card:
         if decl is None or e.done_scan is None or e.facts.drop is not None or _has_shifting_frames(e):
             return ""
         if self._suspected is None or self._suspected[:2] != (decl.layout, content):
-            from trcvtui.diagnosis.data_view import byte_order_suspicion  # read when a frame is here
+            from trcvtui.diagnosis.data_view import byte_order_suspicion  # imported when a frame comes
 
             self._suspected = decl.layout, content, str(byte_order_suspicion(decl.layout, content) or "")
         return self._suspected[2]
 
 
 def _message_bytes(name: str, data: DataBytes, index: StreamIndex) -> bytes:
-    """Return the longest part that begins with a message, of job or DATA; all where no message is known."""
+    """Return the longest part of job or DATA that begins with a message; all if no message is known."""
     known = [(data.partial, span) for span in index.list_messages(name, of_job=True)]
     known += [(data.content, span) for span in index.list_messages(name, of_job=False)]
     parts = [content[span.position : span.stop] for content, span in known if span.begins]
@@ -107,7 +110,7 @@ def _has_shifting_frames(e: Evidence) -> bool:
 
 
 def _name_missing(e: Evidence, decl: DataDecl | None) -> str:
-    """Return which member a stuck frame's bytes end at; of a shifted one it is not known."""
+    """Return at which member the bytes of a stuck frame end; "": not known, as in a shifted one."""
     if decl is None or decl.size != e.need or not is_stuck(e):
         return ""
     if e.facts.drop is not None or _has_shifting_frames(e):
@@ -128,7 +131,7 @@ def _name_missing(e: Evidence, decl: DataDecl | None) -> str:
 
 
 def list_frame_notes(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
-    """Return what is proven about frames and messages of an instance; nothing where they agree."""
+    """Return what is proven about frames and messages of an instance; []: they agree."""
     if instance.adhoc:
         return []
     return [*_note_shift(instance, index), *_note_unfinished_frame(instance, index)]
@@ -146,7 +149,7 @@ def _note_shift(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
 
 
 def _note_unfinished_frame(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
-    """The newest message is wholly here, and the job still waits for bytes that were not sent."""
+    """The newest message has arrived, but the job waits for bytes that were not sent."""
     messages = index.list_messages(instance.name, of_job=True)
     if not messages or not 0 < instance.have < instance.need:
         return []
@@ -154,7 +157,7 @@ def _note_unfinished_frame(instance: InstanceSnapshot, index: StreamIndex) -> li
     if newest.position - newest.first + newest.whole != instance.have:
         return []
     missing = count(instance.need - instance.have, "byte")
-    return [f"{_name(newest)}, {newest.whole} B, is wholly here and ends {missing} before the frame does"]
+    return [f"{_name(newest)}, {newest.whole} B, has fully arrived and ends {missing} before the frame does"]
 
 
 def _name(message: MessageSpan) -> str:

@@ -1,11 +1,11 @@
-"""What one direction of a capture says, cut into messages as it comes: by pauses, or into records of a type.
+"""Cuts the bytes of one direction of a capture into messages, as they come: by pauses or into records.
 
-Rule 1: a pause ends a message. Of a type a segment does so, too, unless it is as large as segments get: the
-rest follows then. What is a multiple of the type's size is records of it; anything else is one message.
-Rule 2: no record goes across a hole, or across a message of another size.
-Rule 3: several records in one piece wait until a message of its own has that size, or another one: six
-messages of 10 bytes are five of 12, too.
-Rule 4: what is held is bounded.
+Rule 1: a pause ends a message. With a type the end of a segment does, too, unless the segment is full: then
+the rest follows. A multiple of the type's size is records of it; any other size is one message.
+Rule 2: no record crosses a hole, or a message of another size.
+Rule 3: several records in one piece wait until a single message has that size, or another one: six messages
+of 10 bytes have the size of five of 12.
+Rule 4: held bytes are bounded.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ HOLE_REASON: Final = "hole"
 UNKNOWN_REST: Final = 1 << 62
 CUTTING_KINDS: Final = frozenset({SegmentKind.BYTES, SegmentKind.MISSING, SegmentKind.FIN, SegmentKind.RST})
 
-# Gets the time of the last byte, the bytes, the size with those that are missing, why it did not end as
-# others do, and whether its first byte is the first of a message.
+# Gets the time of the last byte, the bytes, the size including missing ones, the reason of an unusual end (""
+# of a usual one), and whether its first byte is the first of a message.
 MessageSink = Callable[[int, bytes, int, str, bool], None]
 
 
@@ -32,15 +32,15 @@ class MessageCutter:
     def __init__(self, record: int, take: MessageSink) -> None:
         self._record, self._take = record, take
         self._held = bytearray()
-        self._ends: list[tuple[int, int]] = []  # where each segment ends in what is held, and its time
-        self._is_write = self._is_full = True  # all segments but the last are as large as they get; that, too
-        self._rest = 0  # so many bytes belong to a message of which a hole has the beginning
+        self._ends: list[tuple[int, int]] = []  # the end of each segment in `_held`, and its time
+        self._is_write = self._is_full = True  # all segments but the last are full; the last, too
+        self._rest = 0  # bytes still to come of a message that began in a hole
         self._good = self._odd = 0  # segments that were one record; messages of another size
         self._waiting: list[tuple[bytes, list[tuple[int, int]]]] = []  # pieces of several records, their ends
         self._last = 0, 0  # time and size of the newest segment
 
     def add_segment(self, ns: int, data: bytes, largest: int) -> None:
-        """Take bytes; no segment of their direction was larger than `largest`, 0: a PLC has read them so."""
+        """Take bytes. `largest`: the largest segment of the direction so far; 0: these are reads of a PLC."""
         record, (last_ns, last_size) = self._record, self._last
         self._last = ns, len(data)
         if not self._held and not self._rest:
@@ -48,24 +48,24 @@ class MessageCutter:
                 self._good += 1
                 if self._waiting:
                     self._emit_waiting()
-                self._take(ns, data, record, "", True)  # nearly all of a type
+                self._take(ns, data, record, "", True)  # the fast path: nearly all messages of a type
                 return
         elif ns - last_ns >= PAUSE_NS and not fills_segment(last_size, largest, ns - last_ns):
             self.end_message(ns)
         if self._rest and record and not self._held and len(data) % record == 0:
-            self._rest = 0  # records begin anew with it
+            self._rest = 0  # rule 2: records begin again after the hole
         if self._rest:
             part, data = data[: self._rest], data[self._rest :]
             self._rest -= len(part)
             self._hold_bytes(ns, part, largest)
             if record and self._rest > MOST_HELD and not self._is_full:
-                self._rest = 0  # where a segment ends, so does a message
+                self._rest = 0  # rule 1: a segment that is not full ends the message
             if not self._rest or len(self._held) >= MOST_HELD:
                 self._emit(len(self._held), HOLE_REASON, begins=False)
             if not data:
                 return
         if self._held and not self._is_full and 0 < record < len(self._held) + len(data):
-            self.end_message(ns)  # what was held has another size
+            self.end_message(ns)  # rule 1: the held message has another size
         self._hold_bytes(ns, data, largest)
         if len(self._held) >= (record or MOST_HELD) and not (record and self._is_full):
             self.end_message(ns)
@@ -76,7 +76,7 @@ class MessageCutter:
                 self.end_message(ns)
 
     def add_datagram(self, ns: int, data: bytes, size: int) -> None:
-        """Take a datagram that had `size` bytes at the wire."""
+        """Take a datagram that had `size` bytes on the wire."""
         self._hold_bytes(ns, data, 0)
         if len(data) < size or not data:
             self._emit(len(data), HOLE_REASON if data or size else "", size - len(data))
@@ -84,7 +84,6 @@ class MessageCutter:
             self.end_message(ns)
 
     def add_hole(self, ns: int, size: int) -> None:
-        """Take that so many bytes are missing."""
         if self._is_write and not self._rest:
             self._queue_records()
         to_next = self._rest or -len(self._held)
@@ -95,12 +94,12 @@ class MessageCutter:
         self._last = ns, 0
 
     def handle_turn(self, ns: int) -> None:
-        """Take that the other end speaks: it has got the message."""
+        """Take a turn: the other end answers, so the message has ended."""
         if self._held and not self._is_full:
             self.end_message(ns)
 
     def end_message(self, ns: int, reason: str = "") -> None:
-        """Give what is held; `reason`: why no more of a record comes, unless a pause has ended it before."""
+        """Emit the held bytes; `reason`: why a record ends short, unless a pause ended it."""
         size, record = len(self._held), self._record
         if not self._rest and record and size % record == 0 and (self._is_write or size == record):
             self._queue_records()
@@ -113,7 +112,7 @@ class MessageCutter:
 
     @property
     def _is_regular(self) -> bool:
-        """Return whether several records in one piece are believed: messages of 10 bytes make 60, too."""
+        """Return whether several records in one piece are likely (rule 3)."""
         return not self._odd or self._good > self._odd
 
     def _hold_bytes(self, ns: int, data: bytes, largest: int) -> None:
@@ -136,7 +135,7 @@ class MessageCutter:
             self._emit_waiting()
 
     def _emit_waiting(self) -> None:
-        """Give what waits: as records, or where messages have another size as one."""
+        """Emit the waiting pieces: as records, or as one message each if messages have another size."""
         waiting, self._waiting = self._waiting, []
         for content, ends in waiting:
             record = self._record if self._is_regular or len(content) == self._record else len(content)
@@ -156,7 +155,7 @@ class MessageCutter:
 
 
 class MessageCutters:
-    """Cuts what conversations say. `made` returns what cuts a direction; None: nothing does."""
+    """Cuts the bytes of conversations. `made` returns the cutter of a direction; None: it is not cut."""
 
     def __init__(self, made: Callable[[WireDirection], MessageCutter | None]) -> None:
         self._made = made
@@ -190,7 +189,6 @@ class MessageCutters:
                 other.end_message(ns, kind.value)
 
     def end_all(self, ns: int) -> None:
-        """End all of them with the capture."""
         for cutter in self._cutters.values():
             if cutter is not None:
                 cutter.end_message(ns, "end of file")

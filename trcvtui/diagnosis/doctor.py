@@ -37,16 +37,18 @@ VERDICT_TEXTS: Final = {
     PARTLY: "nothing wrong in what could be judged",
     NOTHING: "nothing could be judged",
 }
-NO_LINE: Final = 0  # the number of no conversation
-_GONE: Final = {"dead-link", "half-open", "no-keep-alive"}  # of a host that ARP then asks for in vain
+NO_LINE: Final = 0  # in place of the number of a conversation
+_GONE: Final = {"dead-link", "half-open", "no-keep-alive"}  # their host has no ARP answer afterwards, either
 GROUP_CAUSES: Final = ("closes-each-message", "reconnect-storm")  # each names all conversations of both ends
 ENDING_CAUSES: Final = (*GROUP_CAUSES, "resets", "refused", "turned-away", "filtered", "second-client")
 SHIFT_LIKE_CAUSES: Final = ("adhoc-missing", "frame-short", "frame-long")
-BYTE_CAUSES: Final = {"datagram-size": "encoding"}  # what a program meets, and the cause that the bytes show
+BYTE_CAUSES: Final = {
+    "datagram-size": "encoding"
+}  # what the program meets, and the cause in the bytes that explains it
 
 
 class LineVerdict(Struct, forbid_unknown_fields=True):
-    """What is said of one conversation; None: of all of a file, or of a project."""
+    """The verdict on one conversation; None: on a whole file, or on a project."""
 
     conversation: Ends | None
     findings: list[Finding]
@@ -63,11 +65,10 @@ class LineVerdict(Struct, forbid_unknown_fields=True):
 
 
 class RecordedFacts(NamedTuple):
-    """What a recording of ours knows beside its packets; `connects` as of KnownEnds.
+    """What our own recording knows beyond its packets; `connects` as in KnownEnds.
 
-    `harms`: when (UTC) a block of each CONNECT showed an ERROR, or lost a job.
-    `until_ns`: UTC of its last scan; silence up to then is a fact. `lint`: what is wrong with its project as
-    its pins are at the end.
+    `harms`: when (UTC) a block of each CONNECT showed an ERROR, or lost a job. `until_ns`: UTC of its last
+    scan; silence until then is a fact. `lint`: what is wrong with its project, with the pins of the end.
     """
 
     receivers: tuple[Receiver, ...]
@@ -76,14 +77,14 @@ class RecordedFacts(NamedTuple):
     troubles: tuple[Finding, ...]  # what its program did wrong: `at` first when (UTC), in which `scan`
     until_ns: int = 0
     lint: tuple[Finding, ...] = ()
-    is_running: bool = False  # the run goes on
+    is_running: bool = False  # the run has not ended
     symptoms: tuple[Finding, ...] = ()
 
 
 class DoctorQuestion(NamedTuple):
-    """What stands beside the captures on the command line, as plain data: workers get it, too.
+    """The options beside the captures on the command line, as plain data: workers get it, too.
 
-    `recorded` returns what a recording knows; None: the capture is none.
+    `recorded` returns the facts of a recording; None: the capture is not one of ours.
     """
 
     plc: str | None = None
@@ -102,7 +103,7 @@ class DoctorQuestion(NamedTuple):
 
 
 def make_type_receiver(layout: Layout, sender: str = "") -> Receiver:
-    """Return a receiver that takes messages of one type, whatever the conversation."""
+    """Return a receiver of messages of one type, for all conversations."""
     kind = Receiver("", "", layout.size, is_only=True, type_name=layout.name, type=layout.type)
     return kind._replace(rules=layout.rules, sender=sender)
 
@@ -128,19 +129,19 @@ def judge_capture(path: str, asked: DoctorQuestion) -> tuple[list[LineVerdict], 
         for each in facts.lines:
             each.harms = known.harms.get(each.connect or "", ())
     cases = [*cases_of(_select_lines(facts, asked), asked.receivers, facts.last_ns)]
-    told: dict[int, list[Finding]] = {}
+    troubles: dict[int, list[Finding]] = {}
     for line, one in (_assign_line(each, cases) for each in (known.troubles if known is not None else ())):
-        told.setdefault(NO_LINE if line is None else line.number, []).append(one)
+        troubles.setdefault(NO_LINE if line is None else line.number, []).append(one)
     is_running = known is not None and known.is_running
-    verdicts = [judge_line(case, told.get(case.line.number, []), is_running) for case in cases]
-    alone = told.get(NO_LINE, [])
+    verdicts = [judge_line(case, troubles.get(case.line.number, []), is_running) for case in cases]
+    alone = troubles.get(NO_LINE, [])
     if known is not None:
         alone = _judge_symptoms(known, cases, verdicts, alone)
     else:
         alone = _judge_hosts(facts, asked, given, cases, verdicts)
     if alone:
         verdicts.append(LineVerdict(None, _sort_by_confidence(alone)))
-    if not verdicts:  # the run of a recording was judged all the same
+    if not verdicts:  # of a recording at least the run was judged
         verdicts.append(LineVerdict(None, [], is_judged=known is not None))
     for made in verdicts:
         made.findings = [replace(one, ends=made.conversation) for one in made.findings]
@@ -153,7 +154,7 @@ def _judge_hosts(
     facts: CaptureFacts, asked: DoctorQuestion, given: PlcEnd | None, cases: Sequence[LineCase],
     verdicts: Sequence[LineVerdict],
 ) -> list[Finding]:  # fmt: skip
-    """Return the findings of hosts that no conversation has; write the remarks into one of their ends."""
+    """Return the findings of hosts without a conversation; add remarks to a conversation."""
     alone, of_host = [], dict[bytes, list[tuple[LineFacts, LineVerdict]]]()
     for case, made in zip(cases, verdicts, strict=True):
         for host in {case.line.plc_end[0], case.line.partner_end[0]}:
@@ -161,7 +162,7 @@ def _judge_hosts(
     for one, is_ours in list_host_facts(facts, asked.receivers, b"" if given is None else given.address):
         rows = of_host.get(one.ends[0], [])
         if any(line.gone and row.cause in _GONE for line, made in rows for row in made.findings):
-            continue  # its conversation says so
+            continue  # a finding of its conversation covers it
         found = make_host_finding(one, asked.receivers)
         if not is_ours:
             line, made = (rows or [(cases[0].line, verdicts[0])])[0]
@@ -175,7 +176,7 @@ def _judge_hosts(
 
 
 def _assign_line(one: Finding, cases: Sequence[LineCase]) -> tuple[LineFacts | None, Finding]:
-    """Return the conversation of its CONNECT then, or the last one before it, or the first one; and both."""
+    """Return a finding with its conversation: that at its time, else the last one before, else the first."""
     ns = one.at[0] if one.at is not None else 0
     lines = [case.line for case in cases if case.line.connect in (None, one.connect)]
     line = next((each for each in lines if each.first_ns <= ns <= each.last_ns), None)
@@ -185,22 +186,22 @@ def _assign_line(one: Finding, cases: Sequence[LineCase]) -> tuple[LineFacts | N
 
 
 def _judge_symptoms(
-    known: RecordedFacts, cases: Sequence[LineCase], verdicts: list[LineVerdict], told: list[Finding]
+    known: RecordedFacts, cases: Sequence[LineCase], verdicts: list[LineVerdict], before: list[Finding]
 ) -> list[Finding]:
-    """Write into each finding which symptoms it explains; return all findings that have no conversation.
+    """Add to each finding the symptoms that it explains; return all findings without a conversation.
 
-    A symptom that nothing explains is a finding of its conversation. `told`: those without one so far.
+    A symptom without an explanation is a finding of its conversation. `before`: those without one so far.
     """
-    alone, lint, new = [*told], dict[int, int](), list[tuple[LineFacts, Finding]]()
+    alone, lint, new = [*before], dict[int, int](), list[tuple[LineFacts, Finding]]()
     of_line = {case.line.number: made.findings for case, made in zip(cases, verdicts, strict=True)}
     known_places = [(each.line.connect, of_line[each.line.number], n) for each in cases
                     for n in range(len(of_line[each.line.number]))]  # fmt: skip
-    known_places += [(row.connect, alone, n) for n, row in enumerate(told)]
+    known_places += [(row.connect, alone, n) for n, row in enumerate(before)]
     for one in known.symptoms:
         causes = list_explaining_causes(one)
         places = [each for each in known_places if each[0] in (None, one.connect)]
         found = [(some, n) for _, some, n in places if some[n].cause in causes]
-        if not found:  # what is wrong with the project shows without any traffic
+        if not found:  # else the project may explain it, without any traffic
             for number, each in enumerate(known.lint):
                 is_its = each.cause in causes and each.instance in ("", one.instance)
                 if is_its and (not (one.status and each.status) or one.status[0] in each.status):
@@ -229,12 +230,12 @@ def _add_explained_symptom(found: Finding, one: Finding) -> Finding:
 
 
 def _sort_by_confidence(some: Iterable[Finding]) -> list[Finding]:
-    """Return findings in their order; of two that are as sure, the one that was there comes first."""
+    """Return findings, the surest first; equal ones keep their order."""
     return sorted(some, key=lambda one: -one.confidence)
 
 
 def _select_lines(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]:
-    """Return the conversations of the PLC end that was asked for; raise UserError where there is none."""
+    """Return the conversations of the PLC end of `--plc`; raise UserError if there are none."""
     if asked.plc is None:
         return facts.lines
     found = tuple([line for line in facts.lines if line.guess.why == "--plc"])
@@ -243,11 +244,11 @@ def _select_lines(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts
     return found
 
 
-def judge_line(case: LineCase, told: Sequence[Finding] = (), is_running: bool = False) -> LineVerdict:
-    """Return the verdict on one conversation; `told`: what the program did, too.
+def judge_line(case: LineCase, troubles: Sequence[Finding] = (), is_running: bool = False) -> LineVerdict:
+    """Return the verdict on one conversation; `troubles`: what its program did wrong.
 
-    In a run that goes on, what ended connections is over when one stands for long, and what was wrong with
-    the messages of one when another one goes on.
+    In a running run, causes that end connections are over once one stays open, and other causes once their
+    conversation has ended and another one still sends.
     """
     line = case.line
     found, remarks, not_judged = judge_case(case)
@@ -256,23 +257,23 @@ def judge_line(case: LineCase, told: Sequence[Finding] = (), is_running: bool = 
         is_over = case.group.has_recovered, line.end is not None and case.group.is_still_sending
         found = tuple([one for one in found if not is_over[one.cause not in ENDING_CAUSES]])
     causes = {one.cause for one in found}
-    told = [one for one in told if BYTE_CAUSES.get(one.cause) not in causes]
-    # What frames look like that the program has shifted is no cause of its own.
-    like = SHIFT_LIKE_CAUSES if any(one.cause == "shifted" for one in told) else ()
+    troubles = [one for one in troubles if BYTE_CAUSES.get(one.cause) not in causes]
+    # Frames that the program has shifted only look like these causes.
+    like = SHIFT_LIKE_CAUSES if any(one.cause == "shifted" for one in troubles) else ()
     rows = [complete(one, line, words) for one in found if one.cause not in like]
     return LineVerdict(
         Ends(line.plc, line.partner, line.protocol),
-        _sort_by_confidence(_merge_findings(told, rows)) if told else rows,
+        _sort_by_confidence(_merge_findings(troubles, rows)) if troubles else rows,
         sorted(line.qualities),
         [complete(one, line) for one in remarks],
         not_judged,
     )
 
 
-def _merge_findings(told: Sequence[Finding], found: list[Finding]) -> list[Finding]:
-    """Return one finding for a cause that both the program and the packets show: that of the packets."""
+def _merge_findings(troubles: Sequence[Finding], found: list[Finding]) -> list[Finding]:
+    """Return one finding per cause; of the program and the packets, that of the packets."""
     alone, number_of = [], {one.cause: number for number, one in enumerate(found)}
-    for one in told:
+    for one in troubles:
         if (number := number_of.get(one.cause)) is None:
             alone.append(one)
         else:
@@ -282,19 +283,19 @@ def _merge_findings(told: Sequence[Finding], found: list[Finding]) -> list[Findi
 
 
 def judge_project(project: Project) -> LineVerdict:
-    """Return what is wrong with a project before it runs: by its text, and by a dry run of three seconds."""
+    """Return what is wrong with a project before it runs, by lint and by a dry run of three seconds."""
     from trcvtui.diagnosis.dry_run import refusals
     from trcvtui.diagnosis.lint import lint
 
     known = RecordedFacts((), {}, {}, (), lint=lint(project, has_run=False), symptoms=refusals(project))
     shown = _judge_symptoms(known, [], [], [])
-    told = {(one.cause, one.evidence) for one in shown}
-    rows = [complete(one) for one in known.lint if (one.cause, one.evidence) not in told]
+    known_rows = {(one.cause, one.evidence) for one in shown}
+    rows = [complete(one) for one in known.lint if (one.cause, one.evidence) not in known_rows]
     return LineVerdict(None, _sort_by_confidence([*rows, *shown]), file=str(project.path))
 
 
 def complete(found: Finding, line: LineFacts | None = None, words: Mapping[Condition, int] = {}) -> Finding:
-    """Return what a rule has found with what its cause says of it, and where its line shows it.
+    """Return a finding with the words of its cause, and with its packets, filter and time in its line.
 
     `words`: the STATUS of each condition, where its block is known.
     """
@@ -312,7 +313,7 @@ def complete(found: Finding, line: LineFacts | None = None, words: Mapping[Condi
 
 
 def as_json(made: LineVerdict) -> dict[str, Any]:
-    """Return a verdict as `--format json` has it: keys may be added, none is taken away or renamed."""
+    """Return a verdict for `--format json`: keys may be added, never removed or renamed."""
     findings = [
         {**_remark_as_json(one), "confidence": one.confidence, "status": one.status, "explains": one.explains,
          "mend": to_builtins(one.mend)} for one in made.findings
@@ -347,8 +348,8 @@ def run_doctor(
 ) -> int:
     """Write the verdicts on all captures as they come; return 0 healthy, 1 findings, 2 nothing judged.
 
-    `names`: how a file is called in its verdicts, where that is another name. `scheduler`: of a Dask cluster,
-    which judges in the place of `jobs` processes.
+    `names`: other names for files in their verdicts. `scheduler`: of a Dask cluster that judges instead of
+    `jobs` processes.
     """
     write, total, is_first = sys.stdout.write, _Total(), True
     for made in before:
@@ -437,7 +438,7 @@ def _write(write: Callable[[str], object], made: Sequence[LineVerdict], form: st
 
 
 INDENT: Final = "    "
-MOST_LINES: Final = 4  # that are named of those with equal findings
+MOST_LINES: Final = 4  # that are named, of several with equal findings
 
 
 def _format_verdicts(verdicts: Sequence[LineVerdict]) -> Iterator[str]:
@@ -465,7 +466,7 @@ def _format_verdicts(verdicts: Sequence[LineVerdict]) -> Iterator[str]:
 
 
 def finding_key(one: Finding) -> tuple[object, ...]:
-    """Return what equal findings of several conversations share: cause, STATUS, whose, which port."""
+    """Return what equal findings of several conversations share: cause, STATUS, direction, instance, port."""
     ends = (one.ends.plc, one.ends.partner) if one.ends is not None else ()
     ports = [int(port) for port in (each.rpartition(":")[2] for each in ends) if port.isdecimal()]
     return one.cause, *one.status, one.way, one.instance, min(ports, default=0)
@@ -495,8 +496,8 @@ def _notes(some: Sequence[LineVerdict]) -> Iterator[str]:
                 remarks.most_common(MOST_LINES))  # fmt: skip
     qualities = Counter(each for made in some for each in made.quality if each != Quality.ENDS_EARLY)
     if qualities:
-        told = [f"{each} {often}" if often > 1 else each for each, often in qualities.items()]
-        yield f"  quality: {', '.join(told)}"
+        texts = [f"{each} {often}" if often > 1 else each for each, often in qualities.items()]
+        yield f"  quality: {', '.join(texts)}"
     blind: dict[str, list[str]] = {}
     for cause, why in (each for made in some for each in made.not_judged.items()):
         causes = blind.setdefault(why, [])

@@ -1,4 +1,4 @@
-"""A run or captures, judged by a process beside: it gets blocks of a journal, or the names of files.
+"""Judges a run or captures in another process, which gets blocks of a journal, or the names of files.
 
 Bounds: MOST_FINDINGS, the surest, in texts of MOST_TEXT characters.
 """
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 
 MOST_FINDINGS: Final = 64
 MOST_TEXT: Final = 400
-ReportScan = Callable[[int, int], None]  # is told the scan that passes next, and the last one
+ReportScan = Callable[[int, int], None]  # gets the next scan, and the last one
 ReadRecordedFacts = Callable[..., RecordedFacts | None]  # runs a recording again (replay/job_facts.py)
 
 
 def judge_files(paths: Sequence[str], asked: DoctorQuestion, begins_ns: int | None = None) -> DoctorSnapshot:
-    """Return what the doctor finds in files: each finding with its time in the run."""
+    """Return the findings in files, each with its time in the run."""
     found, remarks = list[Finding](), list[Finding]()
     qualities, conversations = Counter[str](), 0
     for path in paths:
@@ -59,7 +59,7 @@ def judge_files(paths: Sequence[str], asked: DoctorQuestion, begins_ns: int | No
 
 
 def _place_in_run(one: Finding, zero_ns: int) -> Finding:
-    """Return a finding with its time in the run and bounded texts, none of them twice."""
+    """Return a finding with its time in the run and bounded texts without duplicates."""
     t_ns = None if one.t_s is None else zero_ns + round(one.t_s * 1e9)
     evidence = tuple([text[:MOST_TEXT] for text in one.evidence])
     explains = tuple([text for text in one.explains if text not in evidence])
@@ -74,7 +74,7 @@ def _dedupe(found: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def judge_run(path: str, recorded: ReadRecordedFacts, tell: ReportScan | None = None) -> DoctorSnapshot:
-    """Return what is found in a run so far, and in its project where the traffic does not show it."""
+    """Return the findings in a run so far, and those in its project that the traffic does not show."""
     facts = recorded(path, is_running=True, tell=tell)
     found = judge_files([path], DoctorQuestion(recorded=lambda _: facts))
     known = {one.cause for one in found.findings}
@@ -89,7 +89,7 @@ def _first_packet_ns(path: str) -> int:
 
 
 class DoctorInput:
-    """Takes what is asked of files, or null and a run's journal; writes what is found at the end of it."""
+    """Takes a question about files, or null and a run's journal; writes the findings when it is closed."""
 
     trouble = ""
 

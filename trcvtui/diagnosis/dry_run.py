@@ -1,4 +1,4 @@
-"""A project run for three seconds on the simulated network: what its blocks refuse before it really runs."""
+"""A project run for three seconds on the simulated network: what its blocks refuse, before a real run."""
 
 from __future__ import annotations
 
@@ -18,14 +18,16 @@ if TYPE_CHECKING:
     from trcvtui.project.project import Project
 
 RUN_NS: Final = 3 * SECOND
-CONNECTED_NS: Final = SECOND  # what can be connected is, and EN_R rises
-IGNORED: Final = frozenset({Condition.NOT_CONNECTED, Condition.STILL_ASKED})  # the doctor raised EN_R
+CONNECTED_NS: Final = SECOND  # by then all possible connections exist: EN_R rises
+IGNORED: Final = frozenset(
+    {Condition.NOT_CONNECTED, Condition.STILL_ASKED}
+)  # only because the doctor sets EN_R
 
 
 def refusals(project: Project) -> tuple[Finding, ...]:
     """Return each ERROR that the blocks show while CONT and EN_R are 1; raise UserError.
 
-    An ERROR of the link counts where the partner is in the project: nothing else listens on this network.
+    An ERROR of the link counts only if the partner is in the project: nothing else is on this network.
     """
     bench = Bench(project, "sim")
     symptoms, seq = BlockSymptoms(bench, 0), 0
@@ -61,7 +63,7 @@ def _raise(bench: Bench, pin: str, names: list[str]) -> None:
 
 
 def _list_sole_receivers(project: Project) -> list[str]:
-    """Return the receivers that have a CONNECT for themselves: of several a program may let one at a time."""
+    """Return the receivers with a CONNECT of their own: a program may run several in turn."""
     some = [each for each in project.instances if block_row(each.block).receives]
     return [each.name for each in some if sum(one.connect == each.connect for one in some) == 1]
 

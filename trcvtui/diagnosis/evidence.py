@@ -1,4 +1,4 @@
-"""What the answer to "why?" rests on: all that is known of one instance, now or in a scan of the past."""
+"""The evidence for an answer to "why?": all that is known of one instance, now or in a past scan."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import ComBufferSnapshot, ConnectionSnapshot
 from trcvtui.snapshots.bench import PeerSnapshot
 
-if TYPE_CHECKING:  # the screen knows a picture before it knows what a project is
+if TYPE_CHECKING:  # the screen has a picture before it imports a project
     from trcvtui.project.project import Project
 
 
@@ -23,7 +23,7 @@ NO_FACTS = ConnectFacts()
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """All that is known of one instance at one moment; `is_past` where an edge of the past is asked about."""
+    """All that is known of one instance at one moment; `is_past`: at a past edge."""
 
     instance: str
     block: str
@@ -46,7 +46,7 @@ class Evidence:
     facts: ConnectFacts = NO_FACTS
     peers: tuple[PeerSnapshot, ...] = ()
     callers: tuple[str, ...] = ()  # the active peers of this bench that are meant for this CONNECT
-    budget: tuple[int, int] = (0, 0)  # connections in use, and how many there may be
+    budget: tuple[int, int] = (0, 0)  # connections in use, and their limit
     has_adhoc: bool = True  # an ADHOC pin; without one a LEN of 65535 is ad hoc
     adhoc_at_once: bool = False  # it acts on the job that runs
     is_stopped: bool = False  # the PLC is in STOP
@@ -56,34 +56,33 @@ class Evidence:
         return next((value for pin, value in self.pins if pin == name), None)
 
     def ns_since(self, moment: ScanStamp) -> int:
-        """Return how long ago that was, in ns."""
         return max(0, self.at.t_ns - moment.t_ns)
 
     @property
     def is_datagram(self) -> bool:
-        """Return whether datagrams move: its CONNECT is one of UDP, or a UDP_CONFIG."""
+        """Return whether its CONNECT is one of UDP, or a UDP_CONFIG."""
         if self.config is not None:
             return self.config.is_datagram
         return self.link is not None and self.link.udp
 
     @property
     def is_message(self) -> bool:
-        """Return whether a partner's message over a connection arrives whole, one a job (ISO-on-TCP)."""
+        """Return whether messages over its connection arrive whole, one per job (ISO-on-TCP)."""
         return self.config is not None and self.config.is_message_oriented and not self.is_datagram
 
     @property
     def is_arriving(self) -> bool:
-        """Return whether bytes still come: no pause has shown yet that would end a burst."""
+        """Return whether bytes still come: no pause has been long enough to end a burst."""
         return self.quiet_ns is not None and self.quiet_ns <= PAUSE_SCANS * self.interval_ns
 
     @property
     def quiet_ns(self) -> int | None:
-        """Return how long no byte has come to this instance, None before the first."""
+        """Return for how long no byte has come, in ns; None: none came yet."""
         return None if self.last_bytes_ns is None else max(0, self.at.t_ns - self.last_bytes_ns)
 
 
 def make_current_evidence(picture: BenchUpdate, project: Project, name: str) -> Evidence | None:
-    """Return what is known of an instance after the last scan, None where there is no such instance."""
+    """Return the evidence of an instance after the last scan; None: there is no such instance."""
     snapshot = picture.snapshot
     instance = snapshot.instance(name)
     if instance is None:
@@ -131,7 +130,7 @@ def _list_active_peers(project: Project, connect: str) -> tuple[str, ...]:
 def past_evidence(
     line: Line, edge: StatusEdge, facts: ConnectFacts, until: ScanStamp, project: Project, interval_ns: int
 ) -> Evidence:
-    """Return what the ledger knows of an edge of the past that showed `until` then, with its facts."""
+    """Return the evidence of a past edge that showed until `until`, from the ledger and `facts`."""
     need = edge.cause.need or 0
     have = edge.cause.have or 0
     if edge.outputs.busy and need and facts.job_offset is not None:

@@ -1,6 +1,6 @@
-"""Who asks the doctor in a process beside, about a run or about files; `judged` is what that has found.
+"""The doctor in another process, asked about a run or about files.
 
-Rule: no scan waits for an answer; before it is there, `progress` tells how far the process is.
+Rule: no scan waits for an answer; until it comes, `progress` says how far the process is.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ FileNames = Callable[[], Sequence[str]]
 
 
 class ProcessJudge:
-    """Judges in a process: `judged` is what that has found last, `progress` tells how far it is."""
+    """Judges in a process: `result_json` is its last DoctorSnapshot, `progress` says how far it is."""
 
     result_json, progress, looks_again = b"", "", True
     _answer: PendingAnswer | None = None
@@ -31,7 +31,7 @@ class ProcessJudge:
 
     def start_judging(self) -> None:
         if self._answer is None:
-            blocks = self._blocks()  # refused before a process begins
+            blocks = self._blocks()  # raises UserError before a process begins
             self._answer = PendingAnswer(JUDGE_ENTRY)
             for block in blocks:
                 self._answer.process.add_block(*block)
@@ -52,7 +52,7 @@ class ProcessJudge:
 
 
 class RunJudge(ProcessJudge):
-    """Judges what a black box keeps of a run that goes on."""
+    """Judges what a black box keeps of the present run."""
 
     def __init__(self, box: BlackBox) -> None:
         self._box, box.close_judge = box, self.close
@@ -62,7 +62,7 @@ class RunJudge(ProcessJudge):
 
 
 class FilesJudge(ProcessJudge):
-    """Judges captures and recordings: `files` gives their names when it is asked."""
+    """Judges captures and recordings; `files` returns their names at each start."""
 
     def __init__(
         self, files: FileNames, plc: str | None = None, project: Path | None = None, looks_again: bool = False

@@ -1,4 +1,4 @@
-"""A project before its first scan: what its instances expect, and the causes that can be told already."""
+"""A project before its first scan: what its instances expect, and the causes that show already."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ LONG_KEEP_ALIVE_S: Final = 1800  # a firewall forgets an idle connection sooner
 def list_receivers(
     project: Project, held: HeldPins = NO_PINS, pins: Mapping[str, Pins] | None = None
 ) -> tuple[Receiver, ...]:
-    """Return what receives from a network in a project, `start` and `program` included.
+    """Return the receivers of a project, with the inputs that `start` and `program` set.
 
-    `held`: inputs that no command changes. `pins`: the inputs of each instance now, where it runs.
+    `held`: inputs that no command changes. `pins`: the present inputs of each instance, if it runs.
     """
     project, bytes_of = _apply_start(project, held, pins)
     found = [_receiver(project, each) for each in project.instances if block_row(each.block).receives]
@@ -86,10 +86,10 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
     inputs = dict(decl.inputs)
     config, udp = project.connect(decl.connect), project.udp_config(decl.connect)
     data = project.data_decl(decl.data) if decl.data else None
-    asked = inputs.get("LEN")
-    length = asked if isinstance(asked, int) and not isinstance(asked, bool) else 0
+    pin = inputs.get("LEN")
+    length = pin if isinstance(pin, int) and not isinstance(pin, bool) else 0
     size = data.size if data is not None else 0
-    pins = {pin.name for pin in project.pins(decl.block)}
+    pins = {each.name for each in project.pins(decl.block)}
     has_adhoc = "ADHOC" in pins
     is_adhoc = bool(inputs.get("ADHOC")) if has_adhoc else length in project.rules.area.adhoc_lens
     task = project.task(decl.task)
@@ -136,7 +136,7 @@ def _ports(project: Project) -> frozenset[int]:
 
 
 def _host(address: str) -> bytes:
-    """Return the four bytes of an address, b"" where it is any, or a name."""
+    """Return the four bytes of an address; b"": any address, or a name."""
     found = None if address == ANY_ADDRESS else parse_octets(address)
     return b"" if found is None else bytes(found)
 
@@ -171,12 +171,12 @@ def _marks(decl: InstanceDecl, written: dict[str, bytes]) -> tuple[bytes, bytes]
 def lint(
     project: Project, pins: Mapping[str, Pins] | None = None, has_run: bool = True
 ) -> tuple[Finding, ...]:
-    """Return what is wrong with a project before it runs, or with its `pins` of now, the surest first."""
+    """Return what is wrong with a project before it runs, or with its present `pins`; the surest first."""
     started = replace(_apply_start(project, now=pins)[0], start="", program="")
     found = [replace(one, cause=cause) for cause, judge in LINT_RULES for one in judge(started)]
     written = _written_pins(project)
     found += _judge_two_receivers(started, written)
-    if not has_run:  # else a command may have set CONT
+    if not has_run:  # in a run a command may have set CONT
         found[:0] = _judge_missing_cont(started, written)
     found += _judge_samples(project, pins)
     return tuple(sorted(found, key=lambda one: -one.confidence))
@@ -186,7 +186,7 @@ def _judge_limits(project: Project) -> Iterator[Finding]:
     used = [each for each in project.connects if any(i.connect == each.name for i in project.instances)]
     if len(used) > project.connection_limit:
         text = f"{len(used)} CONNECTs are used, {project.model} has {project.connection_limit} connections"
-        yield Finding(0.95, (text,), mend=(Remedy("fewer CONNECTs, or a model with more connections"),))
+        yield Finding(0.95, (text,), mend=(Remedy("use fewer CONNECTs, or a model with more connections"),))
     priorities = {task.name: task.priority for task in project.tasks}
     for decl in project.instances:
         inputs = dict(decl.inputs)
@@ -201,7 +201,7 @@ def _judge_limits(project: Project) -> Iterator[Finding]:
             mend = Remedy(f"LEN {data.size}, or 0: all of DATA", f"set {decl.name} LEN={data.size}")
             yield Finding(0.95, (text,), instance=decl.name, mend=(mend,))
         elif length > most:
-            text = f"LEN of {decl.name} is {length}, the most is {most}"
+            text = f"LEN of {decl.name} is {length}, the maximum is {most}"
             yield Finding(0.95, (text,), instance=decl.name, mend=(Remedy(f"LEN {most} or less"),))
     for connect in project.connects:
         on = [each for each in project.instances if each.connect == connect.name]
@@ -222,14 +222,14 @@ def _judge_addr(project: Project) -> Iterator[Finding]:
 
 
 def _status_words(project: Project, block: str, condition: Condition) -> tuple[str, ...]:
-    """Return the STATUS of a block for that, () where its table has none."""
+    """Return the STATUS of a block for a condition; (): its table has none."""
     known = project.rules.status.keys() | project.rules.status_of.get(block, {}).keys()
     return (f"{project.rules.status_word(block, condition):04X}",) if condition in known else ()
 
 
 def _judge_ids(project: Project) -> Iterator[Finding]:
     first: dict[int, ConnectConfig] = {}
-    mend = (Remedy("give each of them an ID of its own: one ID is one connection"),)
+    mend = (Remedy("give each of them its own ID: one ID is one connection"),)
     for config in project.connects:
         if config.description is None or config.flaw is not None:
             continue
@@ -242,9 +242,9 @@ def _judge_ids(project: Project) -> Iterator[Finding]:
 
 
 def _judge_ports(project: Project) -> Iterator[Finding]:
-    """Yield two with one local port, of one protocol at one address; ISO-on-TCP shares its port."""
+    """Yield CONNECTs with one local port, of one protocol at one address; ISO-on-TCP shares its port."""
     first: dict[tuple[bool, str, int], ConnectConfig] = {}
-    mend = Remedy("give each of them a LocalPort of its own")
+    mend = Remedy("give each of them its own LocalPort")
     for config in project.connects:
         local, described = config.local, config.description
         port = local.port if described is None else read_spec(described).local_port
@@ -254,23 +254,23 @@ def _judge_ports(project: Project) -> Iterator[Finding]:
         if other is not config:
             calls = other.active, config.active
             text = f"{other.name} and {config.name} have one local port, {local.address}:{port}"
-            unsure = f"this bench takes both; some CPUs refuse one, {project.dialect.name} perhaps"
+            unsure = f"this bench accepts both; some CPUs refuse one, {project.dialect.name} perhaps"
             is_taken = other.local.port == local.port == port and not all(calls)
             said = Finding(0.95 if is_taken else 0.5, (text, unsure)[: 2 - is_taken], mend=(mend,))
-            late = other if calls == (True, False) else config  # one that calls binds after one that listens
+            late = other if calls == (True, False) else config  # a caller binds after a listener
             yield _assign_to_builder(project, late, (SetUpStage.BIND, "EADDRINUSE"), said)
 
 
 def _assign_to_builder(
     project: Project, config: ConnectConfig, wrong: tuple[SetUpStage, str], said: Finding
 ) -> Finding:
-    """Return what is said of the block that builds a CONNECT, with the STATUS that it shows for it."""
+    """Return a finding with the block that builds its CONNECT, and with the STATUS that this shows."""
     for decl in project.instances:
         row = block_row(decl.block)
         if decl.connect == config.name and (row.connects or row.runs_as is Condition.ESTABLISHING):
             status = _status_words(project, decl.block, project.rules.course.condition(*wrong))
             return replace(said, instance=decl.name, status=status)
-    return replace(said, confidence=0.5)  # no block builds it
+    return replace(said, confidence=0.5)  # no block builds it: no STATUS shows it
 
 
 def _judge_peers(project: Project, connect: ConnectConfig) -> Iterator[Finding]:
@@ -280,7 +280,7 @@ def _judge_peers(project: Project, connect: ConnectConfig) -> Iterator[Finding]:
         port, callers = connect.remote_port, [each for each in peers if each.end in calls]
         named = [project.peer(port[1:])] if isinstance(port, str) else callers
         for each in [each for each in named if each is not None and each.active][:1]:
-            text = f"{connect.name} and {each.name} are both active: nobody listens"
+            text = f"{connect.name} and {each.name} are both active: neither listens"
             yield Finding(0.95, (text,), mend=(Remedy("make one of them passive"),))
     elif (
         connect.remote_port
@@ -288,7 +288,7 @@ def _judge_peers(project: Project, connect: ConnectConfig) -> Iterator[Finding]:
         and peers
         and not any(each.active for each in peers)
     ):
-        text = f"{connect.name} and {peers[0].name} are both passive: nobody calls"
+        text = f"{connect.name} and {peers[0].name} are both passive: neither calls"
         yield Finding(0.9, (text,), mend=(Remedy("make one of them active"),))
     for name, text in (("LocalAddress", connect.local.address), ("RemoteAddress", connect.remote_address)):
         try:
@@ -302,7 +302,7 @@ WrittenPins = dict[tuple[str, str], set[PinValue]]
 
 
 def _written_pins(project: Project) -> WrittenPins:
-    """Return every value that an input has by its declaration, by `start` and by `program`."""
+    """Return each value that declaration, `start` or `program` give an input."""
     found = {(each.name, pin): {value} for each in project.instances for pin, value in each.inputs}
     for step in _steps(project):
         match step.command:
@@ -315,7 +315,7 @@ def _written_pins(project: Project) -> WrittenPins:
 
 
 def _judge_missing_cont(project: Project, written: WrittenPins) -> Iterator[Finding]:
-    """Yield what asks for data and never gets the CONT that it needs for a connection."""
+    """Yield instances that ask for data but never get the CONT that they need for a connection."""
     for decl in project.instances:
         pins = {pin.name for pin in project.pins(decl.block)}
         asks = [pin for pin in ("EN_R", "REQ") if any(written.get((decl.name, pin), ()))]
@@ -330,7 +330,7 @@ def _judge_missing_cont(project: Project, written: WrittenPins) -> Iterator[Find
 
 
 def _judge_two_receivers(project: Project, written: WrittenPins) -> Iterator[Finding]:
-    """Yield who has EN_R at 1, always, on a CONNECT of another such receiver."""
+    """Yield receivers whose EN_R is always 1, on a CONNECT with another such receiver."""
     first: dict[tuple[str, str], InstanceDecl] = {}
     for decl in project.instances:
         is_held = dict(decl.inputs).get("EN_R") and all(written.get((decl.name, "EN_R"), ()))
@@ -338,18 +338,20 @@ def _judge_two_receivers(project: Project, written: WrittenPins) -> Iterator[Fin
         if other is not decl:
             text = f"{other.name} and {decl.name} both receive on {decl.connect}: only one gets data"
             status = _status_words(project, decl.block, Condition.CONNECT_IN_USE)
-            mend = Remedy("keep EN_R at 1 at one of them", f"set {decl.name} EN_R=0")
+            mend = Remedy("keep EN_R at 1 at only one of them", f"set {decl.name} EN_R=0")
             yield Finding(0.85, (text,), instance=decl.name, mend=(mend,), status=status, cause="limits")
 
 
 def _judge_keep_alive(project: Project) -> Iterator[Finding]:
     for connect in project.connects:
-        asked = connect.keep_alive_interval_s
-        if asked > LONG_KEEP_ALIVE_S:
-            text = f"KeepAliveTimeInterval of {connect.name} is {asked} s: a dead link shows after 3 of them"
+        interval = connect.keep_alive_interval_s
+        if interval > LONG_KEEP_ALIVE_S:
+            text = (
+                f"KeepAliveTimeInterval of {connect.name} is {interval} s: a dead link shows after 3 of them"
+            )
             usual = connect.keep_alive_default_s
-            more = (connect.keep_alive_limit_note,) if asked > LONGEST_KEEP_ALIVE_S else ()
-            mend = Remedy(f"0, which is {usual} s, or some minutes at most")
+            more = (connect.keep_alive_limit_note,) if interval > LONGEST_KEEP_ALIVE_S else ()
+            mend = Remedy(f"set it to 0, which is {usual} s, or to some minutes at most")
             yield Finding(0.7, (text, *more), mend=(mend,))
 
 
@@ -413,8 +415,8 @@ def _judge_samples(project: Project, pins: Mapping[str, Pins] | None) -> Iterato
         line = make_line_of_writes("udp" if receiver.is_datagram else "tcp", writes, bytes(content))
 
         def judge(one: Receiver, line: LineFacts = line) -> dict[str, Finding]:
-            told = {row.cause: row.judge(line, one) for row in FRAME_RULES}
-            return {cause: said for cause, said in told.items() if said is not None and not said.is_remark}
+            made = {row.cause: row.judge(line, one) for row in FRAME_RULES}
+            return {cause: each for cause, each in made.items() if each is not None and not each.is_remark}
 
         for found in weigh_findings(judge(receiver), FRAME_RULES, judge):
             yield replace(found, at=None, evidence=(f"{peer.name} says:", *found.evidence))

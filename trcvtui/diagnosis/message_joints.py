@@ -1,6 +1,6 @@
-"""Where messages join and part inside writes: by a length field, a delimiter, or a period of head and body.
+"""The borders of messages inside writes: by a length field, a delimiter, or a period of head and body.
 
-Rule: sizes alone prove nothing. A length that leads from border to border does, or an end that recurs.
+Rule: sizes alone prove nothing. Proof is a length that leads from border to border, or a recurring end.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from typing import Final, NamedTuple
 from trcvtui.diagnosis.line_facts import SegmentFacts
 
 FEW_MESSAGES: Final = 3
-LEAST_MESSAGES: Final = 8  # messages that prove a length field
-MOST_MESSAGES: Final = 512  # messages that are looked at
+LEAST_MESSAGES: Final = 8  # fewer do not prove a length field
+MOST_MESSAGES: Final = 512  # that are examined
 LAST_PLACE: Final = 9  # of a length field
-LENGTH_OFFSETS: Final = range(-8, 65)  # bytes that a length may leave out
+LENGTH_OFFSETS: Final = range(-8, 65)  # bytes of a message that its length may not count
 DELIMITERS: Final = (b"\r\n", b"\n", b"\r", b"\x03")
 LONGEST_HEAD: Final = 64
-PAUSE_RATIO: Final = 2  # times longer: the pause after a body than that after its head
+PAUSE_RATIO: Final = 2  # the pause after a body is so many times that after its head
 
 
 class LengthPlace(NamedTuple):
@@ -31,19 +31,19 @@ class LengthPlace(NamedTuple):
     more: int
 
     def message_size(self, message: bytes) -> int:
-        """Return how long the message is that begins here; 0: its length is not there."""
+        """Return the size of the message that begins here; 0: its length is not in these bytes."""
         end = self.at + self.width
         number = int.from_bytes(message[self.at : end], self.order)  # type: ignore[arg-type]
         return number + self.more if len(message) >= end else 0
 
     @property
     def is_usual(self) -> bool:
-        """Return whether it counts all bytes, or those after it."""
+        """Return whether it counts all bytes of the message, or those after it."""
         return self.more in (0, self.at + self.width)
 
 
 def find_length_field(messages: Sequence[bytes]) -> LengthPlace | None:
-    """Return the length field that is right in each message; None: there is none, or one by chance."""
+    """Return the length field that is right in each message; None: none is, or only by chance."""
     lengths = {len(one) for one in messages}
     if len(lengths) < 2 or len(messages) < LEAST_MESSAGES:
         return None
@@ -66,7 +66,7 @@ def _places(messages: Sequence[bytes], shortest: int) -> Iterator[LengthPlace]:
 
 
 def count_messages(place: LengthPlace, content: bytes) -> int:
-    """Return how many messages a length leads through, from begin to end of the bytes; 0: it does not."""
+    """Return the number of messages, if their lengths lead from begin to end of the bytes; else 0."""
     at = number = 0
     while at < len(content):
         size = place.message_size(content[at : at + place.at + place.width])
@@ -80,7 +80,7 @@ def count_messages(place: LengthPlace, content: bytes) -> int:
 
 
 class Joints(NamedTuple):
-    """Writes with several messages: how many in each write, what proves it, what takes one at a time."""
+    """Writes with several messages: how many in each write, the proof, and the remedy."""
 
     numbers: tuple[int, ...]
     proof: str
@@ -88,14 +88,14 @@ class Joints(NamedTuple):
 
 
 def find_joined_messages(parts: Sequence[bytes]) -> Joints | None:
-    """Return that writes hold several messages, some of them one."""
+    """Return how writes hold several messages, some of them a single one; None: not proved."""
     ways = (*_split_by_mark(parts), *_split_by_length(parts)) if parts else ()
     several = (one for one in ways if sum(number > 1 for number in one.numbers) >= FEW_MESSAGES)
     return next((one for one in several if one.numbers.count(1) >= 2), None)
 
 
 def _split_by_mark(parts: Sequence[bytes]) -> Iterator[Joints]:
-    """Yield the delimiters that end each write, where all messages begin alike, too."""
+    """Yield the delimiters that end each write, if nearly all messages also begin alike."""
     for mark in DELIMITERS:
         if all(part.endswith(mark) for part in parts):
             lines = [line for part in parts for line in part.split(mark)[:-1]]
@@ -113,7 +113,7 @@ def _split_by_length(parts: Sequence[bytes]) -> Iterator[Joints]:
         numbers = tuple([count_messages(place, part) for part in parts]) if place.is_usual else (0,)
         if all(numbers) and (place.width > 1 or len(set(map(len, parts))) > 2):
             head = place.at + place.width
-            mend = f"two jobs: LEN {head} for the head, then as many bytes as its length tells"
+            mend = f"two jobs: LEN {head} for the head, then as many bytes as its length says"
             yield Joints(numbers, f"the length at byte {place.at} leads from message to message", mend)
 
 
@@ -131,9 +131,9 @@ class HeadAndBody(NamedTuple):
 
 
 def head_and_body(writes: Sequence[SegmentFacts], content: bytes, need: int) -> HeadAndBody | None:
-    """Return that each second write is the rest of the one before it: their sizes have a period of two.
+    """Return the finding that each second write is the body to the head before it; None: not proved.
 
-    Proved by a length in the head, or where both together always have the size that is waited for.
+    Proof is a length in the head, or that both together always have the size of a job.
     """
     pairs = [*zip(writes[::2], writes[1::2], strict=False)]
     head = pairs[0][0].size if len(pairs) >= FEW_MESSAGES else 0
@@ -152,7 +152,7 @@ def head_and_body(writes: Sequence[SegmentFacts], content: bytes, need: int) -> 
 
 
 def _has_length_in_head(wholes: Sequence[bytes], head: int) -> bool:
-    """Return whether a head has a length of all, or of what follows it, in two bytes or more."""
+    """Return whether a head has the length of the message or of its body, in two bytes or more."""
     lengths = {len(whole) for whole in wholes}
     return any(
         place.is_usual and place.at + place.width <= head and (place.width > 1 or len(lengths) > 2)

@@ -1,4 +1,4 @@
-"""What takes the messages to the PLC, of a project or of a type."""
+"""A receiver of messages to the PLC, of a project or of a type."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from trcvtui.udt.types import Type
 
 NEVER_NS: Final = 1 << 62
-LOOPBACK: Final = b"\x7f"  # of a project tried at home: its line has other addresses
+LOOPBACK: Final = b"\x7f"  # of a project on one machine: its line has other addresses
 
 
 class Receiver(NamedTuple):
-    """What takes the messages to the PLC: how many bytes a job wants, or has room for (`need`).
+    """A block that receives, or a type; `need` is how many bytes a job wants, or has room for.
 
-    Of a run: since when, and until when it took so many (UTC).
+    `since_ns`, `until_ns`: UTC, when it took so many, in a run.
     """
 
     instance: str
@@ -37,7 +37,7 @@ class Receiver(NamedTuple):
     type_name: str = ""
     type: Type | None = None
     rules: LayoutRules | None = None
-    sender: str = ""  # the layout that a sender of the type is likely to have
+    sender: str = ""  # the likely layout of a sender of the type
     marks: tuple[bytes, bytes] = (b"", b"")
     is_serial: bool = False
     room: int = 0  # of DATA; 0: not known
@@ -46,10 +46,10 @@ class Receiver(NamedTuple):
     since_ns: int = 0
     until_ns: int = NEVER_NS
     has_reset: bool = False  # its block has COM_RST
-    static: str = "ADHOC=0 "  # before a LEN; "": no such pin, and a LEN of 65535 is ad hoc
+    static: str = "ADHOC=0 "  # before a LEN; "": no ADHOC pin, LEN 65535 is ad hoc
     words: Mapping[Condition, int] = {}  # STATUS of what a cause leads to
-    is_secure: bool = False  # TLS: the wire has none of its bytes
-    ports: frozenset[int] = frozenset()  # that its project names, its CONNECTs without a receiver included
+    is_secure: bool = False  # TLS: its bytes are not on the wire
+    ports: frozenset[int] = frozenset()  # of its project, also of CONNECTs without a receiver
 
     def fits(self, line: LineFacts) -> bool:
         if self.is_serial or line.protocol == "serial":

@@ -1,4 +1,4 @@
-"""The whole messages of a received stream: as a peer sent them, as jobs that bring one each, or by pauses."""
+"""The whole messages of a received stream: as a peer sent them, one per job, or by pauses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from trcvtui.plc.ledger import A_HOLE, A_PACKET
 
 
 class StreamMessage(NamedTuple):
-    """One message at its positions; `by_pauses`: only what came between two pauses, which may be several."""
+    """One message at its positions; `by_pauses`: the bytes between two pauses, maybe several messages."""
 
     name: str
     positions: range
@@ -20,9 +20,9 @@ class StreamMessage(NamedTuple):
 
 
 def find_messages(window: HistoryWindow, e: Evidence) -> list[StreamMessage]:
-    """Return the messages of which every byte is known, oldest first; none where nothing tells their ends.
+    """Return the messages of which every byte is known, oldest first; []: their ends are not known.
 
-    Bytes of a running job are left out: what follows them may still be of the same message.
+    Bytes of a running job are left out: the next ones may belong to the same message.
     """
     running = min([job.position for job in window.jobs if job.is_open], default=window.stop)
     recvs = [recv for recv in window.recvs if recv.stop <= running]

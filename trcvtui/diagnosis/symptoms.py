@@ -1,9 +1,8 @@
-"""Symptoms: what a block showed that is not as it should be, and which causes explain it.
+"""Symptoms: what a block showed that is wrong, and which causes explain it.
 
-A symptom is the finding that it is where nothing explains it: `at` when first (UTC), `leads_to` the condition
-of an ERROR, `evidence` its text, then sentences of the STATUS card. It is a fact where the block knows what
-the handshake said: its remedy is the better one.
-Rule: a symptom that no cause explains is a finding of its own, so that a run with an ERROR is never healthy.
+A symptom is a Finding: `at` when first (UTC), `leads_to` the condition of an ERROR, `evidence` its text, then
+sentences of the STATUS card. It is a fact if the block knows why the handshake failed: its remedy is better.
+Rule: a symptom without a cause is itself a finding, so that a run with an ERROR is never healthy.
 """
 
 from __future__ import annotations
@@ -29,14 +28,14 @@ LINK_ERRORS: Final = frozenset({
     C.REFUSED, C.UNREACHABLE, C.NOT_NOW, C.FOUND_CLOSED, C.STILL_ASKED, C.ENDPOINT_GONE, C.SHORT_FRAME,
     C.ACCEPT_FAILED, C.DISCONNECT_FAILED, C.RESET_FAILED,
 })  # fmt: skip
-# A job that a block refuses whatever the line does: nothing that waits in the stack is then the line's fault.
+# A block refuses its job whatever the line does: bytes that wait in the stack are then not the line's fault.
 JOB_REFUSALS: Final = frozenset({
     C.DATA_EMPTY, C.LENGTH_WRONG, C.LEN_OVER_DATA, C.DATA_MISSING, C.DATA_REFUSED, C.DATA_SYMBOLIC,
     C.LEN_OF_TEXT, C.CONNECT_IN_USE, C.NO_BUFFER, C.OTHER_TRANSPORT, C.NULL_POINTER, C.NULL_RECEIVE_POINTER,
     C.RECEIVE_LENGTH_WRONG,
 })  # fmt: skip
 _DESCRIPTION_CAUSES: Final = ("address", "limits")
-# What explains an ERROR beside the causes that lead to its condition (cause_words.py).
+# Causes of an ERROR besides those whose `leads_to` (cause_words.py) has its condition.
 _CAUSES_OF_ERRORS: Final[tuple[tuple[frozenset[Condition], frozenset[str]], ...]] = (
     (LINK_ERRORS, LINK_CAUSES),
     (frozenset({C.NOT_CONNECTED, C.STILL_ASKED}), frozenset({"not-connected-request"})),
@@ -65,7 +64,7 @@ _CAUSES_OF_ERRORS: Final[tuple[tuple[frozenset[Condition], frozenset[str]], ...]
 
 
 def list_explaining_causes(symptom: Finding) -> frozenset[str]:
-    """Return the causes that explain a symptom where they are found on its line."""
+    """Return the causes that explain a symptom if they are found on its line."""
     if not symptom.leads_to:
         return LINK_CAUSES if symptom.cause == "not-connected" else FRAME_CAUSES | LINK_CAUSES
     (condition,) = symptom.leads_to

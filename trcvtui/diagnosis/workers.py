@@ -1,7 +1,7 @@
 """Captures judged by several workers: processes of this machine, or those of a Dask cluster.
 
-Rules: a worker that dies loses no file: it is tried again by another one, and then reported. What a cluster
-sends runs no code here: answers are JSON of one form, and no object is built of what else comes.
+Rule 1: a worker that dies loses no file: another worker tries it again, and then it is reported.
+Rule 2: bytes from a cluster run no code here: answers are JSON of one form, and no other object is built.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ Question = TypeVar("Question")
 Answer = TypeVar("Answer")
 PathAnswers = Iterator[tuple[str, Answer | UserError]]
 JudgeFunction = Callable[[str, Question], Answer | UserError]
-MOST_DEATHS: Final = 2  # of workers that had a file
+MOST_DEATHS: Final = 2  # of workers with one file
 CONNECT_S: Final = 10
-POLL_S: Final = 5  # between two looks whether workers are there
-MOST_TASKS: Final = 256  # that a cluster has at once
+POLL_S: Final = 5  # between two checks of the list of workers
+MOST_TASKS: Final = 256  # of a cluster at once
 
 
 def judge_in_processes(
     paths: Sequence[str], asked: Question, judge: JudgeFunction[Question, Answer], jobs: int
 ) -> PathAnswers[Answer]:
-    left = paths
-    while left:
-        lost = yield from _judge_in_pool(left, asked, judge, jobs)
-        near = 2 * jobs + 1  # so many were with the workers: one of them has killed its own, and with it all
+    remaining = paths
+    while remaining:
+        lost = yield from _judge_in_pool(remaining, asked, judge, jobs)
+        near = 2 * jobs + 1  # so many had begun: one of them killed its worker, which breaks the whole pool
         for path in lost[:near]:
             if (yield from _judge_in_pool([path], asked, judge, 1)):
                 yield path, _make_death_error(path)
-        left = lost[near:]
+        remaining = lost[near:]
 
 
 def _judge_in_pool(
@@ -71,7 +71,7 @@ def judge_in_cluster(
 ) -> PathAnswers[Answer]:
     """Yield the answers of a cluster as they come: one task a capture, which its worker reads.
 
-    What no worker can open is read here. `form`: the type of an Answer. Raise UserError: no such scheduler.
+    Files that no worker can open are read here. `form`: the type of an Answer. Raise UserError: no scheduler.
     """
     dask = require("distributed", "cluster", "--scheduler", "no Dask")
     here: list[str] = []
@@ -80,7 +80,7 @@ def judge_in_cluster(
             client = dask.Client(
                 scheduler, timeout=CONNECT_S, set_as_default=False, deserializers=["msgpack"]
             )
-        except Exception as failed:  # whatever a URL, a name, a door, another version bring
+        except Exception as failed:  # a bad URL, name, port or version: each raises its own type
             expected = "tcp://HOST:8786 of a Dask scheduler"
             raise mistake("--scheduler", f"{scheduler} ({failed})", expected) from None
         there = partial(_judge_at_worker, asked=asked, judge=judge)
@@ -92,9 +92,9 @@ def judge_in_cluster(
 
 @contextmanager
 def _forbid_unpickling() -> Iterator[None]:
-    """Let Dask build no object: what is serialized stays bytes, what is pickled is nothing or a KilledWorker.
+    """Let Dask build no object (rule 2): serialized data stays bytes, pickles become None or a KilledWorker.
 
-    `deserializers` do not reach errors, types of results, warnings, and what says of itself it is pickled.
+    `deserializers` do not cover errors, types of results, warnings, and data that calls itself pickled.
     """
     from distributed import KilledWorker, client, protocol
 
@@ -114,15 +114,15 @@ def _forbid_unpickling() -> Iterator[None]:
 def _judge_in_workers(
     client: Any, paths: Sequence[str], there: Callable[[str], bytes], reply: Any, here: list[str]
 ) -> PathAnswers[Any]:
-    """Yield the answers of a cluster's workers; put into `here` what none of them can answer."""
+    """Yield the answers of a cluster's workers; add to `here` the files that none of them can read."""
     from distributed import KilledWorker, wait
 
-    left: list[tuple[str, tuple[str, ...]]] = [(path, ()) for path in reversed(paths)]
+    queue: list[tuple[str, tuple[str, ...]]] = [(path, ()) for path in reversed(paths)]
     tasks: dict[Any, tuple[str, tuple[str, ...]]] = {}
-    while left or tasks:
+    while queue or tasks:
         workers = list(client.scheduler_info(n_workers=-1)["workers"])
-        while left and len(tasks) < MOST_TASKS:
-            path, been_at = left.pop()
+        while queue and len(tasks) < MOST_TASKS:
+            path, been_at = queue.pop()
             other = [each for each in workers if each not in been_at]
             if not other:
                 here.append(path)
@@ -134,15 +134,15 @@ def _judge_in_workers(
             if tasks:
                 wait(list(tasks), timeout=POLL_S, return_when="FIRST_COMPLETED")
         done = [task for task in tasks if task.done()]
-        if not done and not workers:  # all are gone
-            here += [path for path, _ in (*tasks.values(), *left)]
+        if not done and not workers:  # all have gone
+            here += [path for path, _ in (*tasks.values(), *queue)]
             return
         for task in done:
             path, been_at = tasks.pop(task)
             if task.status in ("error", "cancelled"):
                 if task.status == "error" and isinstance(task.exception(), KilledWorker):
                     yield path, _make_death_error(path)
-                else:  # a worker that cannot run us
+                else:  # a worker that cannot run this program
                     here.append(path)
                 continue
             try:
@@ -150,20 +150,23 @@ def _judge_in_workers(
                 worker, answer, problems = reply.decode(msgspec.msgpack.decode(packed, type=bytes))
             except Exception as failed:
                 if isinstance(failed, TimeoutError) or task.status == "error":
-                    tasks[task] = path, been_at  # its worker died with the answer: another one judges
+                    tasks[task] = (
+                        path,
+                        been_at,
+                    )  # its worker died with the answer: Dask tries another one
                 else:
                     yield path, mistake(path, "no answer in what its worker sent", "one of our version")
                 continue
             if answer is not None or problems:
                 yield path, UserError(problems) if problems else answer
-            elif worker in been_at or worker not in workers:  # so it would be asked for ever
+            elif worker in been_at or worker not in workers:  # else it would be tried forever
                 here.append(path)
             else:
-                left.append((path, (*been_at, worker)))
+                queue.append((path, (*been_at, worker)))
 
 
 def _judge_at_worker(path: str, asked: Question, judge: JudgeFunction[Question, Answer]) -> bytes:
-    """Return which worker judges, the answer, what is wrong, as JSON; neither: it cannot open the file."""
+    """Return JSON of the worker, its answer, the problems; neither of both: it cannot open the file."""
     from distributed import get_worker
 
     answer: Answer | UserError | None = None

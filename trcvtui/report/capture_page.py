@@ -40,7 +40,7 @@ class _CaptureNotes(ShadowOutput):
 def read_capture_notes(
     path: Path, shadows: ShadowChoice, has_payload: bool, file: str, digest: str
 ) -> tuple[ReportSource, RunNotes, list[str]]:
-    """Put a capture through shadow instances; return what the page says of it, and what to tell beside."""
+    """Play a capture to shadow instances; return the source and the notes of the page, and warnings."""
     plan, found, troubles = plan_capture([str(path)], *shadows)
     lines = _CaptureNotes(min(task.interval_ns for task in plan.project.tasks))
     player = CapturePlayer(plan, found.all, found.first_ns or 0, lines)
@@ -53,7 +53,7 @@ def read_capture_notes(
     given = None if plc is None else parse_plc(plc)
     source = ReportSource(
         path.name,
-        "a capture, put through shadow instances: what blocks with these parameters would show",
+        "a capture, played to shadow instances: what blocks with these parameters would show",
         "",
         found.first_ns or 0,
         "the conversations of the capture",
@@ -69,9 +69,9 @@ def read_capture_notes(
 def _conversation(
     one: Conversation, found: Conversations, plan: ShadowPlan, given: PlcEnd | None, known: KnownEnds
 ) -> tuple[str, ...]:
-    told: dict[str, Any] = conversation_row(found, one, given, known)
-    ends = [told[key] for key in ("id", "protocol", "plc", "partner", "begin", "end")]
-    to, back = told["to_plc"], told["from_plc"]
+    row: dict[str, Any] = conversation_row(found, one, given, known)
+    ends = [row[key] for key in ("id", "protocol", "plc", "partner", "begin", "end")]
+    to, back = row["to_plc"], row["from_plc"]
     sizes = [
         str(size) for size in (to["bytes"], back["bytes"], (to["missing"] or 0) + (back["missing"] or 0))
     ]

@@ -1,4 +1,4 @@
-"""`trcvtui report`: a recording run again, or a capture put through shadows, told on one page."""
+"""`trcvtui report`: a recording run again, or a capture played to shadows, as one page."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ EXIT_WHOLE, EXIT_ENDS_EARLY = 0, 1
 
 
 class _ReplayPace:
-    """The scans that a scenario asks for; raise UserError where the journal has no more of them."""
+    """The scans of a scenario; raises UserError if the journal has no more of them."""
 
     def __init__(self, run: ReplayRun, notes: RunNotes) -> None:
         self._run, self._notes = run, notes
@@ -51,7 +51,7 @@ class _ReplayPace:
 
 
 class _CommandNotes:
-    """The entries of a journal on their way to a replay; each command is noted with the scan before it."""
+    """The entries of a journal on their way to a replay; notes each command with the scan before it."""
 
     def __init__(self, entries: Iterator[Entry], scan: int = 0) -> None:
         self.events: FirstAndLast[EventNote] = FirstAndLast(MOST_EVENTS)
@@ -77,7 +77,7 @@ class _CommandNotes:
 def replay_with_notes(
     journal: Journal, where: str, has_payload: bool
 ) -> tuple[ReplayRun, RunNotes, Verdict | None, str]:
-    """Run again; return what was seen, the verdict of a scenario, and why it ended early or ""."""
+    """Run again; return the run, its notes, the verdict of a scenario, and why it ended early or ""."""
     keyframes = Keyframes(journal, where)
     with guard_state(keyframes.first > 0, where):
         if keyframes.first:
@@ -93,7 +93,7 @@ def replay_with_notes(
             if run.scenario is not None and not keyframes.first:
                 steps = (*run.scenario.start, *run.scenario.steps)
                 scans = _ReplayPace(run, notes)
-                verdict = ScenarioRunner(run.bench, run.scenario.name, scans, lambda *told: None).play(steps)
+                verdict = ScenarioRunner(run.bench, run.scenario.name, scans, lambda *_: None).play(steps)
                 notes.note_end()
                 run.bench.close()
                 run.replay.check_end()
@@ -102,9 +102,9 @@ def replay_with_notes(
                     notes.add_scan()
                 if not run.is_whole:
                     raise run.make_end_error()
-        except UserError as told:
-            stopped = str(told)
-            run.replay.is_busy = False  # the last look is one in a gap
+        except UserError as error:
+            stopped = str(error)
+            run.replay.is_busy = False  # notes are taken between two scans
             notes.note_end()
             heard.note_rest(notes, run.replay.peek_call())
         return run, notes, verdict, stopped
@@ -134,10 +134,10 @@ def _folders(files: FilesRead, path: str) -> list[str]:
 
 
 def write_report(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice) -> int:
-    """Write the page of a file; return 0, or 1 where a recording ends before its run does.
+    """Write the page of a file; return 0, or 1 if a recording ends before its run does.
 
-    What is no recording of ours is a capture; so is a recording where `shadows` (project, PLC end, dialect)
-    are chosen.
+    Any file but our own recordings is a capture; so is a recording if `shadows` (project, PLC end, dialect)
+    are given.
     """
     where = f"--out {out}"
     _refuse_other(out, where)
@@ -152,7 +152,7 @@ def write_report(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice
     named = f"{path.name}, {size} bytes"
     recording, folders = None if any(shadows) else _recording(path), list[str]()
     findings, verdict = _judge_file(path, shadows[0], shadows[1]), None
-    gc.collect()  # the conversations of a large capture stand once in the memory, not twice
+    gc.collect()  # else a large capture would be in memory twice
     if recording is None:
         from trcvtui.report.capture_page import read_capture_notes  # a recording needs none of it
 
@@ -191,7 +191,7 @@ def _recording(path: Path) -> Recording | None:
 
 
 def _refuse_other(out: Path, where: str) -> None:
-    """Raise UserError for a file that is there already and is no report of ours."""
+    """Raise UserError if the file exists and is not our own report."""
     try:
         with open_to_read(out) as file:
             if file.read(len(REPORT_MARK)) != REPORT_MARK:

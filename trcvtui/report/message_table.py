@@ -1,7 +1,7 @@
-"""Messages as a table: what its columns are, and each row as a line of csv, jsonl or text.
+"""Messages as a table: its columns, and each row as a line of csv, jsonl or text.
 
-Rule: a value is as `udt decode` has it, but a text in csv has no quotes of ours: `'` before one that a
-spreadsheet would run. A member that no byte of a message says is empty, never 0.
+Rule: a value looks as in `udt decode`, but a text in csv has no quotes, and a `'` before it if a spreadsheet
+would run it. A member without bytes in a message is empty, never 0.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ _RESERVED: Final = frozenset((*FIRST, *INSTANCE_COLUMNS, *CONVERSATION_COLUMNS, 
 MOST_MEMBERS: Final = 1024  # columns
 FORMULA_STARTS: Final = ("=", "+", "-", "@", "\t", "\r")
 HEX_SHOWN: Final = 16  # bytes in text
-MOST_SPACED_HEX: Final = 43_690  # bytes as hex with blanks, so that no program takes them for a number, and
+MOST_SPACED_HEX: Final = 43_690  # bytes as hex with blanks, so that no program reads them as a number, and
 MOST_HEX: Final = 65_535  # without: Python's csv reads no cell of more than 131,072 characters
-WIDTH_ROWS: Final = 256  # rows, for the width of the columns of text: a wider cell moves the rest of its line
+WIDTH_ROWS: Final = 256  # rows that set the widths of text columns: a wider cell later moves its line
 
 _MEMBER_PATTERN: Final = re.compile(r'(?:"[^"]*"|\[[^]]*\]|[^,])+')  # of `a, b.c[1,2], "a,b"`
 
@@ -56,7 +56,7 @@ class MessageType(NamedTuple):
 
 
 class MessageTable:
-    """Writes rows as they come. `left_out`: how many members have no column, as there are too many."""
+    """Writes rows as they come. `left_out`: how many members have no column, if there are too many."""
 
     def __init__(
         self,
@@ -88,7 +88,7 @@ class MessageTable:
         self._second, self._date = -1, ""
 
     def write(self, labels: tuple[str, ...], row: MessageRow, of: str | None = None) -> None:
-        """Write a row; `of`: whose type it has, without it that of its instance, its label."""
+        """Write a row; `of`: the instance or direction of its type, else its first label."""
         if not self.rows and self._form != "jsonl":
             self._write_cells([*self._columns, *self._names])
         self.rows += 1
@@ -162,7 +162,7 @@ def format_csv(
 
 
 def _choose_members(types: Sequence[MessageType], members: str) -> list[Sequence[int]]:
-    """Return the leaves of each type that become columns; raise UserError for a name that is no member."""
+    """Return the leaves of each type that get columns; raise UserError for a name that is no member."""
     names = [name.strip() for name in _MEMBER_PATTERN.findall(members) if name.strip()]
     if not names:
         return [range(one.layout.leaf_count) for one in types]
@@ -179,7 +179,7 @@ def _choose_members(types: Sequence[MessageType], members: str) -> list[Sequence
 
 
 def is_same_type(one: DataDecl | Layout | None, other: DataDecl | Layout | None) -> bool:
-    """Return whether all bytes of two DATA mean the same, by the same names."""
+    """Return whether two DATA have the same members, layout and names."""
     return one is other or (one is not None and other is not None and _key(one) == _key(other))
 
 
@@ -193,7 +193,7 @@ def _paths(layout: Layout) -> list[str]:
 
 
 class _Fields:
-    """The columns of one type, from column `first` of all members on."""
+    """The columns of one type; the first is column `first` of all members."""
 
     def __init__(self, layout: Layout, numbers: Sequence[int], instance: str, first: int, form: str) -> None:
         self.layout, self.first = layout, first
@@ -206,7 +206,7 @@ class _Fields:
         self._cells = [(place, cell) for place, cell in cells if cell is not None]
 
     def values(self, content: bytes) -> LeafValues:
-        """Return the values of the columns, None for each that the bytes do not have."""
+        """Return the values of the columns; None: the message has no bytes for it."""
         if self._numbers is None:
             return decode(self.layout, content)
         return tuple([decode_leaves(self.layout, content, n, n + 1)[0] for n in self._numbers])
@@ -230,7 +230,7 @@ def _column_name(path: str, taken: frozenset[str], instance: str) -> str:
     return name
 
 
-# -- how a value becomes a cell; None: as it is ------------------------------------------------------------
+# -- formatters of cells; None: the value as it is ----------------------------------------------------------
 
 
 def _csv_cell(leaf: Leaf) -> CellFormatter | None:

@@ -1,4 +1,4 @@
-"""`trcvtui messages`: each message of a recording, a capture or a run is one row."""
+"""`trcvtui messages`: each message of a recording, a capture or a run as one row."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ from trcvtui.udt.layout.layout import Layout
 
 EXIT_GOOD, EXIT_NO_ROW = 0, 1
 TO_PLC, FROM_PLC = "to PLC", "from PLC"
-UNSURE_CONFIDENCE: Final = 0.5  # a guess of the PLC end that is told
+UNSURE_CONFIDENCE: Final = 0.5  # less confident guesses of the PLC end give a warning
 PACKETS_PER_READ: Final = 1000  # packets between two scans
 
 
 class MessagesQuestion(NamedTuple):
-    """What the command line asks for. `time_ns`: how long a project runs."""
+    """The options of the command line. `time_ns`: how long a project runs."""
 
     files: Sequence[str]
     project: Path | None
@@ -60,7 +60,7 @@ class MessagesQuestion(NamedTuple):
 
 
 class _NoRow(Exception):
-    """Nothing is written, and no file made."""
+    """There is no row: nothing is written, and no file is made."""
 
 
 def write_messages(asked: MessagesQuestion) -> int:
@@ -108,17 +108,17 @@ def _warn(line: object) -> None:
 
 
 class _FilteredRows:
-    """Puts the rows that are let through into the table; they are of an instance, or of a way to or from."""
+    """Writes the rows that pass a filter into the table, by instance or by direction."""
 
     def __init__(self, asked: MessagesQuestion, out: TextIO) -> None:
         self.asked, self._out = asked, out
         self.table: MessageTable | None = None
         self._filters: dict[str, Filter | None] = {}
-        self.project: Project | None = None  # that of the columns
+        self.project: Project | None = None  # whose types have the columns
         self.begun_ns = 0
 
     def begin_table(self, project: Project | None, begun_ns: int) -> None:
-        """Begin the table: of a project's instances, or without one of the two ways of a capture."""
+        """Begin the table: of a project's instances; without one, of the two directions of a capture."""
         asked, self.project, self.begun_ns = self.asked, project, begun_ns
         if project is None and asked.instance is not None:
             raise mistake("--instance", "a capture without instances", "--project beside it, or a recording")
@@ -129,12 +129,14 @@ class _FilteredRows:
             raise mistake("--instance", quote(asked.instance), expected, "unknown")
         wrong = self._read_filters(types, project)
         if wrong and len(wrong) == len(self._filters):
-            raise min(wrong, key=lambda each: len(str(each)))  # the nearest name is alone
+            raise min(
+                wrong, key=lambda each: len(str(each))
+            )  # the error that names a near member is the shortest
         some = [MessageType(name, type_) for name, type_ in types.items() if type_ is not None]
         labels = CONVERSATION_COLUMNS if project is None else INSTANCE_COLUMNS
         self.table = MessageTable(self._out, asked.form, some, labels, asked.members, begun_ns)
         if self.table.left_out:
-            _warn(f"{self.table.left_out} members have no column: --members names those that shall")
+            _warn(f"{self.table.left_out} members have no column: choose columns with --members")
 
     def _list_types(self, project: Project | None) -> dict[str, DataDecl | Layout | None]:
         if project is None:
@@ -155,20 +157,20 @@ class _FilteredRows:
                 else:
                     layout = self.asked.layout if name == TO_PLC else None
                     self._filters[name] = read_layout_filter(where, layout, "--where")
-            except UserError as refused:  # another one may have that name
+            except UserError as refused:  # another type may have that member
                 wrong.append(refused)
         return wrong
 
     def change_project(self, project: Project) -> frozenset[str]:
-        """Read filters anew for another project; return the instances whose type has no columns."""
+        """Read the filters for another project; return the instances whose type has no columns."""
         types, first = self._list_types(project), self._list_types(self.project)
         self._read_filters(types, project)
         return frozenset(name for name in types if not is_same_type(types[name], first.get(name)))
 
     def add_row(self, key: str, labels: tuple[str, ...], row: MessageRow, has_type: bool = True) -> None:
         if self.table is not None and key in self._filters:
-            lets_through = self._filters[key]
-            if lets_through is None or lets_through(row):
+            passes = self._filters[key]
+            if passes is None or passes(row):
                 self.table.write(labels, row, key if has_type else "")
 
     def finish(self) -> None:
@@ -181,7 +183,7 @@ class _FilteredRows:
 
 
 class _BenchMessages:
-    """The rows of a bench, taken after each scan; `add_ns`: from its time to that of the rows."""
+    """The rows of a bench, taken after each scan; `add_ns` is added to their times."""
 
     def __init__(self, bench: Bench, rows: _FilteredRows, add_ns: int = 0, after: int = 0) -> None:
         self.reader = LedgerReader(bench)
@@ -194,7 +196,7 @@ class _BenchMessages:
 
     def add_new_rows(self, is_last: bool = False) -> None:
         new = [*self._messages.take_rows()]
-        if self._rows.table is None and (new or is_last):  # columns are of the types that the first row has
+        if self._rows.table is None and (new or is_last):  # the types at the first row set the columns
             self._project = self._bench.project
             self._rows.begin_table(self._project, self._rows.begun_ns)
         if self._bench.project is not self._project and self._rows.table is not None:
@@ -207,7 +209,7 @@ class _BenchMessages:
             self._warned.add(name)
             _warn(f"{name}: its DATA has another type than in the first row; later rows have no members")
         for stream in self._streams.streams.values():
-            stream.forget_oldest(LEAST_SPANS_KEPT, 0)  # what has become rows
+            stream.forget_oldest(LEAST_SPANS_KEPT, 0)  # they are rows now
 
 
 def _run(rows: _FilteredRows, kernel: str, time_ns: int) -> None:
@@ -255,7 +257,7 @@ def _replay_recording(rows: _FilteredRows, path: str) -> None:
         return False
 
     while scan():
-        found.add_new_rows()  # what it refuses is of the command line, and ends it
+        found.add_new_rows()  # outside the try: its errors are about options and end the command
     if stopped is not None:
         found.add_new_rows()
         _warn(recording.stopped or stopped)
@@ -266,7 +268,7 @@ def _replay_recording(rows: _FilteredRows, path: str) -> None:
 
 
 def _zero_ns(paths: Sequence[str], first_ns: int) -> int:
-    """Return the time at which t_s is 0: where a run of ours began, else that of the first packet."""
+    """Return the time at which t_s is 0: the begin of our own run, else the first packet."""
     begins = read_run_header(paths[0])
     return first_ns if begins is None else begins.wall_ns
 
@@ -274,8 +276,8 @@ def _zero_ns(paths: Sequence[str], first_ns: int) -> int:
 class _NoLines:
     first_ns = 0
 
-    def scan(self, *told: object) -> None:
-        """Do nothing: the ledger tells more."""
+    def scan(self, *_: object) -> None:
+        """Do nothing: the ledger has it."""
 
     note = scan
 
@@ -316,7 +318,7 @@ def _warn_about_capture(found: Conversations, troubles: Sequence[Problem]) -> No
 
 
 class _CaptureMessages:
-    """Cuts what both directions of each conversation say; of the type are messages to the PLC."""
+    """Cuts both directions of each conversation; only messages to the PLC have the type."""
 
     def __init__(self, rows: _FilteredRows) -> None:
         self._found, self._rows, self._zero_ns = Conversations(self._add_event), rows, 0
@@ -340,7 +342,7 @@ class _CaptureMessages:
         _warn_about_capture(found, troubles)
 
     def _make_cutter(self, direction: WireDirection) -> MessageCutter | None:
-        """Return what cuts a direction; None: it is of no conversation of the PLC that was named."""
+        """Return the cutter of a direction; None: its conversation is not of the PLC end of `--plc`."""
         guess = guess_plc(direction.conversation, self._given, NO_KNOWN_ENDS)
         if self._given is not None and guess.why != "--plc":
             return None

@@ -1,9 +1,9 @@
-"""The page of a report: one HTML document without a script, a link to elsewhere or a clock of its own.
+"""The page of a report: one HTML document without scripts, external links or the present time.
 
-Rule 1: all text goes through `finalize` and the escaping of jinja2; a byte of a wire or a name of a file is
-never markup.
-Rule 2: the same recording gives the same bytes. Certificates and keys stand in it by name and SHA-256 alone.
-Rule 3: light, dark and paper are three sets of colours; what a colour says, a shape or a word says, too.
+Rule 1: all text passes `finalize` and the escaping of jinja2: bytes of a wire and names of files are never
+markup.
+Rule 2: the same recording gives the same bytes. Certificates and keys appear only by name and SHA-256.
+Rule 3: light, dark and paper are three sets of colours; a shape or a word repeats what a colour means.
 """
 
 from __future__ import annotations
@@ -50,9 +50,13 @@ MOST_MEMBERS: Final = 100
 MOST_HEX: Final = 512  # bytes of a frame
 MOST_TEXT: Final = 20_000  # characters of `start` and `program`
 PLAIN: Final = frozenset({"set", "pulse", "run", "wait", "fault", "plc", "hold", "go", "create", "delete"})
-PATH_KEYS: Final = frozenset({"file", "key"})  # keys whose value is one
-PAYLOAD_KEYS: Final = frozenset({"says", "replies", "message", "steps"})  # keys that hold what is sent
-LANES_LEFT, LANES_WIDTH, ROW = 150, 1000, 20  # of the time line: names, columns, height of a lane
+PATH_KEYS: Final = frozenset({"file", "key"})  # keys whose value is a path
+PAYLOAD_KEYS: Final = frozenset({"says", "replies", "message", "steps"})  # keys with bytes that are sent
+LANES_LEFT, LANES_WIDTH, ROW = (
+    150,
+    1000,
+    20,
+)  # of the time line: width of names and of columns, height of a lane
 LANE_SHAPES: Final = (  # what a column has seen, its class, its top and height: an ERROR is the highest
     (UP, "up", 6, 6),
     (BUSY, "busy", 8, 3),
@@ -62,7 +66,7 @@ LANE_SHAPES: Final = (  # what a column has seen, its class, its top and height:
 
 
 class ReportSource(NamedTuple):
-    """What a report is made of. `seen`: by which way, where it was seen to its end; else `stopped` says why.
+    """The origin of a report. `seen`: how the whole run was seen; else `stopped`: why it was not.
 
     `files` (name, bytes, SHA-256) and `conversations` (by the titles in the template) are rows of tables.
     `findings` are the doctor's, the surest first.
@@ -90,7 +94,7 @@ class _FrameView(NamedTuple):
     head: str
     reason: str
     dump: list[str]  # lines
-    more: int  # bytes that the dump has not
+    more: int  # bytes beyond the dump
     data: DataDecl | None  # whose members are shown
     members: Iterable[Sequence[str]]
 
@@ -161,12 +165,12 @@ class _PageParts:
             yield "without payload: bytes, members and messages are left out"
 
     def causes(self) -> Iterator[_Card]:
-        """Yield the expectations that did not hold, then what the doctor has found."""
+        """Yield the expectations that did not hold, then the findings of the doctor."""
         for failure in self._verdict.failures if self._verdict is not None else ():
             found = f"found: {failure.found}" if self._has_payload else ""
             yield _Card(f"step {failure.step}: {self._format_command(failure.line)}", Advice(found, ()), True)
         for one in self.source.findings[:MOST_FINDINGS]:
-            evidence = one.evidence if self._has_payload else ()  # it may show bytes and values
+            evidence = one.evidence if self._has_payload else ()  # evidence may quote bytes and values
             head = f"{one.cause}, {one.confidence:.0%} sure"
             head += f": {one.ends.plc} with {one.ends.partner}" if one.ends is not None else ""
             yield _Card(head, Advice("; ".join(evidence), tuple([mend.text for mend in one.mend])), True)
@@ -181,7 +185,7 @@ class _PageParts:
         each, scans = notes.bench.runtime.interval_ns / 1e6, count(notes.until.scan, "scan")
         yield "length", f"{stamp(notes.until.t_ns)} s, {scans}, one each {each:g} ms"
         if late.count:
-            which = ", ".join(told for _, told in late) + " and others" * (late.count > 2 * MOST_LATE)
+            which = ", ".join(text for _, text in late) + " and others" * (late.count > 2 * MOST_LATE)
             yield "late", f"{count(late.count, 'scan')} by more than half an interval: {which}"
         yield "PLC", f"{self._project.dialect.title}, {self._project.model}"
         yield "network", source.network
@@ -196,7 +200,7 @@ class _PageParts:
         return self.notes.until.t_ns + self.notes.bench.runtime.interval_ns
 
     def ticks(self) -> Iterator[tuple[str, str]]:
-        """Yield the columns with a line, and the time that stands there."""
+        """Yield the x of each grid line, and its time."""
         step = 1_000_000
         while self.end_ns > step * 10:
             step = step * 5 // 2 if str(step)[0] == "2" else step * 2
@@ -221,11 +225,11 @@ class _PageParts:
     def overview(self) -> Iterator[Sequence[str]]:
         for name in self.names:
             notes, last = self.notes.instances[name], self.notes.last_snapshot(name)
-            *_, (_, told) = notes.edges
-            status, since = self._status(told.edge.outputs.status, told.edge.block), f"scan {told.at.scan}"
+            *_, (_, note) = notes.edges
+            status, since = self._status(note.edge.outputs.status, note.edge.block), f"scan {note.at.scan}"
             works_on, jobs = (last.connect, str(last.jobs_done)) if last is not None else ("", "gone")
             errors = str(notes.error_edges.count)
-            yield name, told.edge.block, works_on, status, since, jobs, str(notes.dropped), errors
+            yield name, note.edge.block, works_on, status, since, jobs, str(notes.dropped), errors
 
     def _status(self, status: int, block: str) -> str:
         row = self._project.dialect.row(status, block)
@@ -247,18 +251,18 @@ class _PageParts:
             yield _Card(head + often, card.advice, edge.outputs.error)
 
     def edges(self, notes: InstanceNotes) -> Iterator[Sequence[str]]:
-        errors = (told for _, told in notes.error_edges)
+        errors = (error for _, error in notes.error_edges)
         return _mark_gaps(sorted(dict((*notes.edges, *errors)).items()), self._edge, "edge")
 
-    def _edge(self, told: EdgeNote) -> Sequence[str]:
-        edge, shown = told.edge, told.edge.outputs
+    def _edge(self, note: EdgeNote) -> Sequence[str]:
+        edge, shown = note.edge, note.edge.outputs
         size = "" if shown.rcvd_len is None or not shown.done else str(shown.rcvd_len)
         status = f"16#{shown.status:04X} {self._project.dialect.label(edge.condition)}"
         why = describe_cause(edge.cause, edge.block)
-        return str(told.at.scan), stamp(told.at.t_ns), status, shown.lit_lamp.upper(), size, why
+        return str(note.at.scan), stamp(note.at.t_ns), status, shown.lit_lamp.upper(), size, why
 
     def frames(self, name: str) -> Iterator[_FrameView | tuple[str]]:
-        """Yield the frames, and in one word each how many between them are left out."""
+        """Yield the frames, and between them tuples of one text: how many are left out."""
         decl = self._project.instance(name)
         data = self._project.data_decl(decl.data) if decl is not None and decl.data else None
         frames = self.notes.instances[name].frames
@@ -271,7 +275,7 @@ class _PageParts:
         if not shown:
             return _FrameView(head, frame.reason, [], 0, None, ())
         if data is not None and all(leaf.path.startswith("[") for leaf in data.layout.leaves(0, 2)):
-            data = None  # no member has a name
+            data = None  # an array: no member has a name
         members = _members(frame.content, data) if data is not None else ()
         dump = hexdump(shown).decode("ascii").splitlines()
         return _FrameView(head, frame.reason, dump, frame.size - len(shown), data, members)
@@ -279,20 +283,20 @@ class _PageParts:
     # -- around ------------------------------------------------------------------------------------------
 
     def events(self) -> Iterator[Sequence[str]]:
-        told = sorted((each for _, each in self.notes.events), key=lambda e: (e.at.scan, not e.subject))
+        events = sorted((each for _, each in self.notes.events), key=lambda e: (e.at.scan, not e.subject))
         numbers = (number for number, _ in self.notes.events)
-        return _mark_gaps(zip(numbers, told, strict=True), self._event, "event")
+        return _mark_gaps(zip(numbers, events, strict=True), self._event, "event")
 
-    def _event(self, told: EventNote) -> Sequence[str]:
-        what = told.what if told.subject else self._format_command(told.what)
-        return str(told.at.scan), stamp(told.at.t_ns), told.subject or "command", what, told.detail
+    def _event(self, note: EventNote) -> Sequence[str]:
+        what = note.what if note.subject else self._format_command(note.what)
+        return str(note.at.scan), stamp(note.at.t_ns), note.subject or "command", what, note.detail
 
     def _format_command(self, line: str) -> str:
-        """Return a command; without payload as much of it as holds no bytes."""
-        said = line.split()
-        if self._has_payload or not said or said[0] in PLAIN:
+        """Return a command; without payload, only its words before any bytes."""
+        words = line.split()
+        if self._has_payload or not words or words[0] in PLAIN:
             return line
-        return " ".join(said[: 3 if said[0] == "peer" else 2]) + " ..."
+        return " ".join(words[: 3 if words[0] == "peer" else 2]) + " ..."
 
     def settings(self) -> Iterator[str]:
         """Yield the lines of the project as it is at the end."""
@@ -303,10 +307,10 @@ class _PageParts:
             yield f"options.{switch.name} = {format_value(switch, project.options[switch.name])}"
         for task in project.tasks:
             yield f'task "{task.name}": each {task.interval_ns / 1e6:g} ms, priority {task.priority}'
-        spoken = (project.messages, project.sequences) if self._has_payload else ()
+        sent = (project.messages, project.sequences) if self._has_payload else ()
         for decls in (
             project.connects, project.udp_configs, project.addrs, project.combuffers, project.data,
-            project.instances, project.certificates.values(), project.peers, *spoken,
+            project.instances, project.certificates.values(), project.peers, *sent,
         ):  # fmt: skip
             for decl in decls:
                 yield ""
@@ -342,7 +346,7 @@ def _members(content: bytes, data: DataDecl) -> Iterable[Sequence[str]]:
 
 
 def _bars(columns: Sequence[int], bit: int, wide: float, y: int, high: int) -> Iterator[str]:
-    """Yield a bar for each run of columns that have a bit; none is too narrow to be seen."""
+    """Yield a bar, of visible width, for each run of columns with a bit."""
     begin = None
     for number, seen in enumerate((*columns, 0)):
         if seen & bit and begin is None:

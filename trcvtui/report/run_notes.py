@@ -1,7 +1,7 @@
-"""What a report tells of a run, taken scan by scan from a bench; each list is bounded.
+"""The notes of a run for a report, taken scan by scan from a bench; each list is bounded.
 
-Rule: a run may be of any length. Of many things the first and the last are kept, of ERRORs more; the time
-line gets columns of twice the width whenever it is full.
+Rule: a run may have any length. Lists keep the first and the last entries, of ERRORs more of them. Whenever
+the time line is full, its columns get twice the width.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ MOST_EVENTS: Final = 150  # at each end of the list
 MOST_EDGES, MOST_FRAMES = 1600, 400  # in a report, of all instances together
 MOST_INSTANCE_EDGES: Final = 60  # edges of an instance at each end of the list; frames a quarter of that
 MOST_LATE: Final = 5  # scans at each end
-MOST_ERRORS, MOST_REMARKS = 100, 10  # unlike each other, of an instance
-FRAMES_PER_CHECK: Final = 32  # of so many frames one is looked at; of the two after a dropped one each
-MOST_BYTES, MOST_DATA = 4096, 65_536  # of a frame that is shown; of DATA that is judged
+MOST_ERRORS, MOST_REMARKS = 100, 10  # different ones of an instance
+FRAMES_PER_CHECK: Final = 32  # one of so many frames is examined, and both after a dropped one
+MOST_BYTES, MOST_DATA = 4096, 65_536  # bytes of a frame that are kept; of DATA that are judged
 _NUMBER_PATTERN: Final = re.compile(r"[\d.]+")
-MOST_COLUMNS: Final = 1000  # of the time line, at most
+MOST_COLUMNS: Final = 1000  # of the time line
 UP, BUSY, DONE, ERROR = 1, 2, 4, 8  # what a column has seen
 UNKNOWN_CAUSE: Final = Cause(CauseKind.SEQUENCE, "")
 LAMP_BITS: Final = {"": 0, "busy": BUSY, "done": DONE, "error": ERROR}
@@ -56,13 +56,13 @@ class FirstAndLast(Generic[T]):
         (self._first if len(self._first) < self._most else self._last).append((self.count, one))
 
     def __iter__(self) -> Iterator[tuple[int, T]]:
-        """Yield those that are kept with their numbers, from 1."""
+        """Yield the kept ones with their numbers, from 1."""
         yield from self._first
         yield from self._last
 
 
 class TimeLane:
-    """What was seen of one thing over the time of a run, in columns of equal width."""
+    """What one instance or connection showed over the time of a run, in columns of equal width."""
 
     def __init__(self, width_ns: int) -> None:
         self.columns: list[int] = []
@@ -89,7 +89,7 @@ class EdgeNote(NamedTuple):
 
 
 class FrameNote(NamedTuple):
-    """Bytes of a job or a frame, the first of them; `reason`: why they never got to where they belong."""
+    """The first bytes of a job or a frame; `reason`: why they were not delivered or sent, else ""."""
 
     at: ScanStamp
     is_sent: bool
@@ -100,7 +100,7 @@ class FrameNote(NamedTuple):
 
 
 class EventNote(NamedTuple):
-    """What happened beside the blocks; without a subject: a command that was given after this scan."""
+    """An event outside the blocks; without a subject: a command after this scan."""
 
     at: ScanStamp
     subject: str
@@ -109,7 +109,7 @@ class EventNote(NamedTuple):
 
 
 class CauseNote(NamedTuple):
-    """A cause of ERROR at an instance, or a remark on a frame: what was known, how often, until when."""
+    """A cause of an ERROR, or a remark on a frame: the advice at the first, how often, the last scan."""
 
     first: EdgeNote
     advice: Advice
@@ -123,32 +123,32 @@ class InstanceNotes:
         self.error_edges: FirstAndLast[tuple[int, EdgeNote]] = FirstAndLast(edges)
         self.frames: FirstAndLast[FrameNote] = FirstAndLast(frames)
         self.errors: dict[tuple[int, str], CauseNote] = {}
-        self.remarks: dict[str, CauseNote] = {}  # by its words without their numbers
-        self.delivered = self.looked_until = 0  # frames; up to which one each is looked at
-        self.dropped = 0  # frames that were begun and never whole
+        self.remarks: dict[str, CauseNote] = {}  # by the text without numbers
+        self.delivered = self.looked_until = 0  # frames; each one up to this is examined
+        self.dropped = 0  # frames that began and were never whole
         self.lane = TimeLane(width_ns)
-        self.part = b""  # of the job that runs
-        self.sends: tuple[int, bytes] = 0, b""  # the job that sends, and what
+        self.part = b""  # of the running job
+        self.sends: tuple[int, bytes] = 0, b""  # the sending job and its bytes
 
 
 class RunNotes:
-    """Reads the ledger after each scan; `end` looks at the bench a last time."""
+    """Reads the ledger after each scan; `note_end` reads the bench a last time."""
 
     def __init__(self, bench: Bench, events: FirstAndLast[EventNote], has_payload: bool) -> None:
         self.bench, self.has_payload, self.events = bench, has_payload, events
         self.instances: dict[str, InstanceNotes] = {}
         self.links: dict[str, TimeLane] = {}
-        self.snapshot: Snapshot | None = None  # after the last scan that could be seen
-        self.advice: dict[str, Advice] = {}  # then
-        self.seen = self.until = ScanStamp()  # that scan; the last one that the journal tells of
+        self.snapshot: Snapshot | None = None  # after the last scan that ran again
+        self.advice: dict[str, Advice] = {}  # after that scan
+        self.seen = self.until = ScanStamp()  # that scan; the last one in the journal
         self.late: FirstAndLast[str] = FirstAndLast(MOST_LATE)  # scans that began late
-        self.lost = 0  # lines of the ledger that came too fast
+        self.lost = 0  # lines of the ledger that were dropped before they were read
         self._seq, self._late_scans = 0, bench.late_scans
         self._card = Card()
         self._index = StreamIndex()
         self._statistics = LinkStatistics(self._index)
         self._fresh: list[EdgeNote] = []  # ERRORs of this scan
-        self._receiving: set[str] = set()  # instances that have got a part in this scan
+        self._receiving: set[str] = set()  # instances that received a part in this scan
         share = max(1, len(bench.project.instances))
         self._edges = max(2, min(MOST_INSTANCE_EDGES, MOST_EDGES // 4 // share))
         self._frames = max(1, min(MOST_INSTANCE_EDGES // 4, MOST_FRAMES // 2 // share))
@@ -172,12 +172,12 @@ class RunNotes:
         for name in self._receiving:
             self._get(name).part = self.bench.runtime.job_bytes(name)[:MOST_BYTES]
         self._receiving.clear()
-        for told in self._fresh:
-            self._explain(told)
+        for note in self._fresh:
+            self._explain(note)
         self._fresh.clear()
 
     def note_end(self) -> None:
-        """Take the bench as it is now: the run is over, or can be seen no further."""
+        """Note the present state of the bench: the run has ended, or cannot run again any further."""
         self.add_scan()
         if self.snapshot is not None:
             return
@@ -190,7 +190,7 @@ class RunNotes:
             lane.extend_to(self.seen.t_ns)
 
     def add_outputs(self, at: ScanStamp, instance: str, args: tuple[object, ...]) -> None:
-        """Take outputs that a journal tells after the last scan that could be seen; why is not known."""
+        """Note outputs that a journal has after the last scan that ran again; their cause is not known."""
         decl = self.bench.project.instance(instance)
         if decl is None or len(args) != len(Outputs._fields) + 1 or not isinstance(args[1], int):
             return
@@ -200,7 +200,7 @@ class RunNotes:
             self._fresh.clear()
 
     def finish_rest(self, at: ScanStamp) -> None:
-        """Let instances show what they show up to here, the end of the journal."""
+        """Extend the lanes of the instances to the end of the journal."""
         self.until = max(self.until, at, key=lambda moment: moment.scan)
         for each in self.instances.values():
             each.lane.extend_to(self.until.t_ns)
@@ -215,7 +215,7 @@ class RunNotes:
             self.instances[name] = notes
         return notes
 
-    # -- what a line tells ------------------------------------------------------------------------------
+    # -- lines of the ledger ------------------------------------------------------------------------------
 
     def _add_event(self, at: ScanStamp, event: Event) -> None:
         match event:
@@ -230,24 +230,24 @@ class RunNotes:
             case SendEnded():
                 job, content = self._get(event.instance).sends
                 reason = "" if event.done else event.reason
-                told = FrameNote(at, True, event.job, event.size, content * (job == event.job), reason)
-                self._get(event.instance).frames.add(told)
+                note = FrameNote(at, True, event.job, event.size, content * (job == event.job), reason)
+                self._get(event.instance).frames.add(note)
             case ConnectionChanged():
                 self._add_connection(at, event)
             case BenchNote():
                 self.events.add(EventNote(at, event.subject, event.what, event.detail or event.end))
 
-    def _add_edge(self, told: EdgeNote) -> None:
-        notes = self._get(told.edge.instance)
-        notes.edges.add(told)
-        notes.lane.mark(told.at.t_ns, LAMP_BITS[told.edge.outputs.lit_lamp])
-        if told.edge.outputs.error:
-            notes.error_edges.add((notes.edges.count, told))
-            self._fresh.append(told)
-        elif told.edge.condition == Condition.RECEIVED:
+    def _add_edge(self, note: EdgeNote) -> None:
+        notes = self._get(note.edge.instance)
+        notes.edges.add(note)
+        notes.lane.mark(note.at.t_ns, LAMP_BITS[note.edge.outputs.lit_lamp])
+        if note.edge.outputs.error:
+            notes.error_edges.add((notes.edges.count, note))
+            self._fresh.append(note)
+        elif note.edge.condition == Condition.RECEIVED:
             notes.delivered += 1
             if notes.delivered <= notes.looked_until or notes.delivered % FRAMES_PER_CHECK == 1:
-                self._fresh.append(told)
+                self._fresh.append(note)
 
     def _add_received(self, at: ScanStamp, event: JobEnded | FrameEnded | PartialFrameDropped) -> None:
         notes = self._get(event.instance)
@@ -262,8 +262,8 @@ class RunNotes:
             notes.dropped += 1
             notes.looked_until = notes.delivered + 2
         if done or event.size:
-            told = FrameNote(at, False, job, event.size, content[: event.size], "" if done else reason)
-            notes.frames.add(told)
+            note = FrameNote(at, False, job, event.size, content[: event.size], "" if done else reason)
+            notes.frames.add(note)
 
     def _read_data(self, instance: str, size: int) -> bytes:
         decl = self.bench.project.instance(instance)
@@ -281,16 +281,16 @@ class RunNotes:
 
     # -- why --------------------------------------------------------------------------------------------
 
-    def _explain(self, told: EdgeNote) -> None:
-        notes, edge = self._get(told.edge.instance), told.edge
+    def _explain(self, note: EdgeNote) -> None:
+        notes, edge = self._get(note.edge.instance), note.edge
         if edge.outputs.error:
             key = edge.outputs.status, describe_cause(edge.cause, edge.block)
-            _keep(notes.errors, key, told, lambda: self._make_advice(edge.instance), MOST_ERRORS)
+            _keep(notes.errors, key, note, lambda: self._make_advice(edge.instance), MOST_ERRORS)
             return
         advice = self._make_advice(edge.instance)
         if advice.checks:
             words = _NUMBER_PATTERN.sub("", advice.checks[0])
-            _keep(notes.remarks, words, told, lambda: advice, MOST_REMARKS)
+            _keep(notes.remarks, words, note, lambda: advice, MOST_REMARKS)
 
     def _make_advice(self, name: str, picture: BenchUpdate | None = None) -> Advice:
         picture = picture or self._picture(name)
@@ -315,9 +315,9 @@ class RunNotes:
         )
 
 
-def _keep(cards: dict[K, CauseNote], key: K, told: EdgeNote, advise: Callable[[], Advice], most: int) -> None:
+def _keep(cards: dict[K, CauseNote], key: K, note: EdgeNote, advise: Callable[[], Advice], most: int) -> None:
     known = cards.get(key)
     if known is not None:
-        cards[key] = known._replace(times=known.times + 1, last=told.at)
+        cards[key] = known._replace(times=known.times + 1, last=note.at)
     elif len(cards) < most:
-        cards[key] = CauseNote(told, advise(), 1, told.at)
+        cards[key] = CauseNote(note, advise(), 1, note.at)

@@ -1,8 +1,6 @@
 """Recorded bytes to proposals how to cut them into frames, each tried with the real framer; pure and bounded.
 
-`advise(recording)` answers `FramingAdvice`: `.proposals`, the best first, and `.said`.
-`command.lines_for` has the bench lines that set an instance so. It takes some 10 ms, of long recordings 50 or
-more: the screen calls it in its own process.
+`advise` takes some 10 ms, for long recordings 50 or more: the screen calls it in a process of its own.
 """
 
 from __future__ import annotations
@@ -61,21 +59,21 @@ from trcvtui.diagnosis.readings.trial import (
 from trcvtui.wording import count
 
 MILLISECOND: Final = 1_000_000
-TRIAL_WINDOWS: Final = (4096, 16_384)  # bytes that are tried: more, where fewer have too few frames
+TRIAL_WINDOWS: Final = (4096, 16_384)  # bytes that are tried: the second if the first has too few frames
 ENOUGH_FRAMES: Final = 12
 LEAST_BYTES: Final = 8
 LEAST_FRAMES: Final = 3
-LEAST_BITS: Final = 16.0
-LEAST_SHARE: Final = 0.2  # of the best's weight
+LEAST_BITS: Final = 16.0  # saved by a proposal: less may be chance
+LEAST_SHARE: Final = 0.2  # of the weight of the best proposal
 LEAST_SHARE_OF_FRAMES: Final = 0.8
 LEAST_EXPLAINED: Final = 0.5
 MOST_GUESSES: Final = 48
 MOST_PROPOSALS: Final = 6
-MOST_FRAMES: Final = 200  # that are told
+MOST_FRAMES: Final = 200  # in the evidence
 MOST_TRIED: Final = 100  # of one trial
-MOST_SUFFIXES: Final = 8  # that are looked at for a prefix after noise
+MOST_SUFFIXES: Final = 8  # that are examined for a prefix after noise
 MOST_HEADS: Final = 6  # of long suffixes, likewise
-GAP_BITS: Final = 3.0  # that a clear pause is worth on a line; on TCP the half
+GAP_BITS: Final = 3.0  # of a clear pause on a serial line; on TCP half of it
 MARK_KINDS: Final = (CutKind.PREFIX_SUFFIX, CutKind.SUFFIX, CutKind.PREFIX)
 
 
@@ -94,10 +92,10 @@ class FramingTrial:
 
 
 def advise(recording: LineRecording) -> FramingAdvice:
-    """Return how the bytes of a recording may be cut into frames."""
+    """Return the proposals how to cut the bytes of a recording, the best first."""
     total = recording.size
     if total < LEAST_BYTES:
-        return FramingAdvice((), f"{count(total, 'byte')} recorded: too few to tell")
+        return FramingAdvice((), f"{count(total, 'byte')} recorded: too few to judge")
     recording = _skip_to_pause(recording)
     best: list[FramingTrial] = []
     for most in TRIAL_WINDOWS:
@@ -106,7 +104,7 @@ def advise(recording: LineRecording) -> FramingAdvice:
         if (best and len(best[0].cut.good) >= ENOUGH_FRAMES) or window.size == recording.size:
             break
     if not best:
-        said = f"nothing fits: in {count(total, 'byte')} no mark, length, size or pause parts frames"
+        said = f"nothing fits: in {count(total, 'byte')} no mark, length, size or pause separates frames"
         return FramingAdvice((), said)
     proposals, ranks, clean = [], _ranks(best), None
     plain = join_chunks(recording)
@@ -137,7 +135,7 @@ def _skip_to_pause(recording: LineRecording) -> LineRecording:
     return recording
 
 
-# -- what is tried -------------------------------------------------------------------------------------------
+# -- the guesses --------------------------------------------------------------------------------------------
 
 
 def _try_guesses(recording: LineRecording) -> list[FramingTrial]:
@@ -247,12 +245,12 @@ def _is_flag_framing(made: Cut, flag: bytes) -> bool:
 
 
 def _known_start(start: bytes) -> bytes:
-    """Return the known mark with which bytes begin."""
+    """Return the known mark with which bytes begin, b"" if there is none."""
     return next((known for known in KNOWN_STARTS if start.startswith(known)), b"")
 
 
 def _cut(recording: LineRecording, plain: LineRecording, guess: Guess, most: int = 0) -> Cut:
-    """Cut a recording; `plain` is the same without its times, for what does not depend on them."""
+    """Cut a recording; `plain` is the same without times, for framings without a timeout."""
     if guess.field is not None:
         return cut_by_length(plain, guess.field, LONGEST_FRAME, most)
     return cut(recording if guess.framing.timeout_ns else plain, guess.framing, most)
@@ -261,7 +259,7 @@ def _cut(recording: LineRecording, plain: LineRecording, guess: Guess, most: int
 def _try(
     recording: LineRecording, plain: LineRecording, guess: Guess, scale: Scale, *, is_noise: bool = False
 ) -> FramingTrial | None:
-    """Try a guess. `is_noise`: what is before a prefix is noise by other evidence, and no exception."""
+    """Try a guess. `is_noise`: other evidence shows that bytes before a prefix are noise: no exceptions."""
     made = _cut(recording, plain, guess, MOST_TRIED)
     good = made.good
     explained = sum([len(frame.content) for frame in good])
@@ -271,7 +269,7 @@ def _try(
     if is_word_in_lines(good, scale, framing.suffix):
         return None
     if framing.timeout_ns:
-        scale = replace(scale, pauses=frozenset())  # they are what it cuts by: no evidence
+        scale = replace(scale, pauses=frozenset())  # it cuts by the pauses: they are no evidence for it
     weighed = replace(made, noise_runs=0, total=made.total - made.noise) if is_noise else made
     bits = saved_bits(weighed, scale, framing.prefix, framing.suffix, told_lengths=guess.field is not None)
     if framing.timeout_ns:
@@ -316,7 +314,7 @@ def _is_variant_of(tried: FramingTrial, better: FramingTrial) -> bool:
 
 
 def _is_chance(tried: FramingTrial, others: Sequence[FramingTrial]) -> bool:
-    """Return whether its suffix is another one that a few times had the same byte before it."""
+    """Return whether its suffix is that of a better one, with a byte that came before it by chance."""
     suffix, frames = tried.guess.framing.suffix, len(tried.cut.good)
     return frames < FEW_FRAMES and any(
         other.guess.framing.suffix != suffix

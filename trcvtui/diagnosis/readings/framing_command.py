@@ -1,6 +1,6 @@
 """`framing RX`, `framing RD`, `framing RD apply 1`: the advice on what a ComBuffer has received.
 
-Rule: what `apply` does are lines of other commands, carried out one by one: they stand in a saved session.
+Rule: `apply` runs lines of other commands, one by one, so that a saved session has them.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.project.tables import expected_name, quote
 from trcvtui.udt.literals import format_time
 
-# Rule: what is there is used: the variables of prefix and suffix are written where the instance has them for
-# itself and they are large enough; else new ones are added, and the instance is made anew with them.
+# Rule: existing variables of prefix and suffix are written if no other instance uses them and they are large
+# enough; else new ones are added, and the instance is created again with them.
 
 
 def framed_instance(name: str, project: Project, where: str) -> InstanceDecl:
-    """Return an instance that can be set so; raise UserError where it has no prefix and suffix."""
+    """Return an instance with prefix and suffix; raise UserError if it has none."""
     known = {each.name: each for each in project.instances if block_row(each.block).pointers}
     if name not in known:
         raise mistake(where, quote(name), expected_name(name, known, "ReceiveData or ReceiveString"))
@@ -37,7 +37,7 @@ def framed_instance(name: str, project: Project, where: str) -> InstanceDecl:
 
 
 def make_commands(proposal: Proposal, project: Project, name: str, where: str = "framing") -> tuple[str, ...]:
-    """Return the lines that let an instance cut as proposed; raise UserError where it cannot."""
+    """Return the lines that set an instance as proposed; raise UserError if it cannot."""
     decl = framed_instance(name, project, where)
     framing = proposal.framing
     if framing is None:
@@ -113,7 +113,7 @@ def find_buffer(name: str, project: Project, where: str) -> str:
 
 
 def parse_framing(rest: str, project: Project, where: str) -> tuple[str, str, int]:
-    """Return what stands after `framing`: its name, its ComBuffer, which proposal to apply (0: none)."""
+    """Parse the words after `framing`: the name, its ComBuffer, the proposal to apply (0: none)."""
     words = Words(rest, where)
     name = words.next("the name of a ComBuffer, or of an instance that reads one")
     buffer = find_buffer(name, project, where)
@@ -137,11 +137,11 @@ def describe_framings(recording: LineRecording) -> str:
 def make_proposal_commands(
     recording: LineRecording, project: Project, name: str, number: int, where: str
 ) -> tuple[str, ...]:
-    """Return the lines that apply a proposal; raise UserError where there is none of that number."""
+    """Return the lines that apply a proposal; raise UserError if there is none of that number."""
     advice = advise(recording)
     numbers = [str(each) for each in range(1, len(advice.proposals) + 1)]
     if not numbers:
-        raise mistake(where, f"no proposal ({advice.said})", "a recording that parts into frames")
+        raise mistake(where, f"no proposal ({advice.said})", "a recording that splits into frames")
     if number > len(numbers):
         raise mistake(where, f"proposal {number}", f"one of {', '.join(numbers)}")
     return make_commands(advice.proposals[number - 1], project, name, where)

@@ -1,4 +1,4 @@
-"""What may be the marks, sizes and length fields of a recording: guesses, each of which is then tried."""
+"""Possible marks, sizes and length fields of a recording: guesses, each of which is then tried."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from trcvtui.diagnosis.readings.trial import KNOWN_STARTS, TEXT, LengthField, Lo
 LONGEST_MARK: Final = 12
 MOST_SEEDS: Final = 10
 MOST_MARKS: Final = 7
-MOST_PLACES: Final = 100  # of a mark that are looked at
+MOST_PLACES: Final = 100  # of a mark that are examined
 LONGEST_LAG: Final = 300
 LEAST_TIMES: Final = 3
 ALIKE_SHARE: Final = 0.9
@@ -26,17 +26,17 @@ MOST_FIELDS: Final = 8
 LAST_POSITION: Final = 8
 LEAST_MEAN: Final = 4  # bytes of a frame with a length field
 FIRST_STEPS: Final = 8
-MOST_ALIKE: Final = 64  # so many frames of one size are no work of a length field
+MOST_ALIKE: Final = 64  # so many frames of one size have no length field
 LONGEST_FRAME: Final = 8192
-PAUSE_RATIO: Final = 3  # times a pause of a burst
+PAUSE_RATIO: Final = 3  # times the longest pause in a burst
 
 
 @dataclass(frozen=True, slots=True)
 class Bursts:
-    """The recording as its pauses part it. `pauses`: places after a pause, that of a connection among them.
+    """A recording split at its pauses. `pauses`: places after a pause, or where a connection begins.
 
     `within` and `between` are the longest pause in a burst and the shortest between two, in ns; `is_clear`:
-    they part the recording without doubt.
+    the two kinds differ clearly.
     """
 
     pauses: tuple[int, ...]
@@ -48,7 +48,7 @@ class Bursts:
 
 
 def find_bursts(recording: LineRecording) -> Bursts:
-    """Part a recording at the pauses that are much longer than the others."""
+    """Split a recording at the pauses that are much longer than the others."""
     chunks = recording.chunks
     times = sorted({b.t_ns - a.t_ns for a, b in pairwise(chunks) if not b.begins})
     longest = max(recording.tick_ns, 1)
@@ -73,7 +73,7 @@ def find_bursts(recording: LineRecording) -> Bursts:
 
 
 def find_marks(stream: bytes) -> list[bytes]:
-    """Return the runs of bytes that come again and again, the most telling first."""
+    """Return the byte strings that recur most, the most telling first."""
     counts = Counter(stream)
     total = len(stream)
     worth: dict[bytes, float] = {}
@@ -90,7 +90,7 @@ def find_marks(stream: bytes) -> list[bytes]:
 
 
 def grow_mark(mark: bytes, stream: bytes) -> bytes:
-    """Return a mark with all that stands beside it each time."""
+    """Return a mark with the bytes that are beside it nearly each time."""
     places = find_places(mark, stream)[:MOST_PLACES]
     before = after = 0
     while len(mark) + before + after < LONGEST_MARK:
@@ -113,14 +113,14 @@ def grow_mark(mark: bytes, stream: bytes) -> bytes:
 
 
 def _constant_neighbour(beside: Counter[bytes]) -> bytes:
-    """Return the byte that stands there nearly each time, b"" where none does."""
+    """Return the byte that is there nearly each time, b"" if none is."""
     beside.pop(b"", None)
     (byte, number) = beside.most_common(1)[0] if beside else (b"", 0)
     return byte if number >= LEAST_TIMES - 1 and number >= ALIKE_SHARE * beside.total() else b""
 
 
 def find_places(mark: bytes, stream: bytes) -> list[int]:
-    """Return where a mark stands; those that overlap are one."""
+    """Return the places of a mark; overlapping ones count once."""
     places, at = [], stream.find(mark)
     while at >= 0:
         places.append(at)
@@ -129,7 +129,7 @@ def find_places(mark: bytes, stream: bytes) -> list[int]:
 
 
 def is_alternating(starts: Sequence[int], ends: Sequence[int]) -> bool:
-    """Return whether there is one start to each end; these are their places."""
+    """Return whether starts and ends, given by their places, take turns."""
     if abs(len(starts) - len(ends)) > 1 + len(starts) // 10:
         return False
     turns = sorted([(place, 0) for place in starts] + [(place, 1) for place in ends])
@@ -138,7 +138,7 @@ def is_alternating(starts: Sequence[int], ends: Sequence[int]) -> bool:
 
 
 def rank_mark_splits(mark: bytes, stream: bytes, pauses: Sequence[int]) -> list[int]:
-    """Return how many bytes of a mark may be a suffix, what follows being the prefix: the likeliest first."""
+    """Return the likely lengths of a suffix in a mark, its rest being the prefix; the likeliest first."""
     starts = sorted({0, *pauses})
     ends = [*[place for place in starts if place], len(stream)]
     votes = []
@@ -150,7 +150,6 @@ def rank_mark_splits(mark: bytes, stream: bytes, pauses: Sequence[int]) -> list[
 
 
 def common_prefix(contents: Sequence[bytes]) -> bytes:
-    """Return the bytes with which all begin."""
     if not contents:
         return b""
     first, last = min(contents), max(contents)
@@ -162,7 +161,7 @@ def common_prefix(contents: Sequence[bytes]) -> bytes:
 
 
 def find_frame_sizes(stream: bytes, bursts: Bursts, marks: Sequence[bytes]) -> list[int]:
-    """Return the sizes that all frames may have."""
+    """Return the likely sizes of all frames, the likeliest first."""
     found: Counter[int] = Counter()
     if bursts.is_clear:
         size, number = Counter(bursts.lengths).most_common(1)[0]
@@ -199,7 +198,7 @@ def _find_periods(stream: bytes) -> Iterator[int]:
 
 
 def find_length_fields(stream: bytes, bursts: Bursts) -> list[LengthField]:
-    """Return the length fields that lead from frame to frame through the whole recording."""
+    """Return the length fields that lead from frame to frame through the recording, the best first."""
     starts = frozenset((*bursts.pauses, *bursts.starts))
     ends = sorted({*bursts.starts, len(stream)} - {0})
     found: list[tuple[float, LengthField]] = []
@@ -219,7 +218,7 @@ def find_length_fields(stream: bytes, bursts: Bursts) -> list[LengthField]:
 
 
 def _score_field(stream: bytes, field: LengthField, ends: Sequence[int], pauses: frozenset[int]) -> float:
-    """Return how well a walk by the lengths goes; 0: it gets lost."""
+    """Return the score of a walk from length to length; 0: it fails."""
     at, met, sizes, begun = 0, 0, set(), []
     head = field.head
     for end in ends:
@@ -236,7 +235,7 @@ def _score_field(stream: bytes, field: LengthField, ends: Sequence[int], pauses:
             if len(begun) == MOST_ALIKE and len(sizes) == 1:
                 return 0.0
         if at > end and end != len(stream):
-            at = end  # the connection ended in the midst of a frame
+            at = end  # the connection ended in the middle of a frame
     frames = len(begun)
     if frames < LEAST_TIMES or len(sizes) == 1:  # a length that never changes is a mark
         return 0.0
@@ -252,22 +251,22 @@ def _share(stream: bytes, begun: Sequence[int], place: int) -> float:
 
 # -- noise between frames ---------------------------------------------------------------------------------
 
-# Rule: a frame that begins with noise counts against the suffix alone. A mark that stands once in nearly
+# Rule: a frame that begins with noise speaks against a suffix alone. A mark that occurs once in nearly
 # every frame is the prefix when no data precedes it: noise comes and goes, or is a control byte in a text.
 
 NEARLY_ALL: Final = 0.9
-FEW_FRAMES: Final = 5  # frames: so few have a byte in common by chance
-LEAST_CLEAN_SHARE: Final = 0.25  # of the frames begin with a prefix that is not known as one
-LEAST_TEXT: Final = 0.9  # of the bytes after a control byte that always has noise before it
+FEW_FRAMES: Final = 5  # fewer have a byte in common by chance
+LEAST_CLEAN_SHARE: Final = 0.25  # of the frames begin with a prefix, if it is no known one
+LEAST_TEXT: Final = 0.9  # of the bytes after a control byte that nearly always has noise before it
 LEAST_ADJACENT_MARKS: Final = 3
 LONGEST_PREFIX: Final = 8
-MOST_NOISE_FRAMES: Final = 40  # frames
+MOST_NOISE_FRAMES: Final = 40
 
 
 def start_after_noise(
     good: Sequence[LocatedFrame], suffix: bytes, marks: Sequence[bytes], *, is_text: bool
 ) -> bytes:
-    """Return the prefix of frames that were cut by their suffix alone, b"" where no noise is before any."""
+    """Return the prefix of frames that were cut by a suffix alone; b"": none has noise before a prefix."""
     bodies = [frame.content[: len(frame.content) - len(suffix)] for frame in good[:MOST_NOISE_FRAMES]]
     bodies = [body for body in bodies if body]
     found = []
@@ -282,7 +281,7 @@ def start_after_noise(
 
 
 def _candidates(bodies: Sequence[bytes], marks: Sequence[bytes]) -> Iterator[bytes]:
-    """Yield what may stand once in each: marks, and bytes with what is beside them each time."""
+    """Yield marks that may occur once in each body: known ones, and single bytes, grown."""
     yield from dict.fromkeys((*KNOWN_STARTS, *[mark for mark in marks if len(mark) > 1]))
     if len(bodies) < FEW_FRAMES:
         return
@@ -314,7 +313,7 @@ def _is_start(mark: bytes, bodies: Sequence[bytes], is_text: bool) -> bool:
     before = [noise for noise, _, _ in parts]
     first, last = _commonest([noise[:1] for noise in before]), _commonest([noise[-1:] for noise in before])
     if max(first, last) > max(2, NEARLY_ALL * (len(bodies) - 1) - 1):
-        return False  # that is where the frames begin, or where they really end
+        return False  # the noise is alike: it is the true begin of frames, or their true end
     straight = before.count(b"") / len(before)
     is_control = mark in KNOWN_STARTS and not set(mark) & TEXT
     if is_control and straight < LEAST_CLEAN_SHARE:
@@ -323,7 +322,7 @@ def _is_start(mark: bytes, bodies: Sequence[bytes], is_text: bool) -> bool:
     if is_control:
         return True
     if is_text and set(mark) & TEXT and mark not in KNOWN_STARTS:
-        return False  # words stand in lines
+        return False  # a word in a line of text
     is_data = last > 2 and last >= NEARLY_ALL * (len(before) - before.count(b""))
     return straight >= LEAST_CLEAN_SHARE and not is_data
 
@@ -333,9 +332,9 @@ def _commonest(values: Sequence[bytes]) -> int:
 
 
 def is_begin_and_end_mark(mark: bytes, stream: bytes) -> bool:
-    """Return whether a mark may both begin and end frames: some follow another at once, where no noise is.
+    """Return whether a mark may both begin and end frames: some follow another directly, without noise.
 
-    That all these then are at the borders of frames, and none is an empty frame, is what the trial tells.
+    The trial then shows whether all of them are borders of frames that are not empty.
     """
     places = find_places(mark, stream)
     joined = sum([b - a == len(mark) for a, b in pairwise(places)])
@@ -343,14 +342,14 @@ def is_begin_and_end_mark(mark: bytes, stream: bytes) -> bool:
 
 
 def count_bytes_between(clean: Sequence[LocatedFrame]) -> int:
-    """Return how many bytes stand between nearly all frames; 0: none, or now these, now those."""
+    """Return how many bytes are between nearly all frames; 0: none, or their number differs."""
     sizes = Counter(b.start - a.end for a, b in pairwise(clean))
     size, number = sizes.most_common(1)[0] if sizes else (0, 0)
     return size if number >= NEARLY_ALL * sizes.total() else 0
 
 
 def count_noisy_frames(frames: Sequence[LocatedFrame], clean: Sequence[LocatedFrame]) -> int:
-    """Return how many frames have bytes in them that lie between two clean ones, or before the first."""
+    """Return how many frames contain bytes from between two clean frames, or from before the first."""
     starts, ends = [frame.start for frame in clean], [frame.end for frame in clean]
     if not starts:
         return 0

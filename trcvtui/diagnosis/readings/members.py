@@ -1,6 +1,6 @@
-"""What the bytes of equal messages are, from the messages alone: counters, REALs, whole numbers, constants.
+"""The members of messages of one size, from their bytes alone: counters, REALs, whole numbers, constants.
 
-Rule: a member is named only with its proof, so many messages of so many; the rest stays bytes.
+Rule: a member has its proof, so many messages of so many; other bytes stay bytes.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ from itertools import pairwise
 from math import isfinite
 from typing import Final, NamedTuple
 
-FEW_MESSAGES: Final = 4  # messages, below which nothing is said
-MOST_MESSAGES: Final = 500  # messages that are looked at
+FEW_MESSAGES: Final = 4  # fewer show nothing
+MOST_MESSAGES: Final = 500  # that are examined
 MOST_BYTES: Final = 4096  # of a message
 LEAST_SHARE: Final = 0.9  # of the steps that are alike
 MOST_STEP: Final = 1000
-REAL_RANGE: Final = 1e-4, 1e7  # as large as what plants measure
-MOST_BYTE_RANGE: Final = 224  # how far apart the values of a number with one low byte are
+REAL_RANGE: Final = 1e-4, 1e7  # magnitudes that plants measure
+MOST_BYTE_RANGE: Final = 224  # largest span of the values of a number whose high byte never changes
 MOST_REAL_RATIO: Final = 1e4  # between the largest and the smallest of one REAL
 BIG, LITTLE = "big", "little"
 _STRUCT_ORDERS: Final = {BIG: ">", LITTLE: "<"}
 
 
 class FoundMember(NamedTuple):
-    """A member: `order` is its byte order, "" where it has none or any; `proof` says what speaks for it."""
+    """A member: `order` is its byte order, "": none or any; `proof` is a sentence."""
 
     at: int
     size: int
@@ -41,7 +41,7 @@ class FoundType(NamedTuple):
     order: str
 
     def st(self, name: str) -> str:
-        """Return it as ST; a counter is `counter_4` after its place."""
+        """Return the type as ST; a counter at byte 4 is `counter_4`."""
         lines = [f"TYPE {name} :", "STRUCT"]
         for one in self.members:
             word = {"": "bytes", "REAL": "value", "INT": "number"}.get(one.type, "counter")
@@ -73,7 +73,7 @@ def find_members(messages: Sequence[bytes]) -> FoundType | None:
 
 
 def _fill_gaps(found: Sequence[FoundMember], messages: Sequence[bytes], size: int) -> Iterator[FoundMember]:
-    """Yield the members, and what is between them as bytes: those that never change apart."""
+    """Yield the members, and the bytes between them: constant and changing ones apart."""
     at = 0
     for one in (*found, FoundMember(size, 0, "", "", "")):
         while at < one.at:
@@ -106,7 +106,7 @@ def _find_member(messages: Sequence[bytes], at: int, size: int) -> FoundMember |
 
 
 def _find_counter(messages: Sequence[bytes], at: int, size: int) -> FoundMember | None:
-    """Return a number that goes on by the same step: its low byte changes each time."""
+    """Return a number that changes by the same step nearly each time."""
     type_ = {4: "UDINT", 2: "UINT", 1: "USINT"}[size]
     for order in (BIG, LITTLE):
         low = at + size - 1 if order == BIG else at
@@ -114,12 +114,12 @@ def _find_counter(messages: Sequence[bytes], at: int, size: int) -> FoundMember 
         if _is_constant_byte(messages, low):
             continue
         if size == 4 and _is_constant_byte(messages, high) and messages[0][high]:
-            continue  # the high byte of so large a counter is 0, or it changes
+            continue  # a constant high byte that is not 0 is no counter of 4 bytes
         values = [int.from_bytes(one[at : at + size], order) for one in messages]  # type: ignore[arg-type]
         steps = Counter((b - a) % (1 << 8 * size) for a, b in pairwise(values))
         step, often = steps.most_common(1)[0]
         if size == 2 and _is_constant_byte(messages, high) and values[-1] <= values[0]:
-            continue  # it has gone round in its low byte
+            continue  # only its low byte counts, and it has wrapped
         if 0 < step <= min(MOST_STEP, 1 << 8 * size - 3) and often >= LEAST_SHARE * (len(values) - 1):
             proof = f"counts by {step} in {often} of {len(values) - 1} steps"
             return FoundMember(at, size, type_, order if size > 1 else "", proof)
@@ -127,7 +127,7 @@ def _find_counter(messages: Sequence[bytes], at: int, size: int) -> FoundMember 
 
 
 def _find_real(messages: Sequence[bytes], at: int) -> FoundMember | None:
-    """Return a REAL: in one byte order all values are such as plants measure, and not in the other one."""
+    """Return a REAL, if in one byte order all values have a magnitude that plants measure."""
     spreads: dict[str, tuple[float, float, float]] = {}
     if len({one[at : at + 4] for one in messages}) < 2:
         return None
@@ -148,7 +148,7 @@ def _find_real(messages: Sequence[bytes], at: int) -> FoundMember | None:
 
 
 def _find_number(messages: Sequence[bytes], at: int) -> FoundMember | None:
-    """Return a whole number: one of two bytes changes far less often than the other."""
+    """Return a whole number: one of two bytes has far fewer values than the other."""
     different = [len({one[at + n] for one in messages}) for n in (0, 1)]
     low, high = max(different), min(different)
     if low < 2 * FEW_MESSAGES or high * 4 > low:
@@ -156,6 +156,6 @@ def _find_number(messages: Sequence[bytes], at: int) -> FoundMember | None:
     order = BIG if different[0] == high else LITTLE
     values = [int.from_bytes(one[at : at + 2], order, signed=True) for one in messages]  # type: ignore[arg-type]
     if high == 1 and max(values) - min(values) > MOST_BYTE_RANGE:
-        return None  # a byte that says anything, beside one that never changes
+        return None  # a byte with any value beside a constant one is no number
     proof = f"{len(messages)} values between {min(values)} and {max(values)}"
     return FoundMember(at, 2, "INT", order, proof)

@@ -1,4 +1,4 @@
-"""What the advice on framings says: frozen proposals, the best first, each with its evidence in sentences."""
+"""The advice on framings: frozen proposals, the best first, each with its evidence in sentences."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class CutKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class PreviewFrame:
-    """One frame of a preview: its first bytes, how many it has, where it stands, what ended it."""
+    """One frame of a preview: its first bytes, its size, its place in the recording, what ended it."""
 
     content: bytes
     size: int
@@ -44,10 +44,10 @@ class PreviewFrame:
 class Proposal:
     """One way to cut the recording.
 
-    `rank` counts from 1; proposals that cut alike share one. `framing` is what ReceiveData is to be set to,
-    None: it cannot be (`field` says what parts the frames, `instead` what does it). `frames` of `of_frames`
+    `rank` counts from 1; proposals that cut alike share one. `framing` is the setting of ReceiveData; None:
+    there is none (`field` describes the length, `instead` the way to do it). `frames` of `of_frames`
     ended as they should and have `explained` of `total` bytes; `noise`, `left` and `broken` are the rest.
-    `longest` is the longest frame.
+    `longest` is the size of the longest frame.
     """
 
     rank: int
@@ -71,7 +71,7 @@ class Proposal:
 
 @dataclass(frozen=True, slots=True)
 class FramingAdvice:
-    """The proposals, the best first, and in one sentence what they rest on, or why there are none."""
+    """The proposals, the best first, and a sentence: what they are based on, or why there are none."""
 
     proposals: tuple[Proposal, ...]
     said: str
@@ -88,7 +88,6 @@ class FramingAdvice:
 
 
 def make_preview(frames: tuple[LocatedFrame, ...]) -> tuple[PreviewFrame, ...]:
-    """Return the first frames, each cut to what can be shown."""
     return tuple(
         [
             PreviewFrame(frame.content[:MOST_BYTES_SHOWN], len(frame.content), frame.start, str(frame.ending))
@@ -128,14 +127,14 @@ def _length_meaning(field: LengthField) -> str:
     if after == 0:
         return "counts the bytes after it"
     if after > 0:
-        return f"counts the bytes after it but the last {after}"
+        return f"counts the bytes after it except the last {after}"
     return f"a frame has {field.more} bytes more than it says"
 
 
 def evidence_of(
     kind: CutKind, framing: Framing, field: LengthField | None, made: Cut, recording: LineRecording
 ) -> tuple[str, ...]:
-    """Return what speaks for it, the most telling first."""
+    """Return the evidence for a cut, the most telling first."""
     good, stream = made.good, b"".join([chunk.payload for chunk in recording.chunks])[: made.total]
     number, frames = len(good), count(len(made.frames), "frame")
     told = []
@@ -178,7 +177,7 @@ def _else(mark: bytes, elsewhere: int) -> str:
 
 
 def _count_chunk_borders(made: Cut, recording: LineRecording) -> tuple[int, int] | None:
-    """Return how many chunks begin where a frame does; None where that says nothing."""
+    """Return how many chunks of how many begin where a frame does; None: that shows nothing."""
     starts, at = [], 0
     for chunk in recording.chunks:
         if at >= made.total:
@@ -212,7 +211,7 @@ def _describe_rest(made: Cut) -> list[str]:
 def list_doubts(kind: CutKind, framing: Framing, made: Cut, recording: LineRecording) -> tuple[str, ...]:
     doubt = []
     if framing.timeout_ns and recording.source == "tcp":
-        doubt.append("a gap over TCP is a guess: the network joins and parts what was sent")
+        doubt.append("a gap over TCP is a guess: the network joins and splits what was sent")
     if len(made.good) < FEW_FRAMES:
         doubt.append(f"{count(len(made.good), 'frame')} are few: record more")
     if framing.prefix and (len(made.good) < FEW_FRAMES or not _is_delimiter(framing)):
@@ -225,28 +224,26 @@ def list_doubts(kind: CutKind, framing: Framing, made: Cut, recording: LineRecor
         doubt.append(f"{lone} of {frames} are {spell(framing.suffix)} alone: it may begin frames too")
     left_out = count_bytes_between(made.good) if kind is CutKind.PREFIX_SUFFIX else 0
     if left_out:
-        stand = "byte stands" if left_out == 1 else "bytes stand"
-        doubt.append(
-            f"{left_out} {stand} between nearly all frames: a check after the suffix? ReceiveData drops it"
-        )
+        between = f"{count(left_out, 'byte')} {'is' if left_out == 1 else 'are'} between nearly all frames"
+        doubt.append(f"{between}: a check after the suffix? ReceiveData drops it")
     if kind is CutKind.SIZE:
         doubt.append("nothing marks a start: one lost byte shifts all frames after it until Reset")
     if kind is CutKind.PREFIX and not framing.timeout_ns and made.noise == 0:
-        doubt.append("that all frames are alike in size may change")
+        doubt.append("all frames have one size so far, which may change")
     return tuple(doubt)
 
 
 def _is_delimiter(framing: Framing) -> bool:
-    """Return whether the prefix is one that devices use; 01 by itself is as often an address."""
+    """Return whether the prefix is a usual one; 01 without a suffix is as often an address."""
     if framing.prefix == framing.suffix:
         return True
     return framing.prefix in KNOWN_STARTS and (framing.suffix != b"" or framing.prefix != b"\x01")
 
 
 def describe_workaround(field: LengthField | None) -> str:
-    """Return what does it where ReceiveData cannot."""
+    """Return how a program does what ReceiveData cannot."""
     if field is None:
         return ""
     cannot = "cannot be set: ReceiveData has no length field"
-    jobs = f"LEN of TRCV_C (or SizeReceiveData) = {field.head} for the head, then = what the head tells"
+    jobs = f"LEN of TRCV_C (or SizeReceiveData) = {field.head} for the head, then = what the head says"
     return f"{cannot}; a program does it with two jobs: {jobs}"

@@ -1,6 +1,6 @@
-"""A project that takes what a partner says, from its bytes alone: `doctor --suggest project.toml`.
+"""A project that receives what a partner sends, from its bytes alone: `doctor --suggest project.toml`.
 
-Each line has its proof beside it: how many messages it explains of how many. What is not explained is said.
+Rule: each line has its proof beside it: how many messages of how many it explains, and what it does not.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from trcvtui.errors import mistake
 from trcvtui.files import write_file
 from trcvtui.wording import count
 
-LEAST_SHARE: Final = 0.95  # of the messages, or of the bytes, that a suggestion explains
+LEAST_SHARE: Final = 0.95  # of messages or bytes, that a suggestion has to explain
 LEAST_MESSAGES: Final = 3
 MOST_LINES: Final = 8
 MOST_DATA: Final = 65_536
 
 
 class Suggestion(NamedTuple):
-    """How the messages of one conversation may be received; `size` is that of DATA.
+    """A way to receive the messages of one conversation; `size` is that of DATA.
 
-    `framing`: by ReceiveData; else `adhoc` tells how TRCV_C receives. `is_datagram`: URECV_C does.
+    `framing`: by ReceiveData; else by TRCV_C, with ADHOC as `adhoc` says. `is_datagram`: by URECV_C.
     """
 
     line: LineFacts
@@ -48,7 +48,7 @@ class Suggestion(NamedTuple):
 
 
 def suggest(paths: Sequence[str], plc: str | None, project: Path) -> tuple[str, ...]:
-    """Write a project, and beside it its types; return what it says, a line a PLC end. Raise UserError."""
+    """Write a project, and beside it its types; return a line of proof per PLC end. Raise UserError."""
     given = None if plc is None else parse_plc(plc)
     lines = [line for path in paths for line in collect_facts([path], given, receives=True).lines]
     best: dict[object, Suggestion] = {}
@@ -122,8 +122,8 @@ def _suggest_framing(line: LineFacts, takes_gap: bool) -> Suggestion | None:
     ]
     source = "serial" if line.protocol == "serial" else "tcp"
     recording = LineRecording(source, tuple(chunks), line.last_ns - line.first_ns, 1)
-    if source == "tcp" and (told := _suggest_length_field(line, recording)) is not None:
-        return told
+    if source == "tcp" and (by_length := _suggest_length_field(line, recording)) is not None:
+        return by_length
     against, rank = list[str](), 1
     for each in advise(recording).proposals:
         if each.rank > rank:
@@ -148,7 +148,7 @@ def _suggest_framing(line: LineFacts, takes_gap: bool) -> Suggestion | None:
 
 
 def _suggest_length_field(line: LineFacts, recording: LineRecording) -> Suggestion | None:
-    """Return what a length field says that is right in each message between two pauses."""
+    """Return the suggestion by a length field that is right in each message between two pauses."""
     content = bytes(line.to_plc.content)
     place = find_length_field([content[one.at : one.at + one.size] for one in _whole_messages(line, content)])
     if place is None:
@@ -170,7 +170,7 @@ def _whole_messages(line: LineFacts, content: bytes) -> list[LineMessage]:
 
 
 def _contradiction(line: LineFacts, suffix: bytes) -> str:
-    """Return that messages do not end in a suffix where they pause; "": they do, or none pauses."""
+    """Return that bytes before pauses do not end in a suffix; "": they do, or there are too few pauses."""
     content, messages = bytes(line.to_plc.content), line.messages
     ends = [
         before.at + before.size
@@ -180,7 +180,7 @@ def _contradiction(line: LineFacts, suffix: bytes) -> str:
     hits = sum(content.endswith(suffix, 0, end) for end in ends)
     if len(ends) < LEAST_MESSAGES or hits * 10 >= 8 * len(ends):
         return ""
-    return f"{hits} of {len(ends)} pauses follow the suffix {suffix.hex(' ').upper()}, which is data then"
+    return f"{hits} of {len(ends)} pauses follow the suffix {suffix.hex(' ').upper()}, so it is data"
 
 
 # -- the project ---------------------------------------------------------------------------------------------
@@ -255,7 +255,7 @@ def _format_line(n: int, one: Suggestion) -> Iterator[str]:
 
 
 def _choose_dialect(frames: bool) -> str:
-    """Return the first dialect; with `frames` the first with a block that cuts by marks of any bytes."""
+    """Return the first dialect; with `frames` the first with a block that cuts by any marks."""
     return next(
         name
         for name, dialect in DIALECTS.items()

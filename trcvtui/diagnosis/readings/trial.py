@@ -1,4 +1,4 @@
-"""A framing tried on a recording: the real framer cuts it, chunk by chunk, at the times of then."""
+"""A framing tried on a recording: the real framer cuts it, chunk by chunk, at the recorded times."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from typing import Final, NamedTuple
 from trcvtui.blocks.framing import Frame, FrameEnding, Framer, Framing
 from trcvtui.blocks.serial.com_buffer import LineChunk, LineRecording
 
-PIECE_BYTES: Final = 512  # bytes of one call: frames do not depend on it, and the framer copies less
+PIECE_BYTES: Final = 512  # bytes of one call: frames do not depend on it, but the framer copies less
 GOOD_ENDINGS: Final = frozenset({FrameEnding.SUFFIX, FrameEnding.SIZE})
 
 
 class LocatedFrame(NamedTuple):
-    """A frame, and where it stands in the recording."""
+    """A frame and its place in the recording."""
 
     start: int
     content: bytes
@@ -25,13 +25,12 @@ class LocatedFrame(NamedTuple):
 
     @property
     def end(self) -> int:
-        """Return where the next byte stands."""
         return self.start + len(self.content)
 
 
 @dataclass(frozen=True, slots=True)
 class LengthField:
-    """Where a length stands: `width` bytes at `position`; the frame has that number + `more` bytes."""
+    """A length of `width` bytes at `position`; the frame has that number + `more` bytes."""
 
     position: int
     width: int
@@ -48,12 +47,12 @@ class LengthField:
         return (field[0] if self.width == 1 else int.from_bytes(field, self.order)) + self.more  # type: ignore[arg-type]
 
 
-@dataclass(frozen=True)  # no slots: what is asked for often is worked out once
+@dataclass(frozen=True)  # no slots: cached_property needs a dict
 class Cut:
-    """What the framer made of a recording; `gaps`: frames that a gap ended are as wanted.
+    """A recording cut by the framer; `gaps`: frames that a gap ended are good.
 
     `noise` bytes before a prefix in `noise_runs` pieces, `broken` in frames whose connection ended, `left` in
-    the frame that has no end yet.
+    the frame without an end.
     """
 
     frames: tuple[LocatedFrame, ...]
@@ -66,13 +65,13 @@ class Cut:
 
     @cached_property
     def good(self) -> list[LocatedFrame]:
-        """Return the frames that ended as the framing says."""
+        """Return the frames with an end of the framing."""
         endings = GOOD_ENDINGS | {FrameEnding.GAP} if self.gaps else GOOD_ENDINGS
         return [frame for frame in self.frames if frame.ending in endings]
 
     @cached_property
     def places(self) -> tuple[tuple[int, int], ...]:
-        """Return where the good frames stand: two framings with the same places cut alike."""
+        """Return the places of the good frames: two framings with the same places cut alike."""
         return tuple([(frame.start, frame.end) for frame in self.good])
 
 
@@ -95,7 +94,7 @@ class _TrialRun:
         self._framer = Framer()
         self._frames: list[LocatedFrame] = []
         self._at = self._broken = self._noise_runs = 0
-        self._head = b""  # of a frame with a length field
+        self._head = b""  # of a frame with a length field, until its rest comes
         self._asked = framing
 
     def run(self) -> Cut:
@@ -106,7 +105,7 @@ class _TrialRun:
             if chunk.begins:
                 self._break_connection()
             elif self._framing.timeout_ns and chunk.t_ns - recording.tick_ns > before:
-                self._pass_gap(chunk.t_ns - recording.tick_ns)  # the last call before it
+                self._pass_gap(chunk.t_ns - recording.tick_ns)  # the last call before this chunk
             for start in range(0, len(chunk.payload), PIECE_BYTES):
                 self._add_bytes(chunk.payload[start : start + PIECE_BYTES], chunk.t_ns)
             before = chunk.t_ns
@@ -149,12 +148,11 @@ class _TrialRun:
 
 
 def join_chunks(recording: LineRecording) -> LineRecording:
-    """Return it with the bytes of each connection in one chunk."""
     return replace(recording, chunks=tuple(_join_by_connection(recording.chunks)))
 
 
 def _join_by_connection(chunks: Sequence[LineChunk]) -> Iterator[LineChunk]:
-    """Yield the bytes of each connection in one: without a timeout nothing depends on when they came."""
+    """Yield the bytes of each connection in one chunk: without a timeout their times do not matter."""
     begun: list[LineChunk] = []
     for chunk in chunks:
         if chunk.begins and begun:
@@ -167,12 +165,12 @@ def _join_by_connection(chunks: Sequence[LineChunk]) -> Iterator[LineChunk]:
 
 # -- how much a cut explains, in bits ---------------------------------------------------------------------
 
-# Rule: what is alike in all frames, lengths that are alike, and ends where the line pauses save bits; each
-# exception costs some. So noise, in which nothing is alike, saves none, whatever framing is laid over it.
+# Rule: equal bytes in all frames, equal lengths, and ends where the line pauses save bits; each exception
+# costs some. So noise, in which nothing is equal, saves none with any framing.
 
-COMPARED_COLUMNS: Final = 8  # bytes at either end of the frames that are compared place by place
-EXCEPTION_BITS: Final = 8.0  # bits of a frame that ended otherwise, of a piece of noise
-MOST_MARK_BITS: Final = 24.0  # bits that the mere number of a mark is worth
+COMPARED_COLUMNS: Final = 8  # bytes at each end of the frames that are compared place by place
+EXCEPTION_BITS: Final = 8.0  # cost of a frame with another end, or of a piece of noise
+MOST_MARK_BITS: Final = 24.0  # bits for the mere frequency of a mark
 TEXT: Final = frozenset(range(0x20, 0x7F)) | {0x09}
 KNOWN_ENDS: Final = (b"\r\n", b"\n", b"\r", b"\x03", b"\x04", b"\x00", b"\x7e", b"\xc0", b"\x17")
 FLAG_BYTES: Final = (b"\x7e", b"\xc0")
@@ -182,7 +180,7 @@ KNOWN_STARTS: Final = (b"\x02", b"\x01", b"\x7e", b"\xc0", b":", b"$", b"!", b"\
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """What each byte of a recording costs by itself; where pauses and connections are."""
+    """The cost of each byte value of a recording, in bits; the places of pauses and connections."""
 
     costs: tuple[float, ...]
     counts: Counter[int]
@@ -206,7 +204,7 @@ def make_bit_scale(stream: bytes, pauses: Iterable[int], starts: Iterable[int]) 
 
 
 def saved_bits(cut: Cut, scale: Scale, prefix: bytes, suffix: bytes, *, told_lengths: bool = False) -> float:
-    """Return how many bits a cut saves. `told_lengths`: the frames themselves say how long they are."""
+    """Return how many bits a cut saves. `told_lengths`: a length field in the frames costs nothing."""
     good = cut.good
     if len(good) < 2:
         return 0.0
@@ -214,7 +212,7 @@ def saved_bits(cut: Cut, scale: Scale, prefix: bytes, suffix: bytes, *, told_len
     lengths = [len(frame.content) for frame in good]
     said = 0.0 if told_lengths else _bits_of_lengths(lengths)
     saved = sum(columns.values()) - said
-    if suffix:  # the alternative: the suffix ends the frame, its first byte is told each time
+    if suffix:  # the alternative: the suffix gives the lengths, and its first byte costs each time
         ended = sum([bits for place, bits in columns.items() if place != -len(suffix)])
         saved = max(saved, ended)
     begun = {frame.start for frame in good}
@@ -224,11 +222,11 @@ def saved_bits(cut: Cut, scale: Scale, prefix: bytes, suffix: bytes, *, told_len
     if cut.noise_runs:
         saved -= cut.noise_runs * max(EXCEPTION_BITS, log2(1 + cut.noise))
     saved += _score_marks(good, scale, prefix, suffix) - EXCEPTION_BITS * (1 + runs)
-    return saved * (sum(lengths) / cut.total) ** 2  # what it does not explain speaks against it
+    return saved * (sum(lengths) / cut.total) ** 2  # bytes without a good frame count against it
 
 
 def is_word_in_lines(good: Sequence[LocatedFrame], scale: Scale, suffix: bytes) -> bool:
-    """Return whether a suffix is but a word of a text whose lines end elsewhere, once in each frame."""
+    """Return whether a suffix is only a word in a text: each frame also has one end of a line."""
     if not suffix or not scale.is_text or not set(suffix) <= TEXT:
         return False
     once = [any(frame.content.count(end) == 1 for end in LINE_ENDS) for frame in good]
@@ -236,7 +234,7 @@ def is_word_in_lines(good: Sequence[LocatedFrame], scale: Scale, suffix: bytes) 
 
 
 def _columns(good: Sequence[LocatedFrame], scale: Scale) -> dict[int, float]:
-    """Return what each place saves: 0, 1, ... from the start, -1, -2, ... from the end."""
+    """Return the bits that each place saves: 0, 1, ... from the start, -1, -2, ... from the end."""
     shortest = min(len(frame.content) for frame in good)
     from_end = min(COMPARED_COLUMNS, shortest // 2)
     places = [*range(min(COMPARED_COLUMNS, shortest - from_end)), *range(-from_end, 0)]
@@ -249,7 +247,7 @@ def _columns(good: Sequence[LocatedFrame], scale: Scale) -> dict[int, float]:
 
 
 def _bits_saved(column: Sequence[int], costs: Sequence[float]) -> float:
-    """Return how much cheaper a column is told by what it had before: a new byte costs its price besides."""
+    """Return the bits that a column saves if each byte is predicted by those before it; new ones cost."""
     seen = Counter(column)
     again = sum([costs[byte] * (number - 1) for byte, number in seen.items()])
     return again - _bits_of_order(seen.values())
@@ -280,7 +278,7 @@ def _score_alignment(good: Sequence[LocatedFrame], pauses: frozenset[int], total
 
 
 def _choices(of: int, some: int) -> float:
-    """Return log2 of how many ways there are to take some of them."""
+    """Return log2 of the number of ways to choose `some` of `of`."""
     if not 0 < some < of:
         return 0.0
     return (lgamma(of + 1) - lgamma(some + 1) - lgamma(of - some + 1)) / log(2)
@@ -293,14 +291,14 @@ def _score_marks(good: Sequence[LocatedFrame], scale: Scale, prefix: bytes, suff
     if prefix in KNOWN_STARTS and scale.is_text:
         bits += min(1.0 * number, MOST_MARK_BITS / 2)
     empty = sum([len(frame.content) <= len(prefix) + len(suffix) for frame in good])
-    most = number * 3 if suffix in FLAG_BYTES else number  # a flag may begin frames too, or fill the pauses
+    most = number * 3 if suffix in FLAG_BYTES else number  # a flag may also begin frames, or fill pauses
     if suffix and empty * 5 <= most and not (scale.is_text and suffix[-1] in TEXT):
         bits += min(_frequency(suffix[-1], scale), MOST_MARK_BITS)
     return bits
 
 
 def _frequency(byte: int, scale: Scale) -> float:
-    """Return how odd it is, in bits, that a byte is so frequent."""
+    """Return how unlikely the frequency of a byte is, in bits."""
     share, even = scale.counts[byte] / scale.total, 1 / max(2, len(scale.counts))
     if share <= even or share == 1:
         return 0.0

@@ -112,7 +112,7 @@ def test_an_error_is_told_with_its_scan_its_cause_and_what_to_check() -> None:
     said = plain(told(entries))
     assert "passed, 2 ERRORs at 1 instance" in said
     assert "16#80A6 Frame ended too early (static mode) in scan 8, 0.070 s" in said
-    assert "each has 5 bytes, the frame wants 8: 3 bytes short" in said
+    assert "whole messages of 5 bytes, but the frame wants 8: 3 bytes short" in said
     assert "8 0.070 16#80A6 short frame ERROR the partner closed (recv gave 0 bytes), 5 of 8 bytes" in said
     assert "job 1, received 5 B, scan 8, 0.070 s FIN 00000000 01 02 03 04 05" in said
     assert "5 0.040 command peer P1 send hex 01 02 03 04 05" in said
@@ -130,8 +130,8 @@ REMARKS = {
     "byte-order-swapped": "in scan 53, 0.520 s .* members look swapped: voltage = 230.5",
     "en-r-dropped": "in scan 751, 7.500 s .* EN_R fell in scan 672 with 10 of 24 bytes",
     "four-bytes-short": "in scan 3051, 30.500 s .* LEN or DATA is 4 bytes too large for this sender",
-    "packed-sender": "in scan 206, 2.050 s .* 10 bytes came, and that is the size of Weight",
-    "udt-mismatch": "in scan 23, 0.220 s .* 24 bytes came, and that is the size of AxisReport",
+    "packed-sender": "in scan 206, 2.050 s .* 10 bytes came: the size of Weight",
+    "udt-mismatch": "in scan 23, 0.220 s .* 24 bytes came: the size of AxisReport",
 }
 
 
@@ -387,7 +387,7 @@ def test_a_capture_is_told_as_its_shadows_show_it(tmp_path: Path, capsys: pytest
     words = ["report", str(file), "--out", str(out), "--plc", "127.0.0.1:32768", "--project", project]
     assert main(words) == 0
     said = plain(out.read_text())
-    assert "a capture, put through shadow instances" in said and "PLC end" in said
+    assert "a capture, played to shadow instances" in said and "PLC end" in said
     assert "16#7008 Frame received in scan 701, 7.000 s" in said and "stream is shifted" in said
     assert "C1 tcp 127.0.0.1:32768 127.0.0.1:32769 syn rst-plc 178 0 0 C1" in said
     assert "0 DINT number 101 4 REAL weight 2.5" in said

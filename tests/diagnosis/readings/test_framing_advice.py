@@ -187,7 +187,7 @@ def test_a_length_field_is_found_and_what_does_it_in_the_place_of_receivedata(re
     assert best.evidence[0] == "20 lengths lead from frame to frame, the last to byte 330 of 330"
     assert best.instead == (
         "cannot be set: ReceiveData has no length field; a program does it with two jobs: "
-        "LEN of TRCV_C (or SizeReceiveData) = 6 for the head, then = what the head tells"
+        "LEN of TRCV_C (or SizeReceiveData) = 6 for the head, then = what the head says"
     )
 
 
@@ -209,7 +209,7 @@ def test_a_counter_gives_a_fixed_size_away_though_no_pause_does() -> None:
 
 @pytest.mark.parametrize(
     ("source", "doubt"),
-    [("serial", ()), ("tcp", ("a gap over TCP is a guess: the network joins and parts what was sent",))],
+    [("serial", ()), ("tcp", ("a gap over TCP is a guess: the network joins and splits what was sent",))],
 )
 def test_where_only_pauses_part_the_bytes_it_is_a_gap(source: str, doubt: tuple[str, ...]) -> None:
     frames = [numbers(n, 3 + n * 5 % 13) for n in range(20)]
@@ -230,12 +230,12 @@ def test_in_noise_nothing_fits_and_that_is_said(size: int) -> None:
     noise = numbers(size, size)
     advice = advise(cut_up(noise, [50] * (size // 50)))
     assert advice.proposals == ()
-    assert advice.said == f"nothing fits: in {size} bytes no mark, length, size or pause parts frames"
+    assert advice.said == f"nothing fits: in {size} bytes no mark, length, size or pause separates frames"
 
 
 @pytest.mark.parametrize("size", [0, 1, 7])
 def test_too_few_bytes_are_too_few(size: int) -> None:
-    assert advise(recorded([(10, b"\r\n\r\n\r\n\r"[:size])])).said.endswith("recorded: too few to tell")
+    assert advise(recorded([(10, b"\r\n\r\n\r\n\r"[:size])])).said.endswith("recorded: too few to judge")
 
 
 def test_bytes_of_two_connections_are_never_one_frame() -> None:

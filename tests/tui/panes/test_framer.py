@@ -201,7 +201,7 @@ async def test_what_goes_wrong_after_a_stream_is_said_beforehand() -> None:
         await shown.press("3")
         assert " warn " not in shown.words
         for line, told in (
-            ("set RD LenSuffix=0", "No suffix and Timeout = 0: with fewer than 16 bytes it waits for ever"),
+            ("set RD LenSuffix=0", "No suffix and Timeout = 0: with fewer than 16 bytes it waits forever"),
             ("set RD Timeout=20", "A gap is a guess over TCP"),
             ("set TRCV_C_1 ADHOC=0", "TRCV_C_1 has ADHOC = 0"),
             ("set TRCV_C_1 EN_R=0", "TRCV_C_1 has EN_R = 0: no bytes come"),
@@ -261,7 +261,7 @@ async def test_the_advice_shows_its_evidence_and_enter_sets_the_block_so() -> No
 async def test_without_bytes_the_advice_says_so_and_a_project_without_combuffer_has_none() -> None:
     async with on_a_line() as shown:
         await shown.press("B")
-        assert "0 bytes recorded: too few to tell" in shown.words
+        assert "0 bytes recorded: too few to judge" in shown.words
         await shown.press("enter", "escape")
         assert shown.app.screen is shown.app.main
     async with on_a_line(project="passive.toml", lines=(), select="TRCV_C_1") as shown:

@@ -72,7 +72,7 @@ async def test_an_edge_of_the_past_is_explained_with_its_own_numbers() -> None:
         card = desk.words("status")
         assert "in the past" in card
         assert "closed (FIN) with 20 of 24 bytes of the job done" in card
-        assert "each has 20 bytes, the frame wants 24: 4 bytes" in card
+        assert "whole messages of 20 bytes, but the frame wants 24: 4 bytes" in card
 
 
 async def test_the_newest_edge_is_explained_with_the_numbers_of_now() -> None:

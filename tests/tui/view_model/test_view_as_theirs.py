@@ -47,7 +47,7 @@ async def test_a_packed_sender_is_offered_by_the_size_of_what_came(size: tuple[i
     async with at_the_desk(size, *UP, send, "run 300") as desk:
         await desk.press("3", "M")
         card = desk.words("status").replace("│ │ ", "")
-        assert "21 bytes came, and that is the size of Telegram in the layout packed" in card
+        assert "21 bytes came: the size of Telegram in the layout packed" in card
         assert "Press V to read DATA with layout=packed byte_order=big." in card
         await desk.press("V")
         await desk.do("run 3", "set TRCV_C_1 EN_R=0", "run 3", "set TRCV_C_1 EN_R=1", "run 3", send, "run 3")

@@ -648,9 +648,7 @@ def _judge_loss(case: LineCase) -> Finding | None:
     for flow, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
         odd = flow.resent + flow.late
         if _judge_no_keep_alive(case) is not None:
-            odd -= sum(
-                one.copies for one in flow.outages
-            )  # a forgotten connection repeats its bytes: no loss
+            odd -= sum(one.copies for one in flow.outages)  # a forgotten connection repeats its bytes
         share = odd / max(flow.segments + flow.resent, 1)
         is_often = odd >= 3 and odd * 100 >= flow.segments
         is_long = flow.longest_wait_ns >= SECOND and odd * 20 >= flow.segments >= 3

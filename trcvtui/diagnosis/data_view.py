@@ -104,9 +104,7 @@ def byte_order_suspicion(layout: Layout, content: bytes) -> Suspicion | None:
             clear += leaf.size >= 4
     if not clear or len(suspects) < min(2, asked):
         return None
-    suspects.sort(
-        key=lambda suspect: not isinstance(suspect.as_read, float)
-    )  # REALs first: they are the most telling
+    suspects.sort(key=lambda suspect: not isinstance(suspect.as_read, float))  # REALs show it best
     return Suspicion(order, OTHER_BYTE_ORDER[order], tuple(suspects))
 
 

@@ -108,7 +108,7 @@ def _has_right_frames(line: LineFacts, need: int) -> bool:
     is_varied = Counter(one.size for one in found).most_common(1)[0][1] * 10 < 9 * len(found)
     return (
         is_varied and len(frames) >= FEW_MESSAGES and whole * 100 >= 97 * len(frames)
-    )  # each frame comes in pieces
+    )  # each frame in pieces
 
 
 def _find_static_mismatch(line: LineFacts, receiver: Receiver | None) -> tuple[Receiver, MessageSizes] | None:

@@ -149,9 +149,7 @@ def _describe_sides(best: Fit, frames: Sequence[bytes]) -> list[str]:
 
 def _describe_side_bytes(parts: Sequence[bytes], names: Sequence[str]) -> str:
     if names and all(names):
-        return Counter(names).most_common(1)[0][
-            0
-        ]  # the commonest: a sum of few bytes may look like another kind by chance
+        return Counter(names).most_common(1)[0][0]  # a sum of few bytes is another one by chance
     size = len(parts[0])
     fixed = parts[0].hex(" ").upper() if size <= 8 else f"{parts[0][:8].hex(' ').upper()} .."
     if len(set(parts)) == 1:

@@ -140,8 +140,8 @@ def test_where_nothing_fits_apply_says_so(plain: Controller) -> None:
     say(plain, f"feed RX hex {random.Random(3).randbytes(40).hex(' ')}")
     plain.scan()
     assert say(plain, "framing RD apply 1").error == (
-        "prompt: found no proposal (nothing fits: in 40 bytes no mark, length, size or pause separates frames), "
-        "expected a recording that splits into frames"
+        "prompt: found no proposal (nothing fits: in 40 bytes no mark, length, size or pause separates "
+        "frames), expected a recording that splits into frames"
     )
 
 

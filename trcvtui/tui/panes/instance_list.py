@@ -275,7 +275,7 @@ def _partner(connection: ConnectionSnapshot | None, both: bool) -> str:
     if connection is None:
         return ""
     if connection.udp:
-        remote = connection.remote or "no partner yet"
+        remote = connection.remote or "no partner"
         return f"UDP     {connection.local} ↔ {remote}" if both else f"↔ {remote}"
     connected = connection.state == "connected"
     if connection.active:

@@ -186,7 +186,7 @@ def test_what_an_acl_forbids_is_refused_and_not_taken(tmp_path: Path) -> None:
 
 
 def says_that_the_name_is_taken(connection: BrokerConnection) -> bool:
-    return any("may have the name 's/a'" in str(news) for news in connection.news())
+    return any("may use the name 's/a'" in str(news) for news in connection.news())
 
 
 @needs_mosquitto

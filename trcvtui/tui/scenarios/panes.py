@@ -181,7 +181,7 @@ class ScenarioList(LineView, inherit_bindings=False):
         mark, mark_style = OUTCOME_MARKS[self._model.outcomes.get(path)]
         name, name_style = plain(found.name if found else path.stem), "" if found else "dim"
         if found is not None and found.problem:
-            mark, mark_style, name, name_style = "! ", "error", f"{plain(path.name)} has an error", "warn"
+            mark, mark_style, name, name_style = "! ", "error", f"{plain(path.name)}: error", "warn"
         room = self.line_width - 4 - BLOCK_WIDTH - DIALECT_WIDTH
         return row(
             ("▸ " if chosen else "  ", "key"),

@@ -240,7 +240,7 @@ def test_scl_has_gaps_for_a_union_joined_bounds_and_no_string_that_is_too_long()
     cured = cure_source(
         rules_for("packed", text="nul"), lay_out(types_of(text).get_type("A"), rules_for("codesys-8")), "scl"
     )
-    assert "nothing has to change" not in cured
+    assert "no change needed" not in cured
     assert "// s: not reached: STRING[255]: SCL has at most 254 characters\n" in cured
     assert [line.strip() for line in cured.splitlines()[6:-3]] == [
         "ok : BOOL;",

@@ -11,7 +11,7 @@ from typing import Final
 from trcvtui.net.kernel import Handle, Kernel
 from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock, is_loopback
 
-MOST_OWN_BROADCASTS: Final = 256  # datagrams of our own that one call passes over
+MOST_OWN_BROADCASTS: Final = 256  # datagrams of our own that one call skips
 
 
 def enable_broadcasts(

@@ -18,7 +18,7 @@ from trcvtui.net.results import Endpoint, Unread
 class TlsError(StrEnum):
     """Why a secure connection did not come up, or ended."""
 
-    PLAIN = "TLS_PLAIN"  # no TLS at all came
+    PLAIN = "TLS_PLAIN"  # bytes came that are no TLS
     HANDSHAKE = "TLS_HANDSHAKE"
     SILENT = "TLS_SILENT"
     REFUSED = "TLS_REFUSED"  # the partner sent an alert
@@ -73,7 +73,7 @@ class SessionEnd(NamedTuple):
 
 class LayerSession(Protocol):
     ended: SessionEnd | None
-    can_take_back: bool  # what `encode` returned need not be sent
+    can_take_back: bool  # bytes that `encode` returned need not be sent
 
     @property
     def is_up(self) -> bool:

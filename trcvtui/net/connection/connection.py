@@ -500,7 +500,7 @@ class Connection:
         self._kernel.close(self.handle)
         fin = loss.kind is LossKind.CLOSED_BY_PARTNER
         self._note(EventKind.PARTNER_CLOSED if fin else EventKind.LOST, fault=loss.fault)
-        if loss.release_fault is not None:
+        if loss.release_fault is not None:  # the block has a code for it (8087)
             self._note(EventKind.CALL_FAILED, fault=loss.release_fault)
         self._end_incarnation(loss, State.ESTABLISHING)
         return loss

@@ -148,7 +148,7 @@ class TpktReader:
                 break
             size = int.from_bytes(self._held[begin + 2 : begin + 4], "big")
             wrong = _tpkt_error(self._held[begin], size) or self._size_error(begin, size)
-            if wrong:
+            if wrong:  # before its bytes have come: a wrong length would make us wait, or keep them
                 found.append(MalformedTpdu(wrong))
             elif len(self._held) - begin < size:
                 break
@@ -367,7 +367,7 @@ class IsoSession:
     def wants_more(self) -> bool:
         """Return whether bytes may be fed; not before a CR is answered, or while enough messages wait."""
         if self.phase is IsoPhase.ENDED or self.request is not None:
-            return False
+            return False  # bytes after a CR are not read before it is accepted
         return len(self._messages) < MOST_WAITING_MESSAGES and self._waiting_bytes() < self._settings.cap
 
     def _waiting_bytes(self) -> int:
@@ -466,13 +466,13 @@ class IsoSession:
             reason = DrReason.NOBODY_WAITS if is_known else DrReason.UNKNOWN_TSAP
             self._output += encode_tpdu(DisconnectTpdu(self.request.source_ref, 0, reason))
         self.request = None
-        self._end("ECONNREFUSED", "refused by us")
+        self._end("ECONNREFUSED", "refused by us")  # bytes that still come are not read
 
     # -- what comes ----------------------------------------------------------------------------------------
 
     def _handle_tpdu(self, tpdu: Tpdu) -> None:
         match tpdu:
-            case MalformedTpdu(what):
+            case MalformedTpdu(what):  # Rule 3
                 self._end("EPROTO", what)
             case ConnectTpdu(unfit=unfit) if unfit:
                 self._refuse_unfit(tpdu)
@@ -542,7 +542,7 @@ class IsoSession:
         cap = self._settings.cap
         if self._whole > MOST_CAPS * cap:
             return f"a message of more than {MOST_CAPS * cap} bytes"
-        if self._empty_pieces > MOST_EMPTY_PIECES:
+        if self._empty_pieces > MOST_EMPTY_PIECES:  # they add no byte, so no other limit would end it
             return f"a message with more than {MOST_EMPTY_PIECES} empty DTs"
         # With one byte a piece, the longest message that fits has as many pieces as bytes.
         return f"a message in more than {cap} DTs" if self._pieces > cap + MOST_EMPTY_PIECES else ""

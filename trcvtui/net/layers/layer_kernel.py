@@ -385,7 +385,7 @@ class LayerKernel(KernelProxy):
         joined = self._ends.pop(handle, None) is not None
         if listener is None:
             return False
-        for client in listener.members.pop(handle).ready:
+        for client in listener.members.pop(handle).ready:  # no block has accepted them
             if isinstance(client, LayeredStream):
                 client.send_goodbye()
                 self.inner.close(client.handle)

@@ -135,7 +135,7 @@ class TlsSession:
 
     @property
     def wants_more(self) -> bool:
-        return self.ended is None and not self.partner_is_done and self.held_bytes < MOST_HELD_BYTES
+        return self.ended is None and not self.partner_is_done and self.held_bytes < MOST_HELD_BYTES  # Rule 2
 
     def unread(self, peer: Endpoint, skip: int) -> Unread:
         return Unread(
@@ -242,7 +242,7 @@ class TlsSession:
             self.is_up = True
         except ssl.SSLWantReadError:
             pass
-        except _LIBRARY_ERRORS as problem:
+        except _LIBRARY_ERRORS as problem:  # Rule 1
             self._end(session_end_of(problem))
 
     def _decrypt(self, most: int) -> int:
@@ -258,7 +258,7 @@ class TlsSession:
                 got = self._engine.read(RECORD_BYTES)
             except ssl.SSLWantReadError:
                 break
-            except ssl.SSLZeroReturnError:
+            except ssl.SSLZeroReturnError:  # the partner's close_notify
                 got = b""
             except ssl.SSLEOFError:  # RFC 8446 6.1: a FIN alone may be forged
                 self._end(SessionEnd(TlsError.TRUNCATED, "the stream ended without a close_notify"))
@@ -314,7 +314,7 @@ def _make_context(
     # Only a subjectAlternateName counts as a name (RFC 6125), and only with `checks_name`.
     context.hostname_checks_common_name = False
     context.check_hostname = is_active and credentials.checks_name and not credentials.is_unverified
-    asks = is_active or credentials.asks_client
+    asks = is_active or credentials.asks_client  # Rule 3
     context.verify_mode = ssl.CERT_REQUIRED if asks and not credentials.is_unverified else ssl.CERT_NONE
     context.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN  # a trusted certificate needs no issuer above it
     for file in credentials.authorities:

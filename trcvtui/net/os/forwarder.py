@@ -136,7 +136,7 @@ class Forwarder(TapLoop):
         self, kind: TapEventKind, way: int, place: int, number: int, at: int, data: bytes | memoryview
     ) -> None:
         pipe = self.pipe
-        if pipe is None:
+        if pipe is None:  # forwarding does not depend on observers
             return
         head = EVENT_HEAD.pack(kind, way, place, number, at, time.time_ns(), len(data))
         if kind is TapEventKind.BYTES:
@@ -220,8 +220,8 @@ class Forwarder(TapLoop):
         for lane in self._list_lanes():
             lane.release_all()
         until = time.monotonic_ns() + FLUSH_NS
-        while any(lane.out for lane in self._list_lanes()) and (left := until - time.monotonic_ns()) > 0:
-            self.run_once(left / 1e9)
+        while any(lane.out for lane in self._list_lanes()) and (rest := until - time.monotonic_ns()) > 0:
+            self.run_once(rest / 1e9)
         for route in self.routes:
             for talk in tuple(route.talks.values()):
                 talk.finish()

@@ -399,7 +399,11 @@ class OsKernel:
         """Make one call on the handle's socket; EBADF if there is none."""
         try:
             act(self._sockets[handle])
-        except (OSError, ValueError, KeyError) as problem:
+        except (
+            OSError,
+            ValueError,
+            KeyError,
+        ) as problem:  # no exception crosses the seam (kernel.py, Rule 1)
             return Fault(call, error_name(problem))
         return None
 

@@ -122,6 +122,6 @@ class LossyPipe:
 
     def finish(self, until_ns: int) -> None:
         """Send what waits, until a time of the monotonic clock at most; then close."""
-        while self.waiting and (left := until_ns - time.monotonic_ns()) > 0:
-            self._loop.run_once(left / 1e9)
+        while self.waiting and (rest := until_ns - time.monotonic_ns()) > 0:
+            self._loop.run_once(rest / 1e9)
         self.close()

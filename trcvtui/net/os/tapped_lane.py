@@ -208,7 +208,7 @@ class TapLane:
             return 0
         return MOST_HELD_BYTES - self.late_size - (len(self.held) if self.held is not None else 0)
 
-    def may_read(self) -> bool:
+    def may_read(self) -> bool:  # Rule 1
         return not self.is_read and (not self.is_over or self.is_deaf) and self.room() > 0
 
     def read(self) -> None:

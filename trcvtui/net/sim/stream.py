@@ -345,7 +345,7 @@ class SimStream:
         """Send FIN after the queued data; return "" or ENOTCONN."""
         if self.phase is StreamPhase.OVER:
             return "ENOTCONN"
-        if self.phase is StreamPhase.SYN_SENT:
+        if self.phase is StreamPhase.SYN_SENT:  # as Linux does: the attempt ends
             self.end_with_error("ECONNRESET")
             return ""
         self.read_shut = self.read_shut or both
@@ -374,7 +374,7 @@ class SimStream:
         self.held = False
         was_open = self.phase is StreamPhase.OPEN
         if self.phase is not StreamPhase.OVER:
-            self._end(linger=False)
+            self._end(linger=False)  # before the RST is carried (Rule 1)
         if was_open:
             self._wire.carry(self, RESET_SEGMENT)
 

@@ -165,7 +165,7 @@ def test_a_string_without_its_header_is_received_as_characters(tmp_path: Path) -
     verdict = found_with(tmp_path, of_type(StringType(20), 22), [text.encode() for text in TEXTS * 3])
     assert causes(verdict) == ["frame-short"]
     (mend,) = verdict["findings"][0]["mend"]
-    assert "no header of a STRING" in mend["text"] and mend["set"] == "data.rx.type=ARRAY[0..6] OF CHAR"
+    assert "no STRING header" in mend["text"] and mend["set"] == "data.rx.type=ARRAY[0..6] OF CHAR"
     assert mend["tried"]
 
 
@@ -173,7 +173,7 @@ def test_a_string_of_the_same_size_without_header_has_odd_values(tmp_path: Path)
     verdict = found_with(
         tmp_path, of_type(StringType(20), 22), [text.ljust(22).encode() for text in TEXTS * 3]
     )
-    assert causes(verdict) == ["odd-values"] and "no header of a STRING" in mends(verdict)
+    assert causes(verdict) == ["odd-values"] and "no STRING header" in mends(verdict)
 
 
 def test_len_alone_never_makes_a_text_without_header_healthy(tmp_path: Path) -> None:

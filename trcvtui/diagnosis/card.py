@@ -56,12 +56,8 @@ class Card:
             read = SuggestedAction(f"{reads} {offer.choice}")
             do = (read, *do) if swapped else (read,)  # its size fits: only the layout is wrong
             swapped = swapped or one_line(offer.why)
-        return Advice(
-            advice.why + _name_missing(e, data.decl),
-            (swapped, *causes) if swapped else causes,
-            do,
-            advice.code,
-        )
+        why, causes = advice.why + _name_missing(e, data.decl), (swapped, *causes) if swapped else causes
+        return Advice(why, causes, do, advice.code)
 
     def offer(self, e: Evidence, data: DataBytes, index: StreamIndex) -> Offer | None:
         """Return a layout in which DATA fits the received bytes, None without evidence for one."""

@@ -369,7 +369,7 @@ def _judge_resets(case: LineCase) -> Finding | None:
     if line.harms is None and (case.receiver is None or (is_even and not later)):
         return finding(0.0, "ends by RST, with nothing on its way", is_remark=True)
     text_of_harm = (
-        "a block showed an ERROR, or lost a job" if line.harms else "a CONNECT is meant to stay connected"
+        "a block showed an ERROR or lost a job" if line.harms else "a CONNECT has to stay connected"
     )
     return finding(0.85 if size else 0.6, text_of_harm)
 
@@ -383,9 +383,7 @@ def _describe_partial_job(line: LineFacts, receiver: Receiver | None) -> str:
         at, content = 0, flow.content
         while at + 4 <= len(content) and content[at] == TPKT:
             at += max(int.from_bytes(content[at + 2 : at + 4], "big"), 4)
-        return (
-            "in the middle of an ISO-on-TCP unit" if len(content) == flow.bytes and at != len(content) else ""
-        )
+        return "in mid unit of ISO-on-TCP" if len(content) == flow.bytes and at != len(content) else ""
     is_static = receiver.need and not receiver.adhoc and Quality.SESSION not in line.qualities
     part = flow.bytes % receiver.need if is_static else 0
     return f"in mid job: {part} of {receiver.need} bytes had arrived" if part else ""
@@ -599,9 +597,8 @@ def _describe_overload(case: LineCase) -> tuple[str, ...]:
     if taken < SECOND // (100 if closed else 2) or jobs <= scans * 1.05:
         return ()
     ms = receiver.interval_ns / 1e6
-    return (
-        f"{jobs / taken * 1e9:.0f} messages a second; one job per scan of {ms:g} ms takes {1000 / ms:.0f}",
-    )
+    rate = f"{jobs / taken * 1e9:.0f} messages a second"
+    return (f"{rate}; one job per scan of {ms:g} ms takes {1000 / ms:.0f}",)
 
 
 def _judge_slow_ack(case: LineCase) -> Finding | None:
@@ -648,7 +645,7 @@ def _judge_loss(case: LineCase) -> Finding | None:
     for flow, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
         odd = flow.resent + flow.late
         if _judge_no_keep_alive(case) is not None:
-            odd -= sum(one.copies for one in flow.outages)  # a forgotten connection repeats its bytes
+            odd -= sum(one.copies for one in flow.outages)  # copies on a forgotten connection: no loss
         share = odd / max(flow.segments + flow.resent, 1)
         is_often = odd >= 3 and odd * 100 >= flow.segments
         is_long = flow.longest_wait_ns >= SECOND and odd * 20 >= flow.segments >= 3
@@ -781,22 +778,19 @@ def weigh_findings(
     """
     found: list[tuple[float, Finding]] = []  # each with the confidence of its rule
     for rule in rules:
-        finding = by_cause.get(rule.cause)
-        if finding is None or any(cause in by_cause for cause in rule.silenced_by):
+        made = by_cause.get(rule.cause)
+        if made is None or any(cause in by_cause for cause in rule.silenced_by):
             continue
         share = 0.5 if any(cause in by_cause for cause in rule.weakened_by) else 1.0
-        if by_cause.get("resets", finding).confidence > PROVEN and rule.cause in (
-            "resets",
-            "reconnect-storm",
-        ):
+        if by_cause.get("resets", made).confidence > PROVEN and rule.cause in ("resets", "reconnect-storm"):
             share = 1.0 if rule.cause == "resets" else 0.5  # a cut message comes before the number of ends
-        mend, is_tried = finding.mend, finding.is_fact
-        if isinstance(finding.trial, RemedyOffer) and finding.trial.cured is not None:
-            after = {cause for cause, one in judge(finding.trial.cured).items() if not one.is_remark}
+        mend, is_tried = made.mend, made.is_fact
+        if isinstance(made.trial, RemedyOffer) and made.trial.cured is not None:
+            after = {cause for cause, one in judge(made.trial.cured).items() if not one.is_remark}
             is_tried = rule.cause not in after <= by_cause.keys()
-            mend = tuple([replace(one, tried=True) for one in mend]) if is_tried else finding.trial.otherwise
-        sure = min(finding.confidence * share, PROVEN if is_tried else UNTRIED_CONFIDENCE)
-        found.append((finding.confidence, replace(finding, confidence=sure, cause=rule.cause, mend=mend)))
+            mend = tuple([replace(one, tried=True) for one in mend]) if is_tried else made.trial.otherwise
+        sure = min(made.confidence * share, PROVEN if is_tried else UNTRIED_CONFIDENCE)
+        found.append((made.confidence, replace(made, confidence=sure, cause=rule.cause, mend=mend)))
     found.sort(key=lambda each: (-each[1].confidence, -each[0]))
     return tuple([one for _, one in found])
 

@@ -92,7 +92,6 @@ class DoctorQuestion(NamedTuple):
     recorded: Callable[[str], RecordedFacts | None] | None = None
 
     def known_ends(self) -> KnownEnds:
-        """Return the ports and addresses of the PLC and of its partners."""
         some = [one for one in self.receivers if one.connect]
         listens, calls = (
             frozenset(one.local_port for one in some if not one.active) - {0},

@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 
 RUN_NS: Final = 3 * SECOND
 CONNECTED_NS: Final = SECOND  # by then all possible connections exist: EN_R rises
-IGNORED: Final = frozenset(
-    {Condition.NOT_CONNECTED, Condition.STILL_ASKED}
-)  # only because the doctor sets EN_R
+IGNORED: Final = frozenset({Condition.NOT_CONNECTED, Condition.STILL_ASKED})  # the doctor sets EN_R
 
 
 def refusals(project: Project) -> tuple[Finding, ...]:

@@ -516,7 +516,6 @@ def _can_read(line: LineFacts, receiver: Receiver) -> bool:
 
 
 def _contents(line: LineFacts) -> list[bytes]:
-    """Return the bytes of the first whole messages."""
     content = bytes(line.to_plc.content)
     some = (select_whole_messages(line) or line.messages)[:MOST_MESSAGES]
     return [content[one.at : one.at + one.size] for one in some if one.at + one.size <= len(content)]

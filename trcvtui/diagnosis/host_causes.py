@@ -88,7 +88,6 @@ def _judge_datagram_report(
 
 
 def judge_mtu(line: LineFacts) -> Finding | None:
-    """Return the finding that large packets do not arrive and small ones do."""
     pieces = [one for one in line.undelivered if one.note.kind == "fragments"]
     if pieces:
         return _by_icmp(line, pieces, 0.95, mend=_NO_FRAGMENTS)

@@ -94,7 +94,6 @@ def explain_stall(e: Evidence) -> RuleAnswer:
 
 
 def find_connected_peer(e: Evidence) -> PeerSnapshot | None:
-    """Return the peer of this bench at the other end of the connection."""
     if e.link is None or e.link.state != "connected":
         return None
     ends = e.link.remote, e.link.local

@@ -129,7 +129,6 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
 
 
 def _ports(project: Project) -> frozenset[int]:
-    """Return the ports of all CONNECTs and UDP_CONFIGs."""
     some = [port for each in project.connects for port in (each.local.port, each.remote_port)]
     some += [each.local.port for each in project.udp_configs]
     return frozenset(port for port in some if isinstance(port, int) and port)
@@ -344,13 +343,11 @@ def _judge_two_receivers(project: Project, written: WrittenPins) -> Iterator[Fin
 
 def _judge_keep_alive(project: Project) -> Iterator[Finding]:
     for connect in project.connects:
-        interval = connect.keep_alive_interval_s
-        if interval > LONG_KEEP_ALIVE_S:
-            text = (
-                f"KeepAliveTimeInterval of {connect.name} is {interval} s: a dead link shows after 3 of them"
-            )
+        value = connect.keep_alive_interval_s
+        if value > LONG_KEEP_ALIVE_S:
+            text = f"KeepAliveTimeInterval of {connect.name} is {value} s: a dead link shows after 3 of them"
             usual = connect.keep_alive_default_s
-            more = (connect.keep_alive_limit_note,) if interval > LONGEST_KEEP_ALIVE_S else ()
+            more = (connect.keep_alive_limit_note,) if value > LONGEST_KEEP_ALIVE_S else ()
             mend = Remedy(f"set it to 0, which is {usual} s, or to some minutes at most")
             yield Finding(0.7, (text, *more), mend=(mend,))
 

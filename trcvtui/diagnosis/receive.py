@@ -156,7 +156,6 @@ def explain_short_sender(e: Evidence) -> RuleAnswer:
 
 
 def explain_several_messages(e: Evidence) -> str:
-    """A whole number of messages fills a frame."""
     size = e.facts.messages.common
     if size is None or e.adhoc or not size < e.need or e.need % size:
         return ""
@@ -165,7 +164,6 @@ def explain_several_messages(e: Evidence) -> str:
 
 
 def explain_long_sender(e: Evidence) -> RuleAnswer:
-    """Every message is longer than the frame."""
     size = e.facts.messages.common
     if size is None or not e.need or size <= e.need:
         return ""
@@ -276,7 +274,6 @@ def describe_message_job(e: Evidence) -> str:
 
 
 def explain_short_message(e: Evidence) -> str:
-    """A message shorter than LEN is a whole job; DATA keeps older bytes after it."""
     is_here = e.condition in (Condition.RECEIVED, Condition.FINISHED)
     size = e.cause.have if is_here else e.done_len
     if not size or not e.need or size >= e.need:
@@ -374,7 +371,6 @@ def explain_cut_datagram(e: Evidence) -> str:
 
 
 def explain_short_datagram(e: Evidence) -> str:
-    """A datagram shorter than LEN is a whole job; DATA keeps older bytes after it."""
     size = e.cause.have if e.condition == Condition.RECEIVED else e.done_len
     if not size or not e.need or size >= e.need or explain_cut_datagram(e):
         return ""

@@ -227,7 +227,6 @@ def warn_drops(f: FramedBlock) -> str:
 
 
 def warn_port_away(f: FramedBlock) -> str:
-    """A port that does not exist looks like silence."""
     return ": ".join(part for part in (describe_port_fault(f.now), port_hint(f.now)) if part)
 
 

@@ -68,7 +68,6 @@ def is_tls(head: bytes) -> bool:
 
 
 def is_session_begin(head: bytes) -> bool:
-    """Return whether a session begins with this unit."""
     return (head[0], head[5]) in ((_HANDSHAKE, 1), (TPKT, _CR))
 
 
@@ -136,7 +135,6 @@ def judge_wrong_tsap(line: LineFacts) -> Finding | None:
 
 
 def judge_plain_tcp(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    """Judge whether the partner speaks plain TCP at a CONNECT of ISO-on-TCP."""
     content = line.to_plc.content
     if receiver is None or not receiver.is_whole or line.protocol != "tcp" or not line.has_begin:
         return None
@@ -240,7 +238,6 @@ def _is_answered_by_alert(
 
 
 def judge_line_errors(line: LineFacts) -> Finding | None:
-    """Judge whether the driver of a serial line has reported errors."""
     for flow, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
         errors = flow.line_errors
         if errors:

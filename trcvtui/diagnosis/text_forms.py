@@ -57,11 +57,8 @@ def has_only_numbers(receiver: Receiver) -> bool:
 
 
 def offer_text(receiver: Receiver, found: FoundText, longest: int) -> RemedyOffer:
-    suffix = (
-        f", cut at {found.end.hex(' ').upper()} (TwinCAT: ReceiveString with that suffix)"
-        if found.end
-        else ""
-    )
+    way = f", cut at {found.end.hex(' ').upper()} (TwinCAT: ReceiveString with that suffix)"
+    suffix = way if found.end else ""
     text = f"receive a text: DATA as ARRAY[0..{longest - 1}] OF CHAR{suffix}; convert it in the program"
     return RemedyOffer((Remedy(text),))
 
@@ -99,9 +96,7 @@ def offer_string(receiver: Receiver, messages: Sequence[bytes]) -> RemedyOffer |
         )
     if most or not _is_mostly_text(messages):
         return None
-    text = (
-        "the partner sends no header of a STRING: receive characters and make a STRING of them in the program"
-    )
+    text = "the partner sends no STRING header: receive characters and make a STRING of them in the program"
     return _offer_type(receiver, f"ARRAY[0..{longest - 1}] OF CHAR", longest, text)
 
 

@@ -150,7 +150,7 @@ def _judge_in_workers(
                 worker, answer, problems = reply.decode(msgspec.msgpack.decode(packed, type=bytes))
             except Exception as failed:
                 if isinstance(failed, TimeoutError) or task.status == "error":
-                    tasks[task] = path, been_at  # its worker died: Dask gives it to another one
+                    tasks[task] = path, been_at  # its worker died with the answer: Dask tries another
                 else:
                     yield path, mistake(path, "no answer in what its worker sent", "one of our version")
                 continue

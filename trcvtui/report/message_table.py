@@ -179,7 +179,7 @@ def _choose_members(types: Sequence[MessageType], members: str) -> list[Sequence
 
 
 def is_same_type(one: DataDecl | Layout | None, other: DataDecl | Layout | None) -> bool:
-    """Return whether two DATA have the same members, layout and names."""
+    """Return whether two DATA have the same layout and the same names of members."""
     return one is other or (one is not None and other is not None and _key(one) == _key(other))
 
 

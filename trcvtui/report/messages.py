@@ -129,7 +129,7 @@ class _FilteredRows:
             raise mistake("--instance", quote(asked.instance), expected, "unknown")
         wrong = self._read_filters(types, project)
         if wrong and len(wrong) == len(self._filters):
-            raise min(wrong, key=lambda each: len(str(each)))  # the shortest names the nearest member
+            raise min(wrong, key=lambda each: len(str(each)))  # the shortest names a near member
         some = [MessageType(name, type_) for name, type_ in types.items() if type_ is not None]
         labels = CONVERSATION_COLUMNS if project is None else INSTANCE_COLUMNS
         self.table = MessageTable(self._out, asked.form, some, labels, asked.members, begun_ns)

@@ -52,11 +52,7 @@ MOST_TEXT: Final = 20_000  # characters of `start` and `program`
 PLAIN: Final = frozenset({"set", "pulse", "run", "wait", "fault", "plc", "hold", "go", "create", "delete"})
 PATH_KEYS: Final = frozenset({"file", "key"})  # keys whose value is a path
 PAYLOAD_KEYS: Final = frozenset({"says", "replies", "message", "steps"})  # keys with bytes that are sent
-LANES_LEFT, LANES_WIDTH, ROW = (
-    150,
-    1000,
-    20,
-)  # of the time line: width of names and of columns, height of a lane
+LANES_LEFT, LANES_WIDTH, ROW = 150, 1000, 20  # of the time line: names, columns, height of a lane
 LANE_SHAPES: Final = (  # what a column has seen, its class, its top and height: an ERROR is the highest
     (UP, "up", 6, 6),
     (BUSY, "busy", 8, 3),
@@ -299,7 +295,6 @@ class _PageParts:
         return " ".join(words[: 3 if words[0] == "peer" else 2]) + " ..."
 
     def settings(self) -> Iterator[str]:
-        """Yield the lines of the project as it is at the end."""
         project = self._project
         yield f'dialect = "{project.dialect.name}"'
         yield f'model = "{project.model}"'

@@ -190,7 +190,6 @@ class Scale:
 
     @property
     def is_text(self) -> bool:
-        """Return whether nearly all bytes are printable."""
         printable = sum([number for byte, number in self.counts.items() if byte in TEXT])
         return printable >= 0.75 * self.total
 

@@ -181,6 +181,7 @@ def _judge_turned_away(case: LineCase) -> Finding | None:
     if end is None or not _is_tcp(case) or not _is_turned_away(line):
         return None
     is_needed = line.has_harm_at(end.ns) and (case.receiver is not None or line.harms)
+    # One RST or three FINs if a receiver or an ERROR is known, else four of either.
     if often < (STORM if not is_needed else 1 if end.kind == "rst" else FEW_MESSAGES):
         return None
     text = f"the partner listens, accepts the call and ends it with {end.kind.upper()} before any byte"
@@ -196,13 +197,13 @@ def _judge_filtered(case: LineCase) -> Finding | None:
     if not _is_tcp(case) or not line.has_begin or line.is_built or line.end is not None or not syns:
         return None
     if line.listener.segments or line.listener.acks or line.caller.segments:
-        return None
+        return None  # an end answered: nothing filters
     waited = case.last_ns - syns[0].ns
     if waited < SECOND or (len(syns) < 2 and waited < UNANSWERED_NS):
-        return None
+        return None  # the answer may still come
     text = f"{count(len(syns), 'SYN')} to port {_listener_end(line)[1]}, no answer in {format_ns(waited)}"
     before = next((one for one in reversed(case.older) if one.partner_end[0] == line.partner_end[0]), None)
-    if before is not None and _outage(before):
+    if before is not None and _outage(before):  # the partner may be off: less sure
         return Finding(0.6, (text, "an earlier connection to the same partner died"), _listener_way(line))
     return Finding(0.95 if len(syns) > 2 else 0.85, (text,), way=_listener_way(line), at=syns[0])
 
@@ -319,7 +320,7 @@ def _judge_storm(case: LineCase) -> Finding | None:
     life, period = case.group.life_and_period_ns
     most = 10 * SHORT_LIFE_NS if len(built) > 7 else SHORT_LIFE_NS if len(built) > 5 else SHORT_LIFE_NS // 2
     if life > most or period > 2 * most:
-        return None
+        return None  # too slow for a storm
     by_plc, resets = case.group.plc_end_and_reset_counts
     who = f"ended by the PLC end {by_plc}, by the partner {len(ended) - by_plc} times"
     texts = (
@@ -366,6 +367,7 @@ def _judge_resets(case: LineCase) -> Finding | None:
         return finding(0.85, f"{count(lost.unacked, 'byte')} of {other} were on their way and are lost")
     sizes = [one.size for one in line.messages]
     is_even = len(sizes) > 2 and sizes.count(sizes[-1]) * 5 >= 4 * len(sizes)
+    # Without a receiver, or after equal messages and without a new connection, it may be an ordinary end.
     if line.harms is None and (case.receiver is None or (is_even and not later)):
         return finding(0.0, "ends by RST, with nothing on its way", is_remark=True)
     text_of_harm = (
@@ -425,7 +427,7 @@ def _outage(line: LineFacts) -> tuple[DirectionFacts, int, int, int, bool, int] 
                 for window in other.closed
             )
             since = next((write.ns for write in reversed(flow.writes) if write.ns <= one.ns), one.ns)
-            if until - since >= SECOND and not closed:
+            if until - since >= SECOND and not closed:  # copies to a zero window are no outage
                 return flow, one.copies, since, until - since, one.until_ns is not None, one.packet
     return None
 
@@ -477,7 +479,7 @@ def _judge_no_keep_alive(case: LineCase) -> Finding | None:
         return None
     is_here = line.plc_end[0] == line.partner_end[0] or line.plc_end[0][:1] == LOOPBACK
     if line.to_plc.keep_alives or line.from_plc.keep_alives or is_here:
-        return None
+        return None  # on one host no device forgets
     dead = _outage(line)
     end = line.end
     for idle in line.idles:
@@ -553,7 +555,7 @@ def _judge_not_reading(case: LineCase, by_plc: bool) -> Finding | None:
         return None
     often, longest, first = found
     if longest < CLOSED_NS // 2 or (often >= 4 and longest < 3 * SECOND):
-        return None
+        return None  # many short ones are a flood
     if by_plc and often > 1 and flow.closed[0].until_ns is not None and _describe_overload(case):
         return None  # it reads, but too slowly: a flood
     who = "the PLC end" if by_plc else "the partner"
@@ -762,7 +764,7 @@ def judge_case(case: LineCase) -> tuple[tuple[Finding, ...], list[Finding], dict
         first = [one for one in findings if one.cause == "duplicate-ip"]
         rest = [replace(one, confidence=one.confidence / 2) for one in findings if one not in first]
         findings = (*first, *rest)
-    not_judged = blind if _is_tcp(case) else {}
+    not_judged = blind if _is_tcp(case) else {}  # the qualities are those of TCP
     return ((), [*remarks, *findings], not_judged) if case.is_foreign else (findings, remarks, not_judged)
 
 
@@ -787,7 +789,7 @@ def weigh_findings(
         mend, is_tried = made.mend, made.is_fact
         if isinstance(made.trial, RemedyOffer) and made.trial.cured is not None:
             after = {cause for cause, one in judge(made.trial.cured).items() if not one.is_remark}
-            is_tried = rule.cause not in after <= by_cause.keys()
+            is_tried = rule.cause not in after <= by_cause.keys()  # cured, without a new cause
             mend = tuple([replace(one, tried=True) for one in mend]) if is_tried else made.trial.otherwise
         sure = min(made.confidence * share, PROVEN if is_tried else UNTRIED_CONFIDENCE)
         found.append((made.confidence, replace(made, confidence=sure, cause=rule.cause, mend=mend)))

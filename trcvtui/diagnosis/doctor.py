@@ -121,7 +121,7 @@ def judge_capture(path: str, asked: DoctorQuestion) -> tuple[list[LineVerdict], 
         ends, until_ns = ends._replace(connects=known.connects), known.until_ns
     receives = any(not one.connect for one in asked.receivers)
     facts = collect_facts([path], given, ends, receives, until_ns)
-    if facts.troubles and not facts.found.packets:
+    if facts.troubles and not facts.found.packets:  # else the part before the trouble is judged
         raise UserError(facts.troubles)
     if known is not None:
         facts.found.not_read.pop(SkippedPacket.JOURNAL, None)  # its journal

@@ -73,7 +73,7 @@ def measure_sizes(messages: Sequence[LineMessage]) -> MessageSizes:
     usual, often = counted.most_common(1)[0]
     if base and len(messages) >= 5 and usual % base == 0:
         multiples = sum(n for size, n in counted.items() if size % base == 0)
-        if multiples * 10 >= len(messages) * 9 and len(counted) > 1:
+        if multiples * 10 >= len(messages) * 9 and len(counted) > 1:  # TCP joined some of them
             return MessageSizes(base, multiples / len(messages), len(counted), len(messages))
     return MessageSizes(usual, often / len(messages), len(counted), len(messages))
 
@@ -174,6 +174,7 @@ def _judge_frame_short(line: LineFacts, receiver: Receiver | None) -> Finding | 
     wanted, sizes = found
     is_varied = sizes.share < 0.7  # then no single LEN fits
     longest = max(one.size for one in line.messages)
+    # Sizes that vary are `adhoc-missing`, unless too few messages came to know.
     if sizes.usual >= wanted.need or (
         is_varied and (sizes.messages >= FEW_MESSAGES or longest >= wanted.need)
     ):
@@ -207,7 +208,7 @@ def _judge_frame_long(line: LineFacts, receiver: Receiver | None) -> Finding | N
     if found is not None:
         wanted, sizes = found
         if sizes.usual <= wanted.need or sizes.usual % wanted.need == 0:
-            return None
+            return None  # shorter is `frame-short`; a multiple shifts nothing
         if sizes.messages < 2 or (sizes.share < 0.7 and sizes.messages >= FEW_MESSAGES):
             return None
         left = sizes.usual % wanted.need
@@ -271,7 +272,7 @@ def _judge_shifted(line: LineFacts, receiver: Receiver | None) -> Finding | None
     start = _first_frame_byte(line)
     off = [(one.at + one.size - start) % need for one in messages]
     if line.end is not None and off:
-        off.pop()
+        off.pop()  # the end may have cut the last message
     since = next(
         (n for n, rest in enumerate(off) if rest and sum(map(bool, off[n:])) * 10 >= 8 * len(off[n:])), None
     )

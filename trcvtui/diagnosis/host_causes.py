@@ -72,7 +72,7 @@ def _judge_datagram_report(
     is_to_plc = (note.target, note.port) == line.plc_end
     end = line.from_plc if is_to_plc else line.to_plc
     if end.last_ns > some[0].ns or (end.segments and len(some) < CLOSED):
-        return None
+        return None  # the end still sends, or has just closed its socket
     takes = {one.local_port for one in receivers if one.is_datagram and is_to_plc} - {0}
     if takes and note.port not in takes:
         texts, mend = (f"the project receives on {min(takes)}",), f"send to port {min(takes)}"

@@ -419,6 +419,7 @@ class _Collector:
     def _add_copy(self, own: DirectionFacts, at: SegmentFacts, direction: WireDirection) -> None:
         waits = [at.ns - one.ns for one in own.writes[-64:] if one.at <= at.at < one.at + one.size]
         wait = max(waits, default=0)
+        # Already acknowledged: the ACK was late or lost, not the bytes.
         if at.at + at.size <= direction.position - distance(direction.next, direction.acked):
             if wait >= SPURIOUS_NS:
                 own.spurious += 1
@@ -500,7 +501,7 @@ def collect_facts(
         conversation = talk.conversation
         guess = guess_plc(conversation, given, known)
         says = [one for one in (conversation.there, conversation.back) if one.bytes]
-        if receives and guess.confidence < 0.8 and len(says) == 1 and guess.says is says[0]:
+        if receives and guess.confidence < 0.8 and len(says) == 1 and guess.says is says[0]:  # the partner
             guess = PlcGuess(says[0].other, 0.65, "it receives alone")
         for facts, direction in ((talk.there, conversation.there), (talk.back, conversation.back)):
             left = (direction.next - direction.acked) & 0xFFFFFFFF
@@ -518,7 +519,7 @@ def collect_facts(
         lines[-1].gone = gone & ends
         if conversation.end is None:
             lines[-1].last_ns = max(conversation.last_ns, until_ns)
-    if not is_recording and any(line.is_wire for line in lines):
+    if not is_recording and any(line.is_wire for line in lines):  # one wire conversation: all are
         for line in lines:
             line.is_wire = True
     return CaptureFacts(tuple(lines), found, tuple(troubles), last_ns, hosts)

@@ -223,6 +223,7 @@ def suggest_peer_call(e: Evidence) -> RuleAnswer:
     if e.peers and not any(peer.active for peer in e.peers):
         names = " and ".join(peer.name for peer in e.peers[:3])
         return tip(f"{e.config.name} and {names} are all passive", "make exactly one of two ends active")
+    # A refused peer has called already: to call again would not help.
     busy = ("connected", "connecting", "refused" if e.facts.dropped is not None else "connected")
     waiting = [peer for peer in callers if peer.state not in busy]
     return _suggest_connect(waiting[0]) if waiting else ""

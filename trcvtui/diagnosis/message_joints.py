@@ -144,7 +144,7 @@ def head_and_body(writes: Sequence[SegmentFacts], content: bytes, need: int) -> 
     wholes = [content[a.at : b.at + b.size] for a, b in pairs if b.at + b.size <= len(content)]
     sizes = frozenset(a.size + b.size for a, b in pairs)
     if len(wholes) < FEW_MESSAGES or max(pauses) * PAUSE_RATIO > min(others):
-        return None
+        return None  # pauses do not separate pairs
     proof = "the head has the length of what follows" if _has_length_in_head(wholes, head) else ""
     if not proof and sizes == {need}:
         proof = f"both together always have {need} bytes"

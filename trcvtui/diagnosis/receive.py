@@ -214,7 +214,7 @@ def explain_burst_size(e: Evidence) -> str:
     if e.config is None:
         return ""  # a datagram comes whole, whatever its size
     if e.need % size == 0 and state(e) != STUCK:
-        return ""
+        return ""  # several of them fill a frame
     if facts.bursts.count == 1 and size > e.need and e.is_arriving:
         return f"{count(size, 'byte')} came without a pause: a stream does not show where a message ends"
     each = "" if facts.bursts.count == 1 else "each time "

@@ -57,7 +57,7 @@ def _has_forgotten(old: LineFacts, new: LineFacts) -> bool:
         or not (new.is_built and new.has_begin)
     ):
         return False
-    is_silent = not caller or caller[-1].ns < new.first_ns
+    is_silent = not caller or caller[-1].ns < new.first_ns  # on the old connection, since the new call
     is_answer = bool(spoken) and new.first_ns < spoken[-1].ns <= end.ns < spoken[-1].ns + ANSWER_NS
     return is_silent and is_answer and old.first_ns < new.first_ns
 

@@ -163,8 +163,8 @@ def _judge_refused(case: LineCase) -> Finding | None:
         return None
     if line in case.group.restart_calls:
         return None  # half-open: the RST is the old connection's, not a closed port's
-    who = "the partner" if line.plc_calls else "the PLC end"
-    text = f"{who} answers SYN with RST: nothing listens on port {_listener_end(line)[1]}"
+    side = "the partner" if line.plc_calls else "the PLC end"
+    text = f"{side} answers SYN with RST: nothing listens on port {_listener_end(line)[1]}"
     texts = (text, f"{times(case.group.refusal_count)} in this capture")
     return Finding(0.97, texts, "to-plc" if line.plc_calls else "from-plc", reset, is_fact=True)
 
@@ -257,8 +257,8 @@ def _judge_address(case: LineCase) -> Finding | None:
     is_sure = receiver is not None and receiver.connect != "" and line.guess.confidence >= 0.8
     if receiver is not None and is_sure and line.plc_calls is not None and receiver.active != line.plc_calls:
         role = "active" if receiver.active else "passive"
-        who = "the PLC end" if line.plc_calls else "the partner"
-        text = f"{receiver.connect} is {role} in the project, but {who} calls"
+        side = "the PLC end" if line.plc_calls else "the partner"
+        text = f"{receiver.connect} is {role} in the project, but {side} calls"
         return Finding(0.85, (text,), instance=receiver.instance)
     if receiver is None and case.receivers and not line.plc_calls and not line.is_built:
         ports = sorted({one.local_port for one in case.receivers if not one.active and one.local_port})
@@ -322,10 +322,10 @@ def _judge_storm(case: LineCase) -> Finding | None:
     if life > most or period > 2 * most:
         return None  # too slow for a storm
     by_plc, resets = case.group.plc_end_and_reset_counts
-    who = f"ended by the PLC end {by_plc}, by the partner {len(ended) - by_plc} times"
+    ends = f"ended by the PLC end {by_plc}, by the partner {len(ended) - by_plc} times"
     texts = (
         f"{count(len(built), 'connection')} built, {len(ended)} lost again, one every {format_ns(period)}",
-        f"{who}; {resets} by RST; each lasted {format_ns(life)}",
+        f"{ends}; {resets} by RST; each lasted {format_ns(life)}",
     )
     at = SegmentFacts(built[0].first_ns, 0, 0, 0)
     packets = tuple([one.first_packet for one in built[:MOST_SHOWN]])
@@ -339,10 +339,10 @@ def _judge_resets(case: LineCase) -> Finding | None:
     line, end = case.line, case.line.end
     if end is None or not end.is_reset or not line.is_built or not _is_tcp(case):
         return None
-    who, other = ("the PLC end", "the partner") if end.by_plc else ("the partner", "the PLC end")
+    side, other = ("the PLC end", "the partner") if end.by_plc else ("the partner", "the PLC end")
     lost = line.to_plc if end.by_plc else line.from_plc
     size = line.to_plc.bytes + line.from_plc.bytes
-    text = f"RST from {who} at {line.to_seconds(end.ns):.3f} s, after {count(size, 'byte')}"
+    text = f"RST from {side} at {line.to_seconds(end.ns):.3f} s, after {count(size, 'byte')}"
     way = "from-plc" if end.by_plc else "to-plc"
     at = SegmentFacts(end.ns, line.to_plc.bytes, 0, end.packet)
 
@@ -439,9 +439,9 @@ def _judge_dead_link(case: LineCase) -> Finding | None:
     found = _outage(line)
     if found is not None:
         flow, copies, since, size, back, packet = found
-        who = "the PLC end" if flow is line.from_plc else "the partner"
+        side = "the PLC end" if flow is line.from_plc else "the partner"
         other = "the partner" if flow is line.from_plc else "the PLC end"
-        texts = [f"{who} repeated its bytes {times(copies)}, {other} did not answer for {format_ns(size)}"]
+        texts = [f"{side} repeated its bytes {times(copies)}, {other} did not answer for {format_ns(size)}"]
         if flow.unacked:
             texts.append(f"{flow.unacked} bytes were never acknowledged")
         texts += [_GONE_TEXT] * bool(line.gone)
@@ -455,20 +455,22 @@ def _judge_dead_link(case: LineCase) -> Finding | None:
 def _judge_keep_alive_probes(case: LineCase) -> Finding | None:
     line, odd = case.line, None
     ways = ((line.from_plc, "the PLC end", "from-plc"), (line.to_plc, "the partner", "to-plc"))
-    for flow, who, way in ways if line.is_wire else ():
+    for flow, side, way in ways if line.is_wire else ():
         is_plc = flow is line.from_plc
         gives_up = line.end is not None and line.end.kind == "rst" and line.end.by_plc == is_plc
         is_gone = (line.partner_end if is_plc else line.plc_end)[0] in line.gone
         n, since = flow.probes_open, flow.probes_since
         if n >= (2 if gives_up or is_gone else 3):
-            texts = [f"the last {n} keep-alive probes of {who} have no answer"]
+            texts = [f"the last {n} keep-alive probes of {side} have no answer"]
             texts += ["then it gave up the connection (RST)"] * gives_up + [_GONE_TEXT] * is_gone
             return Finding(0.92, tuple(texts), way=way, at=since)
         lacking = flow.keep_alives - flow.keep_alives_answered
         if lacking >= 3 and flow.keep_alives_answered * 2 < flow.keep_alives:
-            return Finding(0.9, (f"{lacking} keep-alive probes of {who} have no answer",), way=way)
+            return Finding(0.9, (f"{lacking} keep-alive probes of {side} have no answer",), way=way)
         if n and case.last_ns - since.ns >= SECOND:
-            text = f"the last keep-alive probe of {who} has no answer in {format_ns(case.last_ns - since.ns)}"
+            text = (
+                f"the last keep-alive probe of {side} has no answer in {format_ns(case.last_ns - since.ns)}"
+            )
             odd = Finding(0.0, (text,), way=way, at=since, is_remark=True)
     return odd
 
@@ -558,8 +560,8 @@ def _judge_not_reading(case: LineCase, by_plc: bool) -> Finding | None:
         return None  # many short ones are a flood
     if by_plc and often > 1 and flow.closed[0].until_ns is not None and _describe_overload(case):
         return None  # it reads, but too slowly: a flood
-    who = "the PLC end" if by_plc else "the partner"
-    texts = (f"{who} announced a zero window {times(often)}, the longest for {format_ns(longest)}",)
+    side = "the PLC end" if by_plc else "the partner"
+    texts = (f"{side} announced a zero window {times(often)}, the longest for {format_ns(longest)}",)
     sure = 0.95 if longest >= CLOSED_NS else 0.75
     way = "to-plc" if by_plc else "from-plc"
     packets = tuple([one.packet for one in flow.closed[:MOST_SHOWN]])

@@ -80,9 +80,9 @@ def explain_not_reading(e: Evidence) -> str:
     stuck = e.condition == "send buffer full" or e.have < e.need
     if not stuck:
         return ""
-    who = e.link.remote if e.link is not None and e.link.remote else "the partner"
+    partner = e.link.remote if e.link is not None and e.link.remote else "the partner"
     held = f"{count(waiting, 'byte')} of ours are not acknowledged, " if waiting else ""
-    return f"{held}the window is closed: {who} does not read. Its receive call is off, or slower than REQ"
+    return f"{held}the window is closed: {partner} does not read. Its receive call is off, or slower than REQ"
 
 
 def explain_stall(e: Evidence) -> RuleAnswer:

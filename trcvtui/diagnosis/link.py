@@ -86,15 +86,15 @@ def _describe_listen(e: Evidence) -> str:
     anyone = e.config.remote_address == ANY_ADDRESS
     if e.config.is_datagram and (e.link is None or e.link.retry_in_ns is None):
         return "the UDP port is being set up; no partner is needed for that"
-    who = "any partner" if anyone else f"a call from {e.config.remote_address}"
+    caller = "any partner" if anyone else f"a call from {e.config.remote_address}"
     named = remote_tsap(e.config)
     if named:
-        who = f"a call {'' if anyone else f'from {e.config.remote_address} '}with the TSAP {named}"
+        caller = f"a call {'' if anyone else f'from {e.config.remote_address} '}with the TSAP {named}"
     local = e.link.local if e.link is not None else e.cause.local
     if e.link is not None and e.link.retry_in_ns is not None:
         return f"cannot listen{_down_since(e)}{_next_try(e)}"
     where = f", listening on {local}" if local else ", not listening yet"
-    return f"waiting for {who}{_down_since(e)}{where}"
+    return f"waiting for {caller}{_down_since(e)}{where}"
 
 
 def _next_try(e: Evidence) -> str:

@@ -65,11 +65,11 @@ def _has_forgotten(old: LineFacts, new: LineFacts) -> bool:
 def judge_half_open(old: LineFacts, restarts: Mapping[LineFacts, LineFacts]) -> Finding | None:
     if (new := restarts.get(old)) is None:
         return None
-    who = "the PLC end" if new.plc_calls else "the partner"
+    side = "the PLC end" if new.plc_calls else "the partner"
     before = [one.ns for flow in (old.to_plc, old.from_plc) for one in flow.writes if one.ns < new.first_ns]
     silence = format_ns(new.first_ns - max(before, default=old.first_ns))
     texts = (
-        f"{who} calls again after {silence} of silence while its old connection is still open",
+        f"{side} calls again after {silence} of silence while its old connection is still open",
         "the other end still answers for the old one, and the caller answers that with RST",
     )
     at = SegmentFacts(new.first_ns, 0, 0, new.first_packet)

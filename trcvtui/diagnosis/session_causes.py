@@ -181,36 +181,36 @@ def judge_tls(line: LineFacts) -> Finding | None:
             if kind != _ALERT or (len(body) == 2 and body[1] == 0):
                 continue
             flow = line.to_plc if way == "to-plc" else line.from_plc
-            who = "the partner" if way == "to-plc" else "the PLC end"
+            side = "the partner" if way == "to-plc" else "the PLC end"
             if len(body) == 2 and body[0] in (1, 2):
                 name = _ALERTS.get(body[1], "alert")
                 whose = "the PLC end" if way == "to-plc" else "the partner"
                 means = f": {_MEANINGS[body[1]]}".format(other=whose) if body[1] in _MEANINGS else ""
-                text = f"TLS alert {body[1]} ({name}) from {who}{means}"
+                text = f"TLS alert {body[1]} ({name}) from {side}{means}"
                 note = () if hello else ("the other end does not speak TLS",)
                 return Finding(0.97, (text, *note), way=way, at=_first(flow), is_fact=True)
             if hello is not None and (not is_open or len(body) > 2):
-                return Finding(0.85, (f"an encrypted TLS alert of {who} before any data",), way=way)
+                return Finding(0.85, (f"an encrypted TLS alert of {side} before any data",), way=way)
     if hello is None or line.end is None:
         return None
     answer = both["from-plc" if hello == "to-plc" else "to-plc"]
     other = line.from_plc if hello == "to-plc" else line.to_plc
     end = SegmentFacts(line.end.ns, 0, 0, line.end.packet)
-    who = "the PLC end" if line.end.by_plc else "the partner"
+    side = "the PLC end" if line.end.by_plc else "the partner"
     if not answer:
-        what = "is no TLS" if other.content else f"is {line.end.kind.upper()} of {who}"
+        what = "is no TLS" if other.content else f"is {line.end.kind.upper()} of {side}"
         return Finding(0.85, (f"a TLS ClientHello, and the answer {what}",), way=hello, at=end)
     data = sum(kind == _DATA and len(body) > 40 for records in both.values() for kind, body in records)
     asked = both[hello]
     if not any(kind == _DATA for kind, _ in asked) and not (len(asked) > 2 and data):
-        return Finding(0.8, (f"{who} ended the connection inside the TLS handshake",), at=end)
+        return Finding(0.8, (f"{side} ended the connection inside the TLS handshake",), at=end)
     sent = [len(body) for kind, body in asked if kind == _DATA]
     if len(sent) == 1 and sent[0] < 40 and line.end.by_plc == (hello == "from-plc"):
-        text = f"{who} ended the connection with an encrypted alert in the handshake"
+        text = f"{side} ended the connection with an encrypted alert in the handshake"
         return Finding(0.75, (text,), at=end)
     if _is_answered_by_alert(asked, answer, line, hello):
-        who = "the PLC end" if hello == "to-plc" else "the partner"
-        text = f"{who} answered the end of the handshake with one encrypted alert, and nothing more"
+        side = "the PLC end" if hello == "to-plc" else "the partner"
+        text = f"{side} answered the end of the handshake with one encrypted alert, and nothing more"
         return Finding(0.75, (text,), way="from-plc" if hello == "to-plc" else "to-plc", at=end)
     return None
 

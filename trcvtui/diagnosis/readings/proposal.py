@@ -137,22 +137,22 @@ def evidence_of(
     """Return the evidence for a cut, the most telling first."""
     good, stream = made.good, b"".join([chunk.payload for chunk in recording.chunks])[: made.total]
     number, frames = len(good), count(len(made.frames), "frame")
-    told = []
+    texts = []
     is_both = framing.prefix == framing.suffix
     if framing.suffix:
         elsewhere = stream.count(framing.suffix) - number * (2 if is_both else 1)
-        told.append(f"{number} of {frames} end in {spell(framing.suffix)}{_else(framing.suffix, elsewhere)}")
+        texts.append(f"{number} of {frames} end in {spell(framing.suffix)}{_else(framing.suffix, elsewhere)}")
     if framing.prefix:
         elsewhere = stream.count(framing.prefix) - number * (2 if is_both else 1)
-        told.append(
+        texts.append(
             f"{number} of {frames} begin with {spell(framing.prefix)}{_else(framing.prefix, elsewhere)}"
         )
     if field is not None:
-        told.append(
+        texts.append(
             f"{number} lengths lead from frame to frame, the last to byte {good[-1].end} of {made.total}"
         )
     if framing.timeout_ns and not framing.suffix:
-        told.append(
+        texts.append(
             f"{count(number, 'pause')} of {format_time(framing.timeout_ns)} or longer, no other near it"
         )
     lengths = sorted({len(frame.content) for frame in good})
@@ -162,11 +162,11 @@ def evidence_of(
         else f"of {lengths[0]} to {lengths[-1]} bytes"
     )
     explained = sum([len(frame.content) for frame in good])
-    told.append(f"{count(number, 'frame')}, {size}: {explained} of {count(made.total, 'byte')}")
+    texts.append(f"{count(number, 'frame')}, {size}: {explained} of {count(made.total, 'byte')}")
     borders = _count_chunk_borders(made, recording)
     if borders is not None:
-        told.append(f"{borders[0]} of {borders[1]} chunks begin where a frame does")
-    return (*told, *_describe_rest(made))
+        texts.append(f"{borders[0]} of {borders[1]} chunks begin where a frame does")
+    return (*texts, *_describe_rest(made))
 
 
 def _else(mark: bytes, elsewhere: int) -> str:

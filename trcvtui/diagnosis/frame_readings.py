@@ -181,5 +181,5 @@ def _offer_partner_layout(text: str, best: Fit, receiver: Receiver, rules: Layou
     cured = receiver._replace(rules=best.layout.rules, room=size, need=min(receiver.need, size))
     if receiver.need == receiver.room:
         cured = cured._replace(need=size)
-    anew = offer_frame_reset(receiver) if cured.need != receiver.need else ()
-    return RemedyOffer((Remedy(text, line, f"data.{data}.{first}"), *mends, *anew), cured)
+    reset = offer_frame_reset(receiver) if cured.need != receiver.need else ()
+    return RemedyOffer((Remedy(text, line, f"data.{data}.{first}"), *mends, *reset), cured)

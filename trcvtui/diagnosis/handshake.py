@@ -33,7 +33,7 @@ _PEER_ERRORS: Final[dict[str, tuple[str, str]]] = {  # what is wrong with the pa
 }
 _REASONS: Final[dict[str, tuple[str, str]]] = {  # an error, or what the library or an alert calls the reason
     TlsError.NO_CERTIFICATE: ("this end asks for a certificate, and {peer} showed none",
-        "set a certificate of its own there"),
+        "set its own certificate there"),
     TlsError.PLAIN: ("{peer} speaks no TLS on this port", "let it speak TLS there, or correct the port"),
     TlsError.SILENT: ("{peer} does not continue the handshake: it speaks no TLS on this port, or hangs",
         "correct the port, or look into its log"),

@@ -404,7 +404,7 @@ def explain_unread(e: Evidence) -> str:
 
 
 def explain_sent(e: Evidence) -> RuleAnswer:
-    """DONE of a datagram is about the local stack only; whether a peer of this bench is there is known."""
+    """DONE of a datagram is only about the local stack; a peer of this bench can be checked."""
     target = e.cause.peer
     if not target:
         return ""

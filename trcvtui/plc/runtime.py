@@ -350,7 +350,7 @@ class Runtime:
 
     def _ready_listeners(self, ready_handles: Mapping[Handle, str]) -> list[str]:
         connections = self._connections
-        return [  # without the connection's own handle: its blocks read that in the next scan
+        return [  # without the connection's own handle, which its blocks read
             name
             for handle, name in ready_handles.items()
             if name in connections and (connections[name].handle != handle or connections[name].pending_loss)

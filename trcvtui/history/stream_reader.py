@@ -34,7 +34,7 @@ STRETCH_BYTES: Final = 512 * 1024  # searched for one picture, all patterns toge
 MOST_SEARCHES: Final = 8  # of several screens
 MOST_JOB_BYTES: Final = 65_536  # bytes of one job in a picture: as many as a job can have
 ByteRuns = list[tuple[int, bytes]]  # position, bytes
-LOST_REASON: Final = "whose bytes is not known: lines of the ledger were overwritten before they were read"
+LOST_REASON: Final = "of an unknown job: lines of the ledger were overwritten before they were read"
 
 
 class _Source:

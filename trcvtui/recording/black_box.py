@@ -180,7 +180,7 @@ class BlackBox:
     def save(self, path: Path) -> str:
         """Write what is kept into a new file; return the answer; raise UserError."""
         self._finish_file(self._start_writer(path))
-        return f"the recording, {size_text(self._size)} of the black box, into {path.absolute()}"
+        return f"saving {size_text(self._size)} of the black box into {path.absolute()}"
 
     def _finish_file(self, writer: WriterProcess) -> None:
         last = BlockWriter(0)
@@ -194,7 +194,7 @@ class BlackBox:
         if self._recording is not None:
             raise mistake("prompt", f"{self._recording.path.name}, which is recorded", "`record stop` first")
         self._recording = self._start_writer(path)
-        return f"recording into {path.absolute()}, from the beginning of the run as far as it is kept"
+        return f"recording into {path.absolute()}, with all that is kept of the run so far"
 
     def stop_recording(self) -> str:
         """End the file that gets what follows; return the answer; raise UserError if there is none."""

@@ -312,7 +312,7 @@ class _BlockReader:
         if magic != MAGIC:
             raise mistake(where, "another interface's packet", "a block of our journal")
         if version != VERSION:
-            raise mistake(where, f"version {version}", f"version {VERSION}, all that is known here")
+            raise mistake(where, f"version {version}", f"version {VERSION}, the only one that is known")
         number, unlike = _COUNTS.unpack(self.read_bytes(_COUNTS.size))
         if number != expected:
             raise mistake(where, f"block {number}", f"block {expected}")

@@ -135,7 +135,7 @@ class RecordedRunWriter:
         self._sink.close()
         lack = self._fault or (self._sink.lack and f"{self._sink.lack}: {self._off_reason}")
         if lack and not self._no_secrets:
-            raise mistake(self._where, lack, "a keyframe in each file, or it does not run again")
+            raise mistake(self._where, lack, "a keyframe in each file: without one it cannot be replayed")
 
     def _give_up(self, why: str) -> None:
         self._off_reason = self._off_reason or why

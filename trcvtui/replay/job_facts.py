@@ -59,10 +59,10 @@ TROUBLE_ROWS: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
                         (Remedy("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),),
                         ),
     "partner-not-reading": (0.85, "in a second bytes waited to leave; the partner announced no room:", ()),
-    "dead-link": (0.85, "in a second nothing was acknowledged of what had left, or the stack gave up:", ()),
+    "dead-link": (0.85, "in a second nothing that was sent was acknowledged, or the stack gave up:", ()),
     "datagram-size": (0.95, "a datagram was larger than LEN or DATA:", ()),
     "request-too-fast": (0.93, "REQ rose while the job before was sending:", ()),
-    "not-connected-request": (0.93, "a job was asked for without a connection:", ()),
+    "not-connected-request": (0.93, "a job was requested without a connection:", ()),
 }
 # fmt: on
 

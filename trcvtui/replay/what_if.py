@@ -33,7 +33,7 @@ from trcvtui.wording import count
 
 RECORDED_RUN, WHAT_IF_RUN = "recorded", "what-if"
 GUESS_TEXTS: Final = {
-    GuessReason.PARTNER: "the partner would perhaps do something else",
+    GuessReason.PARTNER: "the partner might do something else",
     GuessReason.BYTES: "it needs bytes that the recording does not have",
     GuessReason.TIME: "something came between two scans, and the recording does not say when",
 }

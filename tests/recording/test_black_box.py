@@ -108,7 +108,7 @@ def entries(path: Path) -> list[Entry]:
 
 def test_what_has_been_up_to_now_is_saved_and_runs_again(run: Run, tmp_path: Path) -> None:
     run.scans(100)
-    assert run.line(f"save recording {tmp_path}/one").startswith("the recording, ")
+    assert run.line(f"save recording {tmp_path}/one").startswith("saving ")
     run.scans(20)
     run.until_written()
     assert run.box.status_text == "one.pcapng is written"
@@ -234,7 +234,7 @@ def test_a_run_without_a_black_box_says_so(tmp_path: Path) -> None:
 def test_why_a_file_was_not_written_stands_whole_in_the_history(run: Run, tmp_path: Path) -> None:
     run.scans(20)
     name = "x" * 300
-    assert run.line(f"save recording {tmp_path}/{name}").startswith("the recording, ")
+    assert run.line(f"save recording {tmp_path}/{name}").startswith("saving ")
     run.until_written()
     for _ in range(2):
         run.controller.report_recording(run.recorder.describe_status(), run.recorder.last_error)

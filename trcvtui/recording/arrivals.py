@@ -32,7 +32,7 @@ class _ReceiveQueue:
 
     def __init__(self, is_udp: bool) -> None:
         self.is_udp = is_udp
-        self.read = self.noted = self.whole = self.dropped = 0  # noted or read; that came; by the stack
+        self.read = self.noted = self.whole = self.dropped = 0  # read; read or noted; came; lost
         self.has_ended = False
 
 

@@ -151,7 +151,7 @@ class NumberedFiles:
                 call, args = entry.call, entry.args
                 at = entry.answer if call == STEP else args[0] if call == REST and args else None
                 if isinstance(at, int):
-                    if not self._has_begun:  # its REST has not begun it
+                    if not self._has_begun:  # else a REST has begun this scan
                         self._begin_scan(at)
                     self._now, self._has_begun = at, call == REST
                 elif waits and call == DO and str(args[0]).startswith(TRIGGER_WORD):

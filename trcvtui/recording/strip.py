@@ -132,7 +132,7 @@ class _StrippedCopy:
         data[at : at + 2] = (total or (0xFFFF if found.protocol == UDP else 0)).to_bytes(2, "big")  # RFC 768
 
     def _anonymise_address(self, address: bytes) -> bytes:
-        if is_loopback(".".join(map(str, address))):  # it is the same everywhere
+        if is_loopback(".".join(map(str, address))):  # it says nothing of a network
             return address
         number = len(self._addresses) + 1
         return self._addresses.setdefault(address, bytes((10, 0, number >> 8 & 255, number & 255)))

@@ -16,7 +16,7 @@ class PendingAnswer:
         self.progress = ""
         self._opened = ExitStack()
         self._file, name = self._opened.enter_context(open_private_file())
-        path = Path(name.replace("self", str(os.getpid()), 1) if name.startswith("/proc") else name)  # of us
+        path = Path(name.replace("self", str(os.getpid()), 1) if name.startswith("/proc") else name)  # ours
         self.process = WriterProcess(path, RecordTarget(path), waits=False, main=main)
 
     def advance(self) -> bytes | None:

@@ -98,7 +98,7 @@ class RecordedRunWriter:
         self._waiting = 0
         self._run: ReplayRun | None = None
         self._shared: SharedObjects | None = None
-        self._is_off = self._has_all = self._no_secrets = False  # the last: nor should it have
+        self._is_off = self._has_all = self._no_secrets = False  # the last: only to be looked at
         self._kept_at = self._file = 0  # time of the newest keyframe; the first scan of its file
 
     @property

@@ -153,7 +153,7 @@ class WhatIf:
         self._source = RecordedRun(self._peers, standing, recorded.replay.scan)
         self._source.read_beginning(keyframes.read_entries())
         self._held = _HeldPins(self.pins)
-        self._lines: list[str] | None = None  # before the last recorded scan, if the other run has not had it
+        self._lines: list[str] | None = None  # before a recorded scan that the other run has yet to do
         self._is_over = False
         self._before = self._count_results(self.recorded)
         self._shown: tuple[dict[str, Outputs], dict[str, Outputs]] = {}, {}  # at the same time (Rule 4)

@@ -87,7 +87,7 @@ async def test_footer_help_and_palette_name_the_users_keys(config: Path) -> None
         abouts = {c.title: c.help for c in looker.app.get_system_commands(looker.app.screen)}
         assert abouts["Hold the scans"] == "hold · key F6"
         await looker.press("f12")
-        assert "F6 " in looker.line("hold the scans, or resume them")
+        assert "F6 " in looker.line("hold or resume the scans")
         await looker.press("f12")
         assert "1 Instances" in looker.text
 

@@ -22,7 +22,7 @@ GLOBAL_KEYS: Final = (
     ("1 … 8", "go to a pane; on a small screen its tab opens"),
     ("tab, shift+tab", "next, previous pane or field; in a form also ↑ ↓, unless a field has a list"),
     ("M or \\", "the pane alone on the screen, and back"),
-    ("space", "hold the scans, or resume them (the network keeps running)"),
+    ("space", "hold or resume the scans (the network keeps running)"),
     (".", "one scan while the scans are held"),
     ("F", "freeze the view while the PLC runs; keys still act; again: live"),
     ("T", "trigger: X STATUS=80C5 · X EN_R rises · rx.speed > 100 · … hold · off"),

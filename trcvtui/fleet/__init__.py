@@ -1,1 +1,1 @@
-"""Lines of many sites over a broker that is there already: topics, the way to it, the agent."""
+"""Lines of many sites over an existing MQTT broker: topics, the connection, the agent, the reader."""

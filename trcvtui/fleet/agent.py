@@ -82,7 +82,7 @@ def queue_path(site: str, name: str) -> Path | None:
 
 
 class Agent:
-    """One project without a screen."""
+    """One project without a screen: its engine, its publisher and its metrics page."""
 
     def __init__(self, settings: AgentSettings, project: Project) -> None:
         self._settings = settings

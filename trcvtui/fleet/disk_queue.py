@@ -68,7 +68,7 @@ class DiskQueue:
             for table in _SCHEMA:
                 base.execute(table)
             [(self.size,)] = base.execute("SELECT count(*) FROM queue")
-            self._taken: list[int] = []  # numbers that the disk has refused to delete
+            self._taken: list[int] = []  # messages whose DELETE has failed: tried again
         except sqlite3.Error:
             base.close()
             raise

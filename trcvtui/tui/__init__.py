@@ -1,1 +1,1 @@
-"""What is shown: the only floor that knows Textual."""
+"""The screens: the only layer that uses Textual."""

@@ -140,7 +140,7 @@ class BenchApp(TerminalApp):
         self._refresh_picture(is_due)
         if is_due and self.view_model.live is not self._before:
             self._before = self.view_model.live
-            self._due_at = max(now - FRAME_S, min(now, self._due_at)) + REST_FRAME_S  # on average
+            self._due_at = max(now - FRAME_S, min(now, self._due_at)) + REST_FRAME_S  # 8 a second on average
 
     def _is_at_work(self, now: float) -> bool:
         """Return whether each frame asks for a picture; only the panes of a bench may rest."""

@@ -52,7 +52,7 @@ BUTTONS: Final = (
     ),
 )
 NO_PEER: Final = "no peer: A adds one"
-CONNECTED_LETTERS: Final = "rh"  # RST and half-close
+CONNECTED_LETTERS: Final = "rh"  # RST and half-close: UDP has neither
 SILENCE_BUTTON: Final = Button(
     "l",
     lambda peer: "Wire up" if peer.silent else "Silence",

@@ -399,7 +399,7 @@ def describe_cause(cause: Cause, block: str) -> str:
         text += f" ({cause.call} gave {cause.error or EMPTY_READ_TEXT})"
     if cause.injected:
         text = INJECTED_PREFIX + text
-    text += _numbers(cause, block)
+    text += _format_sizes(cause, block)
     if cause.peer and cause.peer not in text:
         text += f", partner {cause.peer}"
     listening = f"listening on {cause.local}" if cause.local else ""
@@ -408,7 +408,7 @@ def describe_cause(cause: Cause, block: str) -> str:
     )
 
 
-def _numbers(cause: Cause, block: str) -> str:
+def _format_sizes(cause: Cause, block: str) -> str:
     row = block_row(block)
     if cause.have is not None and cause.need is not None:
         if cause.pin and cause.value is None:  # what the pin points to, beside what the job needs

@@ -203,7 +203,7 @@ def _judge_filtered(case: LineCase) -> Finding | None:
         return None  # the answer may still come
     text = f"{count(len(syns), 'SYN')} to port {_listener_end(line)[1]}, no answer in {format_ns(waited)}"
     before = next((one for one in reversed(case.older) if one.partner_end[0] == line.partner_end[0]), None)
-    if before is not None and _outage(before):  # the partner may be off: less sure
+    if before is not None and _find_outage(before):  # the partner may be off: less sure
         return Finding(0.6, (text, "an earlier connection to the same partner died"), _listener_way(line))
     return Finding(0.95 if len(syns) > 2 else 0.85, (text,), way=_listener_way(line), at=syns[0])
 
@@ -417,7 +417,7 @@ def _describe_partial_frame(line: LineFacts) -> str:
 # -- silence -------------------------------------------------------------------------------------------------
 
 
-def _outage(line: LineFacts) -> tuple[DirectionFacts, int, int, int, bool, int] | None:
+def _find_outage(line: LineFacts) -> tuple[DirectionFacts, int, int, int, bool, int] | None:
     for flow in (line.from_plc, line.to_plc):
         other = line.to_plc if flow is line.from_plc else line.from_plc
         for one in flow.outages:
@@ -436,7 +436,7 @@ def _judge_dead_link(case: LineCase) -> Finding | None:
     line = case.line
     if not _is_tcp(case) or not line.is_built:
         return None
-    found = _outage(line)
+    found = _find_outage(line)
     if found is not None:
         flow, copies, since, size, back, packet = found
         side = "the PLC end" if flow is line.from_plc else "the partner"
@@ -482,7 +482,7 @@ def _judge_no_keep_alive(case: LineCase) -> Finding | None:
     is_here = line.plc_end[0] == line.partner_end[0] or line.plc_end[0][:1] == LOOPBACK
     if line.to_plc.keep_alives or line.from_plc.keep_alives or is_here:
         return None  # on one host no device forgets
-    dead = _outage(line)
+    dead = _find_outage(line)
     end = line.end
     for idle in line.idles:
         if idle.size_ns < IDLE_NS or (dead is not None and idle.until_ns > dead[2] + AT_ONCE_NS):
@@ -699,7 +699,7 @@ def _listener_way(line: LineFacts) -> str:
 def _is_alive_at(line: LineFacts, ns: int) -> bool:
     if not line.is_built or (line.end is not None and line.end.ns <= ns):
         return False
-    return _outage(line) is None and (line.last_ns > ns or ns - line.last_ns < IDLE_NS)
+    return _find_outage(line) is None and (line.last_ns > ns or ns - line.last_ns < IDLE_NS)
 
 
 def _adapt_frame_rule(row: CauseRule) -> Callable[[LineCase], Finding | None]:

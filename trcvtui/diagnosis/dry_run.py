@@ -32,15 +32,15 @@ def refusals(project: Project) -> tuple[Finding, ...]:
     try:
         for step in parse_script(project.start, project, f"{project.path}: start"):
             bench.do(step.command)
-        _raise(bench, "CONT", [each.name for each in project.instances])
+        _set_pin(bench, "CONT", [each.name for each in project.instances])
         builders = [
             each for each in project.instances if block_row(each.block).runs_as is Condition.ESTABLISHING
         ]
-        _raise(bench, "REQ", [each.name for each in builders])
+        _set_pin(bench, "REQ", [each.name for each in builders])
         alone = _list_sole_receivers(project)
         while bench.now < RUN_NS:
             if alone and bench.now >= CONNECTED_NS:
-                _raise(bench, "EN_R", alone)
+                _set_pin(bench, "EN_R", alone)
                 alone = []
             bench.step()
             news, seq = bench.runtime.ledger.events_since(seq), bench.runtime.ledger.last_seq
@@ -53,7 +53,7 @@ def refusals(project: Project) -> tuple[Finding, ...]:
     return tuple([one for one in found if _is_counted(one, project, partners)])
 
 
-def _raise(bench: Bench, pin: str, names: list[str]) -> None:
+def _set_pin(bench: Bench, pin: str, names: list[str]) -> None:
     for name in names:
         shown = bench.runtime.snapshot().instance(name)
         if shown is not None and pin in dict(shown.inputs):

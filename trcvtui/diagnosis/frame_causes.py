@@ -78,7 +78,7 @@ def measure_sizes(messages: Sequence[LineMessage]) -> MessageSizes:
     return MessageSizes(usual, often / len(messages), len(counted), len(messages))
 
 
-def _eligible(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | None:
+def _select_receiver(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | None:
     if receiver is None or not receiver.need or receiver.is_whole or receiver.is_secure:
         return None
     if (
@@ -112,7 +112,7 @@ def _has_right_frames(line: LineFacts, need: int) -> bool:
 
 
 def _find_static_mismatch(line: LineFacts, receiver: Receiver | None) -> tuple[Receiver, MessageSizes] | None:
-    found = _eligible(line, receiver, STATIC)
+    found = _select_receiver(line, receiver, STATIC)
     if found is None or not line.messages or _has_right_frames(line, found.need):
         return None
     return found, measure_sizes(select_whole_messages(line))
@@ -220,7 +220,7 @@ def _judge_frame_long(line: LineFacts, receiver: Receiver | None) -> Finding | N
             return replace(members, evidence=(text, more, *members.evidence))
         offer = _offer_len(wanted, sizes.usual, line)
         return finding_to_plc(wanted, sure, (text, more), _segment(line.messages[0]), offer)
-    room = _eligible(line, receiver, AD_HOC)
+    room = _select_receiver(line, receiver, AD_HOC)
     if room is None:
         return None
     sizes = measure_sizes(select_whole_messages(line))
@@ -295,7 +295,7 @@ def _judge_shifted(line: LineFacts, receiver: Receiver | None) -> Finding | None
 
 
 def _judge_adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    wanted = _eligible(line, receiver, AD_HOC)
+    wanted = _select_receiver(line, receiver, AD_HOC)
     messages = select_whole_messages(line)
     if wanted is None or len(messages) < FEW_MESSAGES:
         return None
@@ -335,9 +335,13 @@ def _offer_static(receiver: Receiver, size: int) -> RemedyOffer:
 
 
 def _judge_merged(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    if line.protocol == "udp" or len(line.to_plc.writes) < 4 or _eligible(line, receiver, STATIC) is not None:
+    if (
+        line.protocol == "udp"
+        or len(line.to_plc.writes) < 4
+        or _select_receiver(line, receiver, STATIC) is not None
+    ):
         return None
-    known = _eligible(line, receiver, AD_HOC)
+    known = _select_receiver(line, receiver, AD_HOC)
     if (receiver is not None and known is None) or is_session(line):
         return None
     writes = line.to_plc.writes
@@ -453,7 +457,7 @@ def _has_repeated_begin(line: LineFacts, base: int) -> bool:
 
 
 def _judge_datagram_size(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    wanted = _eligible(line, receiver, DATAGRAM)
+    wanted = _select_receiver(line, receiver, DATAGRAM)
     if wanted is None:
         return None
     large = [one for one in line.to_plc.writes if one.size > wanted.need]
@@ -526,7 +530,7 @@ _READING_CACHE: Final[dict[tuple[object, ...], Finding | None]] = {}
 MOST_CACHED_READINGS: Final = 256
 
 
-def _reading(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+def _find_reading(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     """Return a reading of the bytes that makes sense and is not the PLC's; its `cause` is set."""
     if receiver is None or receiver.type is None or receiver.rules is None or not _can_read(line, receiver):
         return None
@@ -576,7 +580,7 @@ def _judge_header(line: LineFacts, receiver: Receiver | None) -> Finding | None:
 
 def _make_reading_judge(cause: str) -> Callable[[LineFacts, Receiver | None], Finding | None]:
     def judge(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-        found = _reading(line, receiver)
+        found = _find_reading(line, receiver)
         return found if found is not None and found.cause == cause else None
 
     return judge

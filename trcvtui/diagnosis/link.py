@@ -76,7 +76,7 @@ def describe_setup_wait(e: Evidence) -> str:
     return _describe_unbuilt(e) or (_describe_listen(e) if not e.config.active else _describe_call_wait(e))
 
 
-def _down_since(e: Evidence) -> str:
+def _describe_down_time(e: Evidence) -> str:
     since = e.facts.down_since
     return f" since scan {since.scan}, {age(e.ns_since(since))}" if since is not None else ""
 
@@ -92,12 +92,12 @@ def _describe_listen(e: Evidence) -> str:
         caller = f"a call {'' if anyone else f'from {e.config.remote_address} '}with the TSAP {named}"
     local = e.link.local if e.link is not None else e.cause.local
     if e.link is not None and e.link.retry_in_ns is not None:
-        return f"cannot listen{_down_since(e)}{_next_try(e)}"
+        return f"cannot listen{_describe_down_time(e)}{_describe_next_try(e)}"
     where = f", listening on {local}" if local else ", not listening yet"
-    return f"waiting for {caller}{_down_since(e)}{where}"
+    return f"waiting for {caller}{_describe_down_time(e)}{where}"
 
 
-def _next_try(e: Evidence) -> str:
+def _describe_next_try(e: Evidence) -> str:
     assert e.link is not None
     return f"; the next attempt in {age(e.link.retry_in_ns)}" if e.link.retry_in_ns is not None else ""
 
@@ -108,8 +108,8 @@ def _describe_unbuilt(e: Evidence) -> str:
         return ""
     detail = f", {attempt.cause.detail}" if attempt.cause.detail else ""
     press = " (press C)" if attempt.cause.call == "description" and e.config.description is not None else ""
-    waits = f"{e.config.name} has not been built{_down_since(e)}"
-    return f"{waits}: {attempt.cause.name}{press}{detail}{_next_try(e)}"
+    waits = f"{e.config.name} has not been built{_describe_down_time(e)}"
+    return f"{waits}: {attempt.cause.name}{press}{detail}{_describe_next_try(e)}"
 
 
 def remote_tsap(config: ConnectConfig) -> str:
@@ -124,7 +124,7 @@ def _describe_call_wait(e: Evidence) -> str:
     end = (
         (e.link.remote if e.link is not None else "") or e.cause.peer or e.config.remote_name or "its partner"
     )
-    text = f"waiting for {end}{_down_since(e)}"
+    text = f"waiting for {end}{_describe_down_time(e)}"
     newest = sorted(e.facts.failures, key=lambda failed: failed.last.scan)[-MOST_FAILURES:]
     for failed in newest:
         text += f"; {_describe_failure(failed)}"

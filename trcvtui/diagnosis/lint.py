@@ -50,7 +50,7 @@ def list_receivers(
     `held`: inputs that no command changes. `pins`: the present inputs of each instance, if it runs.
     """
     project, bytes_of = _apply_start(project, held, pins)
-    found = [_receiver(project, each) for each in project.instances if block_row(each.block).receives]
+    found = [_make_receiver(project, each) for each in project.instances if block_row(each.block).receives]
     if len(found) == 1:
         found = [found[0]._replace(is_only=True)]
     found = [_add_marks(project, each, bytes_of) for each in found]
@@ -82,7 +82,7 @@ def _steps(project: Project) -> Iterator[words.Step]:
         yield from parse_script(text, project, f"{project.path}: {place}")
 
 
-def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
+def _make_receiver(project: Project, decl: InstanceDecl) -> Receiver:
     inputs = dict(decl.inputs)
     config, udp = project.connect(decl.connect), project.udp_config(decl.connect)
     data = project.data_decl(decl.data) if decl.data else None
@@ -118,8 +118,8 @@ def _receiver(project: Project, decl: InstanceDecl) -> Receiver:
         rules=None if data is None else data.choice.rules(project.layout),
         sender="" if data is None else project.types.sender(data.type_name).layout,
         room=size,
-        own_address=_host(local.address),
-        partner_address=_host(config.remote_address if config is not None else ANY_ADDRESS),
+        own_address=_address_bytes(local.address),
+        partner_address=_address_bytes(config.remote_address if config is not None else ANY_ADDRESS),
         has_reset="COM_RST" in pins,
         static="ADHOC=0 " if has_adhoc else "",
         words={one: rules.status_word(decl.block, own) for one, own in shown.items() if own in known},
@@ -134,7 +134,7 @@ def _ports(project: Project) -> frozenset[int]:
     return frozenset(port for port in some if isinstance(port, int) and port)
 
 
-def _host(address: str) -> bytes:
+def _address_bytes(address: str) -> bytes:
     """Return the four bytes of an address; b"": any address, or a name."""
     found = None if address == ANY_ADDRESS else parse_octets(address)
     return b"" if found is None else bytes(found)
@@ -144,7 +144,7 @@ def _add_marks(project: Project, receiver: Receiver, written: dict[str, bytes]) 
     fed = {each.name for each in project.combuffers if each.source == receiver.instance}
     for decl in project.instances:
         if decl.connect in fed and block_row(decl.block).mark_lengths:
-            return receiver._replace(marks=_marks(decl, written), need=0, type=None)
+            return receiver._replace(marks=_read_marks(decl, written), need=0, type=None)
     return receiver
 
 
@@ -152,10 +152,10 @@ def _list_serial_receivers(project: Project, written: dict[str, bytes]) -> Itera
     lines = {each.name for each in project.combuffers if each.source == SERIAL}
     for decl in project.instances:
         if decl.connect in lines and block_row(decl.block).mark_lengths:
-            yield Receiver(decl.name, decl.connect, 0, is_serial=True, marks=_marks(decl, written))
+            yield Receiver(decl.name, decl.connect, 0, is_serial=True, marks=_read_marks(decl, written))
 
 
-def _marks(decl: InstanceDecl, written: dict[str, bytes]) -> tuple[bytes, bytes]:
+def _read_marks(decl: InstanceDecl, written: dict[str, bytes]) -> tuple[bytes, bytes]:
     inputs, marks = dict(decl.inputs), [b"", b""]
     for number, pin in enumerate(block_row(decl.block).mark_lengths[:2]):
         length = inputs.get(pin, 0)

@@ -87,11 +87,11 @@ def is_http(line: LineFacts) -> bool:
     return any(_HTTP.match(way.content) for way in (line.to_plc, line.from_plc))
 
 
-def _first(flow: DirectionFacts) -> SegmentFacts | None:
+def _first_write(flow: DirectionFacts) -> SegmentFacts | None:
     return flow.writes[0] if flow.writes else None
 
 
-def _cotp(content: bytes | bytearray) -> tuple[int, bytes] | None:
+def _read_cotp(content: bytes | bytearray) -> tuple[int, bytes] | None:
     """Return the kind of the first COTP packet and its bytes."""
     if len(content) < 7 or content[0] != 3 or content[1] or content[4] > 0xFE:
         return None
@@ -100,7 +100,7 @@ def _cotp(content: bytes | bytearray) -> tuple[int, bytes] | None:
     return (kind, bytes(content[:size])) if 7 <= size <= 8192 and kind in (_CR, _CC, _DR) else None
 
 
-def _tsaps(packet: bytes) -> str:
+def _describe_tsaps(packet: bytes) -> str:
     at, end, found = 11, min(len(packet), packet[4] + 5), {}
     while at + 2 <= end:
         found[packet[at]] = packet[at + 2 : at + 2 + packet[at + 1]]
@@ -115,16 +115,16 @@ def _tsaps(packet: bytes) -> str:
 
 def judge_wrong_tsap(line: LineFacts) -> Finding | None:
     """Judge whether the listener refuses the TSAPs of the caller."""
-    asked = _cotp(line.caller.content)
+    asked = _read_cotp(line.caller.content)
     if line.protocol != "tcp" or asked is None or asked[0] != _CR:
         return None
-    answer = _cotp(line.listener.content)
+    answer = _read_cotp(line.listener.content)
     way = "to-plc" if line.plc_calls else "from-plc"
-    texts = [f"connection request {_tsaps(asked[1])}".rstrip()]
+    texts = [f"connection request {_describe_tsaps(asked[1])}".rstrip()]
     if answer is not None and answer[0] == _DR:
         reason = answer[1][10] if len(answer[1]) > 10 else 0
         texts.append(f"answered by a disconnect request: {_REASONS.get(reason, f'reason {reason}')}")
-        return Finding(0.97, tuple(texts), way=way, at=_first(line.listener), is_fact=True)
+        return Finding(0.97, tuple(texts), way=way, at=_first_write(line.listener), is_fact=True)
     end = line.end
     if not line.listener.writes and end is not None and line.caller.segments <= 2:
         is_listener = end.by_plc != bool(line.plc_calls)
@@ -146,11 +146,11 @@ def judge_plain_tcp(line: LineFacts, receiver: Receiver | None) -> Finding | Non
         "plain TCP",
         f"the CONNECT {receiver.connect} speaks ISO-on-TCP (RFC 1006)",
     )
-    at = _first(line.to_plc)
+    at = _first_write(line.to_plc)
     return Finding(0.97, texts, "to-plc", at, receiver.instance, is_fact=True, is_remark=is_http(line))
 
 
-def _records(content: bytes | bytearray) -> list[tuple[int, bytes]]:
+def _read_records(content: bytes | bytearray) -> list[tuple[int, bytes]]:
     found: list[tuple[int, bytes]] = []
     at = 0
     while at + 5 <= len(content) and len(found) < 64:
@@ -166,7 +166,7 @@ def judge_tls(line: LineFacts) -> Finding | None:
     """Judge whether the TLS handshake failed: with an alert, or because the connection ended in it."""
     if line.protocol != "tcp" or not (line.to_plc.content or line.from_plc.content):
         return None
-    both = {"to-plc": _records(line.to_plc.content), "from-plc": _records(line.from_plc.content)}
+    both = {"to-plc": _read_records(line.to_plc.content), "from-plc": _read_records(line.from_plc.content)}
     if not any(both.values()):
         return None
     hello = next((way for way, records in both.items() if records and _is_client_hello(*records[0])), None)
@@ -188,7 +188,7 @@ def judge_tls(line: LineFacts) -> Finding | None:
                 means = f": {_MEANINGS[body[1]]}".format(other=whose) if body[1] in _MEANINGS else ""
                 text = f"TLS alert {body[1]} ({name}) from {side}{means}"
                 note = () if hello else ("the other end does not speak TLS",)
-                return Finding(0.97, (text, *note), way=way, at=_first(flow), is_fact=True)
+                return Finding(0.97, (text, *note), way=way, at=_first_write(flow), is_fact=True)
             if hello is not None and (not is_open or len(body) > 2):
                 return Finding(0.85, (f"an encrypted TLS alert of {side} before any data",), way=way)
     if hello is None or line.end is None:

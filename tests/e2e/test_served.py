@@ -345,7 +345,7 @@ async def test_a_toggle_in_one_tab_is_seen_in_another_and_a_reload_shows_the_sam
 async def test_without_write_a_tab_looks_on_and_says_so(tmp_path: Path) -> None:
     with served(tmp_path) as printed:
         async with browser(printed) as tab, tab() as looker:
-            await looker.until("RUN .* READ-ONLY .*this screen looks")
+            await looker.until("RUN .* READ-ONLY .*this screen shows")
             await looker.press("n")
             await looker.until("this screen is read-only")
 

@@ -211,7 +211,7 @@ SECTIONS: Final[dict[str, Sequence[Row]]] = {
         ),
     ),
     "Time and triggers": (
-        ("`hold` · `go`", "Screen: holds the scans, and lets them go on."),
+        ("`hold` · `go`", "Screen: holds or resumes the scans."),
         (
             "`run 5` · `run T#200ms`",
             "Lets that many scans, or scans for that time, pass; at the prompt after `hold`.",

@@ -22,7 +22,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from trcvtui.fleet.broker import BrokerAccess, BrokerConnection
 from trcvtui.fleet.disk_queue import DiskQueue
-from trcvtui.fleet.lines import SeenInstance, SeenLine
+from trcvtui.fleet.lines import AgentInstance, AgentLine
 from trcvtui.fleet.publisher import Publisher
 from trcvtui.fleet.topics import FiguresMessage, FleetMessage, StateMessage, StatusMessage, Topic
 
@@ -41,7 +41,7 @@ def place_of(agent: int, line: str = "", instance: str = "") -> tuple[str, str, 
     return f"site{agent % SITES}", f"agent{agent:03}", line, instance
 
 
-def status_of(seen: SeenInstance, now: float, is_error: bool = False) -> StatusMessage:
+def status_of(seen: AgentInstance, now: float, is_error: bool = False) -> StatusMessage:
     """Return what an instance shows."""
     code, text = ("80A6", "the partner has reset the connection") if is_error else ("7006", "receiving")
     return StatusMessage(now, code, text, not is_error, False, is_error, 70, seen.count, 0, 24, 0.5)
@@ -52,7 +52,7 @@ class SimulatedAgent:
 
     def __init__(self, port: int, number: int, lines: int) -> None:
         self.number = number
-        self.seen = [SeenInstance(f"L{line:02}", "TRCV_C_1") for line in range(lines)]
+        self.seen = [AgentInstance(f"L{line:02}", "TRCV_C_1") for line in range(lines)]
         self.client = Client(CallbackAPIVersion.VERSION2, f"agent{number}", protocol=MQTTv5)
         self.client.max_inflight_messages_set(1000)
         self.client.will_set(self.topic("state"), self.state("offline"), qos=1, retain=True)
@@ -79,18 +79,18 @@ class SimulatedAgent:
             if self.number != OFFLINE and random.random() < 0.2:
                 self.fail(each, random.randint(1, 6))
 
-    def retain(self, seen: SeenInstance, message: FleetMessage) -> None:
+    def retain(self, seen: AgentInstance, message: FleetMessage) -> None:
         """Publish a retained message of an instance."""
         topic = self.topic(message.KIND, seen.line, seen.name)
         self.client.publish(topic, message.to_json(), 1, True)
 
-    def figures(self, seen: SeenInstance) -> None:
+    def figures(self, seen: AgentInstance) -> None:
         """Tell how a line runs."""
         rate = random.randrange(1000)
         message = FiguresMessage(time.time(), "connected", rate, 0, 60, 0)
         self.client.publish(self.topic("figures", seen.line), message.to_json(), 1, True)
 
-    def fail(self, seen: SeenInstance, times: int = 1) -> None:
+    def fail(self, seen: AgentInstance, times: int = 1) -> None:
         """Have ERROR edges; the STATUS is good again after them."""
         now = time.time()
         for _ in range(times):
@@ -143,7 +143,7 @@ def publish(port: int, lines: int, seconds: float) -> float:
     publisher = Publisher(connection, DiskQueue(None, print), lambda said: None)
     connection.open()
     names = [f"L{line:02}" for line in range(lines)]
-    seen = [(SeenLine(name), SeenInstance(name, "TRCV_C_1")) for name in names]
+    seen = [(AgentLine(name), AgentInstance(name, "TRCV_C_1")) for name in names]
     while not publisher.is_up:
         publisher.advance(time.perf_counter_ns())
         connection.wait(0.1)
@@ -166,7 +166,7 @@ def publish(port: int, lines: int, seconds: float) -> float:
     return share
 
 
-def _topic(kind: str, instance: SeenInstance) -> str:
+def _topic(kind: str, instance: AgentInstance) -> str:
     return str(Topic("s", "a", instance.line, instance.name, kind))
 
 

@@ -14,7 +14,7 @@ from benchmarks.scans import Scans
 from benchmarks.traffic import project, traffic
 from trcvtui import clock
 from trcvtui.recording.files import RecordTarget
-from trcvtui.recording.journal import STEP, CallRecord, RunBegins
+from trcvtui.recording.journal import STEP, CallRecord, RunHeader
 from trcvtui.recording.recording import Recording
 from trcvtui.recording.writer import WriterProcess
 
@@ -63,7 +63,7 @@ def _scans(folder: Path, file: Path | None, seconds: float) -> tuple[Scans, int]
 def _most_kept(file: Path) -> float:
     """Return the MB/s of messages that a writer process has written, without one that is lost."""
     sink, sent, began = WriterProcess(file, RecordTarget(file)), 0, clock.now_ns()
-    sink.add_entries([RunBegins("0", "live", 0, 0, False, "P.toml", (), "/", (), ())])
+    sink.add_entries([RunHeader("0", "live", 0, 0, False, "P.toml", (), "/", (), ())])
     while clock.now_ns() < began + WRITE_NS:
         scan = [CallRecord("bench", STEP, (), sent)]
         for number in range(INSTANCES):

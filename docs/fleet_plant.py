@@ -11,7 +11,7 @@ from typing import Final, cast
 from trcvtui import clock
 from trcvtui.fleet.broker import BrokerAccess, BrokerConnection, BrokerEvent, ConnAck, IncomingMessage, SubAck
 from trcvtui.fleet.reader import FleetReader
-from trcvtui.fleet.seen_fleet import SeenFleet
+from trcvtui.fleet.seen_fleet import FleetModel
 from trcvtui.fleet.topics import (
     EventMessage,
     FiguresMessage,
@@ -87,9 +87,9 @@ async def draw_fleet(size: tuple[int, int], keys: Sequence[str]) -> str:
     """Return the screen after some keys, as SVG."""
     os.environ["TZ"] = "UTC"
     time.tzset()
-    clock.wall_ns = lambda: int(NOW) * fleet_app.NS_PER_S
+    clock.utc_ns = lambda: int(NOW) * fleet_app.NS_PER_S
     fleet_app.ORDER_INTERVAL_NS, fleet_app.FRAME_S = 0, 3600.0
-    reader = FleetReader(cast(BrokerConnection, PlantBroker()), SeenFleet(), "*")
+    reader = FleetReader(cast(BrokerConnection, PlantBroker()), FleetModel(), "*")
     app = fleet_app.FleetApp(BrokerAccess("broker.example", 8883, True), "*", reader)
     async with app.run_test(size=size) as pilot:
         while not reader.is_complete:

@@ -52,7 +52,7 @@ class LocalDriver:
         """Return what is said to a line: what it did, or ✗ and what is wrong with it."""
         self.submit(line)
         answer = self.console._answers[-1]
-        return f"✗ {answer.error}" if answer.error else answer.told
+        return f"✗ {answer.error}" if answer.error else answer.message
 
     def do(self, *lines: str, scans: int = 0) -> str:
         """Carry lines out, then let scans pass; return what the last line did."""

@@ -15,7 +15,7 @@ from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.files import (
     allow_files,
-    read_bytes,
+    read_bounded,
     refuse_files,
     refuse_overwriting_input,
     replace_file,
@@ -99,7 +99,7 @@ def test_what_was_read_is_not_written_over_by_any_of_its_names(tmp_path: Path) -
     source.write_text("TYPE")
     os.link(source, hard)
     soft.symlink_to(source)
-    read_bytes(source, 100)
+    read_bounded(source, 100)
     assert refusal(source) == f"here: found {source}, which is read here, expected another name"
     assert "which is read here" in refusal(soft)
     assert "which is read here" in refusal(hard)
@@ -130,7 +130,7 @@ def test_a_fifo_a_device_and_a_folder_are_refused_at_once(tmp_path: Path) -> Non
     os.mkfifo(pipe)
     for path, kind in ((pipe, "a FIFO"), (Path("/dev/null"), "a device"), (tmp_path, "Is a directory")):
         with pytest.raises(OSError, match=kind):
-            read_bytes(path, 10)
+            read_bounded(path, 10)
         assert kind in refusal(path)
     assert stat.S_ISFIFO(pipe.stat().st_mode)
 
@@ -201,8 +201,8 @@ def test_a_process_whose_files_are_closed_reads_and_writes_none(tmp_path: Path) 
     refuse_files("this screen is read-only")
     try:
         with pytest.raises(OSError, match="read-only"):
-            read_bytes(path, 10)
+            read_bounded(path, 10)
         assert "read-only" in refusal(path)
     finally:
         allow_files()
-    assert read_bytes(path, 10) == b"old"
+    assert read_bounded(path, 10) == b"old"

@@ -11,7 +11,7 @@ def now_ns() -> int:
     return time.perf_counter_ns()
 
 
-def wall_ns() -> int:
+def utc_ns() -> int:
     """Return UTC in nanoseconds since 1970."""
     return time.time_ns()
 

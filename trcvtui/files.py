@@ -139,7 +139,7 @@ def allow_files() -> None:
     _refusal_reasons.clear()
 
 
-def read_bytes(path: FileName, most: int) -> bytes:
+def read_bounded(path: FileName, most: int) -> bytes:
     """Return at most `most` + 1 bytes of a regular file; raise OSError or ValueError.
 
     One byte more than `most` means that the file is larger.

@@ -85,7 +85,7 @@ def _secure_fields(at: int) -> tuple[DescriptionField, ...]:
 _HEAD_FIELDS: Final = _parse("0 InterfaceId HW_ANY, 2 ID CONN_OUC, 4 ConnectionType BYTE")
 _OPEN: Final = (*_HEAD_FIELDS, *_parse("5 ActiveEstablished BOOL"))
 _IP_V4: Final = (*_OPEN, *_parse("6 RemoteAddress IP_V4, 10 RemotePort UINT, 12 LocalPort UINT"))
-_QDN: Final = (*_OPEN, *_parse("6 RemoteQDN STRING[254], 262 RemotePort UINT, 264 LocalPort UINT"))
+_QDN_FIELDS: Final = (*_OPEN, *_parse("6 RemoteQDN STRING[254], 262 RemotePort UINT, 264 LocalPort UINT"))
 _RFC: Final = _parse("8 RemoteAddress IP_V4, 12 RemoteTSelector TSelector, 46 LocalTSelector TSelector")
 _PARAM_FIELDS: Final = _parse(
     "0 block_length UINT, 2 id CONN_OUC, 4 connection_type USINT, 5 active_est BOOL, 6 local_device_id USINT,"
@@ -107,9 +107,9 @@ def _index_by_name(*structures: Structure) -> dict[str, Structure]:
 CONNECTIONS: Final = _index_by_name(
     Structure("TCON_IP_v4", 14, _IP_V4),
     Structure("TCON_IP_RFC", 80, (*_OPEN, *_RFC), is_verified=False),
-    Structure("TCON_QDN", 266, _QDN, is_verified=False),
+    Structure("TCON_QDN", 266, _QDN_FIELDS, is_verified=False),
     Structure("TCON_IP_V4_SEC", 26, (*_IP_V4, *_secure_fields(14)), head="TCON_IP_v4", is_verified=False),
-    Structure("TCON_QDN_SEC", 278, (*_QDN, *_secure_fields(266)), head="TCON_QDN", is_verified=False),
+    Structure("TCON_QDN_SEC", 278, (*_QDN_FIELDS, *_secure_fields(266)), head="TCON_QDN", is_verified=False),
     Structure("TCON_Param", 64, _PARAM_FIELDS),
     Structure("TCON_Configured", 6, _HEAD_FIELDS, spare=1),
 )

@@ -17,13 +17,13 @@ MOST_IN_SECONDS: Final = 120  # shorter times are shown in seconds alone
 # Time in words: a stamp is when, a duration how long, an age how long ago.
 
 
-def stamp(ns: int) -> str:
+def stamp_text(ns: int) -> str:
     """Return a time of the run in seconds with milliseconds: `12.330`."""
     milliseconds = ns // 1_000_000
     return f"{milliseconds // 1000}.{milliseconds % 1000:03d}"
 
 
-def age(ns: int) -> str:
+def age_text(ns: int) -> str:
     """Return how long ago something was, coarse: `1.2 s`, `99 s`, `12 min`, `3 h`."""
     seconds = max(0, ns) / SECOND
     if seconds < 10:

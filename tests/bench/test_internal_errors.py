@@ -22,7 +22,7 @@ from trcvtui.net.layers.iso_on_tcp import IsoSession
 from trcvtui.net.layers.layered_stream import SharedListener
 from trcvtui.plc.containment import EXCEPTIONS_VARIABLE, INTERNAL_ERROR
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.plc.serial_line_control import PortFeed
+from trcvtui.plc.serial_line_control import PortExchange
 from trcvtui.project.file import load_project
 
 PLANTED = "0102030405"  # in the words of the exception: no payload stands in a report
@@ -221,7 +221,7 @@ def test_a_serial_line_that_raises_is_closed_and_the_tcp_blocks_go_on(
     text = four("baosky").replace('"baosky"', '"twincat"')
     text += '[[combuffer]]\nname = "RX"\nsource = "serial"\nport = "/dev/null"\n'
     (tmp_path / "four.toml").write_text(text)
-    raising(monkeypatch, PortFeed, "receive", lambda port: True)
+    raising(monkeypatch, PortExchange, "receive", lambda port: True)
     bench = fresh_bench(load_project(tmp_path / "four.toml"), "sim")
     run(bench, 100)
     assert said(bench) == ["RX"]

@@ -15,7 +15,7 @@ from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.cli.main import main
 from trcvtui.cli.options import KERNELS
-from trcvtui.commands.words import Link
+from trcvtui.commands.words import SetLink
 from trcvtui.engine.driver import EngineDriver
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.scenario.scenario import load_bench
@@ -124,7 +124,7 @@ def test_in_the_own_network_the_ledger_names_the_interface() -> None:
 def test_the_ledger_says_by_what_means_the_wire_was_cut(kernel: str) -> None:
     bench = Bench(load_bench(Path(PASSIVE)), kernel)
     try:
-        assert bench.do(Link("C1", up=False)) == bench.do(Link("C1", up=True)) == ""
+        assert bench.do(SetLink("C1", up=False)) == bench.do(SetLink("C1", up=True)) == ""
         notes = [line.event for line in bench.runtime.ledger if isinstance(line.event, BenchNote)]
     finally:
         bench.close()

@@ -9,7 +9,7 @@ from tests.local_driver import LocalDriver
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.diagnosis.advice import Advice, make_advice
-from trcvtui.diagnosis.evidence import Evidence, make_current_evidence, past_evidence
+from trcvtui.diagnosis.evidence import Evidence, make_current_evidence, make_past_evidence
 from trcvtui.history.link_statistics import past_facts
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.ledger import Line, StatusEdge
@@ -156,4 +156,4 @@ class Told:
         decl = project.instance(instance)
         assert decl is not None
         facts, until = past_facts(self.lines, line, edge, decl.connect)
-        return make_advice(past_evidence(line, edge, facts, until, project, 10_000_000))
+        return make_advice(make_past_evidence(line, edge, facts, until, project, 10_000_000))

@@ -27,7 +27,7 @@ from trcvtui.project.st_call import st_text
 from trcvtui.project.text import append_entries
 from trcvtui.snapshots.bench import EngineTiming
 from trcvtui.tui.completion import complete
-from trcvtui.tui.panes.function_block import drawing_of
+from trcvtui.tui.panes.function_block import make_drawing
 
 PACKAGE = Path(__file__).parents[2] / "trcvtui"
 
@@ -92,7 +92,7 @@ def test_a_pin_that_it_does_not_have_is_refused(file: Path) -> None:
 
 
 def test_its_pins_are_drawn_with_their_letters_and_help(project: Project) -> None:
-    drawing = drawing_of(project, "BEACON", "C1")
+    drawing = make_drawing(project, "BEACON", "C1")
     assert [(pin.name, pin.letter, pin.text) for pin in drawing.inputs] == [
         ("REQ", "r", "1: the beacon is on")
     ]

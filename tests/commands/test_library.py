@@ -11,7 +11,7 @@ from trcvtui.bench.peers.queues import Outbox
 from trcvtui.commands.counters_and_checksums import fill_message
 from trcvtui.commands.peer import check_library
 from trcvtui.commands.table import parse_line
-from trcvtui.commands.words import PeerPlay, PeerSend
+from trcvtui.commands.words import PeerPlaySequence, PeerSend
 from trcvtui.errors import UserError
 from trcvtui.project.file import read_project
 from trcvtui.project.project import Project
@@ -38,7 +38,7 @@ def test_a_message_of_one_peer_is_not_that_of_another(project: Project) -> None:
 
 def test_a_sequence_keeps_its_pauses(project: Project) -> None:
     play = parse_line("peer P1 play start_up", project, "w")
-    assert isinstance(play, PeerPlay)
+    assert isinstance(play, PeerPlaySequence)
     outbox = Outbox()
     for pause, send in play.steps:
         outbox.put(send, 0, pause_ns=pause)

@@ -23,8 +23,8 @@ from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import BLOCKS
 from trcvtui.diagnosis import advice
-from trcvtui.diagnosis.advice import ADVICE_RULES, Advice, Traffic, make_advice, rules
-from trcvtui.diagnosis.evidence import NO_FACTS, Evidence, past_evidence
+from trcvtui.diagnosis.advice import ADVICE_RULES, Advice, Traffic, make_advice, make_rules
+from trcvtui.diagnosis.evidence import NO_FACTS, Evidence, make_past_evidence
 from trcvtui.diagnosis.job import tip
 from trcvtui.dialects import DIALECTS
 from trcvtui.history.link_statistics import LinkStatistics
@@ -129,7 +129,7 @@ def advice_of_scenario(name: str, condition: Condition) -> Advice:
         if isinstance(line.event, StatusEdge) and line.event.condition == str(condition)
     )
     until = ScanStamp(line.scan, line.t_ns)
-    return make_advice(past_evidence(line, edge, NO_FACTS, until, bench.project, 10_000_000))
+    return make_advice(make_past_evidence(line, edge, NO_FACTS, until, bench.project, 10_000_000))
 
 
 def rules_of(told: Advice) -> tuple[str, ...]:
@@ -269,10 +269,10 @@ def test_each_error_has_something_to_look_at_on_its_card() -> None:
 def test_a_rule_is_one_row_and_one_of_what_moves_replaces_the_general_ones(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    made_up = rules(
+    made_up = make_rules(
         Condition.PARTNER_CLOSED, lambda e: tip("the machine is away", f"{e.instance}: look after it")
     )
-    of_datagrams = rules(Condition.PARTNER_CLOSED, lambda e: "of datagrams", of=Traffic.DATAGRAMS)
+    of_datagrams = make_rules(Condition.PARTNER_CLOSED, lambda e: "of datagrams", of=Traffic.DATAGRAMS)
     monkeypatch.setattr(advice, "ADVICE_RULES", (*ADVICE_RULES, *made_up, *of_datagrams))
     told = Told(*UP, "peer P1 close", "run 9").then("X", Condition.PARTNER_CLOSED)
     assert (told.causes[-1], told.do[-1].text) == ("the machine is away", "X: look after it")
@@ -280,8 +280,12 @@ def test_a_rule_is_one_row_and_one_of_what_moves_replaces_the_general_ones(
 
 
 def test_a_block_sends_or_receives_and_its_pins_say_which() -> None:
-    assert {"TSEND_C", "TSEND", "TUSEND", "USEND_C"} == {name for name, row in BLOCKS.items() if row.sends}
-    assert {"TRCV_C", "TRCV", "TURCV", "URECV_C"} == {name for name, row in BLOCKS.items() if row.receives}
+    assert {"TSEND_C", "TSEND", "TUSEND", "USEND_C"} == {
+        name for name, row in BLOCKS.items() if row.sends_on_net
+    }
+    assert {"TRCV_C", "TRCV", "TURCV", "URECV_C"} == {
+        name for name, row in BLOCKS.items() if row.receives_on_net
+    }
 
 
 @pytest.mark.slow

@@ -365,12 +365,12 @@ def told_by(ask: Callable[[int], object], picture: Callable[[], BenchUpdate | No
         ask(number)
         while True:
             seen = picture()
-            told = [each for each in seen.answers if each.told != LOOKS] if seen is not None else []
+            told = [each for each in seen.answers if each.message != LOOKS] if seen is not None else []
             if told:
                 break
         assert told[0].error == "", told
-        if wanted in told[0].told:
-            return told[0].told
+        if wanted in told[0].message:
+            return told[0].message
     raise AssertionError(f"{wanted} was never told")
 
 

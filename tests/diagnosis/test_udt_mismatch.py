@@ -13,7 +13,7 @@ from trcvtui.commands.words import PeerSend
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
 from trcvtui.scenario.runner import ScenarioRunner, VirtualPace
-from trcvtui.udt.compare.fit import leaders, rank, verdict
+from trcvtui.udt.compare.fit import rank, tied_readings, verdict
 from trcvtui.udt.cure.padded_type import padded_type
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.values import decode
@@ -43,7 +43,7 @@ def jobs(project: Project) -> list[bytes]:
 
 def test_the_lab_names_the_layout_of_the_sender(project: Project, jobs: list[bytes]) -> None:
     fits = rank(project.types.get_type("AxisReport"), jobs, framed=False)
-    assert [str(profile) for best in leaders(fits) for profile in best.profiles] == [
+    assert [str(profile) for best in tied_readings(fits) for profile in best.profiles] == [
         "natural8, little-endian",
         "codesys-8, little-endian",
     ]

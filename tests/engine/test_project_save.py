@@ -57,7 +57,7 @@ def say(driver: LocalDriver, *lines: str) -> BenchUpdate:
 def answer(driver: LocalDriver, *lines: str) -> str:
     """Return what was told of the last line, or what was wrong with it."""
     last = say(driver, *lines).answers[-1]
-    return last.error or last.told
+    return last.error or last.message
 
 
 def test_what_was_added_loads_again_and_runs(driver: LocalDriver, own: Path) -> None:

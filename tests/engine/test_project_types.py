@@ -42,7 +42,7 @@ def driver(folder: Path) -> Iterator[LocalDriver]:
 def test_a_changed_type_comes_into_data_by_resize_only(driver: LocalDriver, folder: Path) -> None:
     (folder / "t.st").write_text(TYPES.replace("a : INT", "a : LINT"), encoding="utf-8")
     (answer,) = say(driver, "udt reload").answers
-    assert answer.error == "" and "`resize` takes a changed one into DATA" in answer.told
+    assert answer.error == "" and "`resize` takes a changed one into DATA" in answer.message
     bench = driver.console.bench
     assert bench.project.data[0].size == 4
     say(driver, "resize rx T")

@@ -78,7 +78,7 @@ def test_the_later_answer_of_the_doctor_goes_to_the_tab_that_asked_it(engine: En
         asks.submit("doctor")
         other.submit("mark")
         looks, found = answers(asks, 2)
-        assert looks.number == found.number == 1 and "looks" in looks.told and "looks" not in found.told
+        assert looks.number == found.number == 1 and "looks" in looks.message and "looks" not in found.message
         assert [answer.line for answer in answers(other, 1)] == ["mark"]
 
 

@@ -66,7 +66,7 @@ class Desk:
         past = HistoryRequest("C1", size=64, data=("X", 0, 8))
         picture = self.driver.shown(UpdateRequest(self.seq, ("raw", "rx"), ("X",), history=past))
         assert [answer.error for answer in picture.answers if answer.error] == []
-        self.told = next((answer.told for answer in picture.answers if answer.told), "")
+        self.told = next((answer.message for answer in picture.answers if answer.message), "")
         self.seq = picture.lines[-1].seq if picture.lines else self.seq
         self.fired = picture.fired
         return picture

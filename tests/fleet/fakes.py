@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from trcvtui.fleet.broker import BrokerConnection, BrokerEvent, IncomingMessage, SubAck
 from trcvtui.fleet.reader import FleetReader
-from trcvtui.fleet.seen_fleet import SeenFleet
+from trcvtui.fleet.seen_fleet import FleetModel
 from trcvtui.fleet.topics import (
     EventMessage,
     FiguresMessage,
@@ -57,7 +57,7 @@ class FakeBroker:
         self.asked: list[tuple[str, ...]] = []
         self.waiting: list[BrokerEvent] = []
         self._taken = 0
-        self.reader = FleetReader(cast(BrokerConnection, self), SeenFleet(), pattern)
+        self.reader = FleetReader(cast(BrokerConnection, self), FleetModel(), pattern)
         self.now, self.wall = 0, NOW
 
     def news(self) -> Iterator[BrokerEvent]:

@@ -23,7 +23,7 @@ from trcvtui.fleet import agent as fleet_agent
 from trcvtui.fleet.agent import Agent, AgentSettings
 from trcvtui.fleet.broker import BrokerAccess, BrokerConnection, ConnAck, IncomingMessage
 from trcvtui.fleet.disk_queue import DiskQueue
-from trcvtui.fleet.lines import SeenBench
+from trcvtui.fleet.lines import AgentBench
 from trcvtui.fleet.publisher import Publisher
 from trcvtui.fleet.topics import StateMessage, StatusMessage, parse_message, parse_topic
 from trcvtui.net.os.forwarder import write_or_drop_line
@@ -43,7 +43,7 @@ SECOND = 1_000_000_000
 def test_each_error_edge_is_an_event_with_the_next_number_and_its_cause() -> None:
     project = load_bench(PROJECT)
     driver = LocalDriver(fresh_bench(project, "sim"))
-    seen = SeenBench("b00", project.dialect.label)
+    seen = AgentBench("b00", project.dialect.label)
     told = []
     for line in ("set TRCV_C_1 EN_R=1 CONT=1", "peer P1 rst", "peer P1 rst", "peer P1 rst"):
         driver.submit(line)
@@ -224,7 +224,7 @@ def test_a_bench_scans_on_while_everything_beside_it_fails(
         raise OSError(24, "Too many open files")
 
     monkeypatch.setattr("trcvtui.fleet.metrics.serve_page", fails)
-    monkeypatch.setattr(fleet_agent, "find_newest_file", fails)
+    monkeypatch.setattr(fleet_agent, "list_newest_file", fails)
     record = RecordTarget(tmp_path / "runs")
     settings = AgentSettings(PROJECT, "sim", "s", "n", None, ("127.0.0.1", 1), record)
     agent = Agent(settings, load_bench(PROJECT))

@@ -13,7 +13,7 @@ from trcvtui.cli.main import main
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.driver import ProcessDriver
 from trcvtui.fleet.agent import Agent, AgentSettings
-from trcvtui.fleet.lines import SeenBench
+from trcvtui.fleet.lines import AgentBench
 from trcvtui.line.live_screen import capture_main
 from trcvtui.scenario.scenario import load_bench
 from trcvtui.snapshots.doctor import DoctorSnapshot, Finding, Remedy
@@ -43,7 +43,7 @@ def found(cause: str, instance: str = "", connect: str = "C1") -> Finding:
 def test_a_cause_is_one_event_of_each_instance_until_it_is_gone(tmp_path: Path) -> None:
     project = load_bench(written(tmp_path, LINE + PEER))
     driver = LocalDriver(fresh_bench(project, "sim"))
-    seen = SeenBench("b00", project.dialect.label)
+    seen = AgentBench("b00", project.dialect.label)
     seen.handle_update(driver.shown(), 1000.0)
 
     def told(looks: int, *findings: Finding, with_payload: bool = False) -> list[dict[str, object]]:
@@ -67,7 +67,7 @@ def test_a_line_of_a_watch_or_tap_row_has_the_name_of_the_row(tmp_path: Path) ->
     watched = load_bench(written(tmp_path, LINE + WATCH + WATCH.replace("press", "mill"), "watch.toml"))
     of_rows = Agent(AgentSettings(tmp_path, "sim", "s", "n", None, None, None), watched).seen
     assert of_rows._names == {"C1": "press, mill"}  # one CONNECT is one line
-    seen = SeenBench("b00", project.dialect.label, names={"C1": "press"})
+    seen = AgentBench("b00", project.dialect.label, names={"C1": "press"})
     seen.handle_update(driver.shown(), 1000.0)
     assert [*seen.lines] == ["press"] and seen.instances["R"].line == "press"
     [(instance, _)] = seen.report_findings(DoctorSnapshot(1, 100, 1, (found("loss"),)), 1000.0, False)

@@ -14,10 +14,10 @@ from trcvtui import clock
 from trcvtui.fleet import publisher, reader
 from trcvtui.fleet.broker import BrokerAccess, BrokerConnection, LastWill
 from trcvtui.fleet.disk_queue import DiskQueue
-from trcvtui.fleet.lines import SeenInstance
+from trcvtui.fleet.lines import AgentInstance
 from trcvtui.fleet.publisher import Publisher
 from trcvtui.fleet.reader import FleetReader, state_topics
-from trcvtui.fleet.seen_fleet import FleetLine, SeenFleet
+from trcvtui.fleet.seen_fleet import FleetLine, FleetModel
 from trcvtui.fleet.topics import StateMessage, Topic
 
 pytestmark = [needs_mosquitto, pytest.mark.live, pytest.mark.slow]
@@ -39,11 +39,11 @@ class OneLine:
         place = BrokerAccess("127.0.0.1", broker.port, False)
         self.connection = BrokerConnection(place, "s/a", LastWill(self.topic("state"), self.state("offline")))
         self.publisher = Publisher(self.connection, DiskQueue(None, print), print)
-        self.instance = SeenInstance("L", "T")
+        self.instance = AgentInstance("L", "T")
         self.publisher.retain(self.topic("state"), self.state("online"))
         self.publisher.retain(self.topic("status", "L", "T"), status().to_json())
         self.heard = BrokerConnection(place, "fleet", topics=state_topics("*"))
-        self.reader = FleetReader(self.heard, SeenFleet(), "*")
+        self.reader = FleetReader(self.heard, FleetModel(), "*")
         self.connection.open()
         self.heard.open()
 

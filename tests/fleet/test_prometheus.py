@@ -16,7 +16,7 @@ from prometheus_client.core import CollectorRegistry
 
 from tests.local_driver import LocalDriver
 from trcvtui.engine.controller import fresh_bench
-from trcvtui.fleet.lines import SeenBench
+from trcvtui.fleet.lines import AgentBench
 from trcvtui.fleet.metrics import METRICS, MetricsPage
 from trcvtui.paths import configs_path
 from trcvtui.scenario.scenario import load_bench
@@ -38,7 +38,7 @@ class IdleAgent:
         project = load_bench(configs_path() / "active.toml")
         driver = LocalDriver(fresh_bench(project, "sim"))
         driver.scan(100)
-        self.seen = SeenBench("b", project.dialect.label)
+        self.seen = AgentBench("b", project.dialect.label)
         self.seen.handle_update(driver.shown(), 1.0)
 
 

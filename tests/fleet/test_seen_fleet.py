@@ -40,7 +40,7 @@ from trcvtui.fleet.seen_fleet import (
     STALE,
     STUCK,
     STUCK_S,
-    SeenFleet,
+    FleetModel,
 )
 from trcvtui.fleet.topics import (
     AnyMessage,
@@ -98,7 +98,7 @@ class Fleet:
     """A fleet, told by short words."""
 
     def __init__(self) -> None:
-        self.seen = SeenFleet()
+        self.seen = FleetModel()
 
     def tell(self, place: str, message: AnyMessage | None, kind: str = "") -> None:
         site, agent, line, instance = [*place.split("/"), "", "", ""][:4]
@@ -312,18 +312,20 @@ def test_each_refused_message_is_counted_and_one_line_a_second_is_told() -> None
     broker = FakeBroker()
     wrong = IncomingMessage("trcvtui/v1/s/a/L/figures", b"{", False)
     broker.tell(ConnAck(), broker.message("s/a/state", ONLINE), wrong)
-    assert broker.reader.told.startswith("broker, trcvtui/v1/s/a/L/figures: found 'Input data was truncated'")
+    assert broker.reader.last_refusal.startswith(
+        "broker, trcvtui/v1/s/a/L/figures: found 'Input data was truncated'"
+    )
     broker.tell(*(IncomingMessage(f"trcvtui/v1/\x1b[2J{n}/x", b"", False) for n in range(1000)))
-    assert broker.reader.refused == 1001 and "truncated" in broker.reader.told
+    assert broker.reader.refused == 1001 and "truncated" in broker.reader.last_refusal
     broker.tell(BrokerRefusal("it lets us not read"), seconds=REPORT_PAUSE_NS / SECOND)
-    assert broker.reader.refused == 1001 and broker.reader.told == "it lets us not read"
+    assert broker.reader.refused == 1001 and broker.reader.last_refusal == "it lets us not read"
 
 
 def test_what_comes_faster_than_it_is_looked_at_is_counted() -> None:
     broker = FakeBroker()
     broker.dropped = 7  # before the reader had them
     broker.tell(broker.message("s/a/L/figures", figures()))
-    assert broker.reader.refused == 7 and broker.reader.told == TOO_MANY_TEXT
+    assert broker.reader.refused == 7 and broker.reader.last_refusal == TOO_MANY_TEXT
 
 
 def test_what_a_turn_has_no_time_for_waits_for_the_next_one() -> None:
@@ -361,7 +363,7 @@ def test_whatever_a_broker_sends_the_lines_go_on_and_what_is_told_is_one_plain_l
         some = zip(names, came, strict=True)
         broker.tell(*(IncomingMessage(name, payload, False) for name, (_, _, payload) in some), seconds=2)
     assert "good" in broker.names
-    assert broker.reader.told.isprintable() and len(broker.reader.told) < 900
+    assert broker.reader.last_refusal.isprintable() and len(broker.reader.last_refusal) < 900
 
 
 # -- bad input -------------------------------------------------------------------------------------------

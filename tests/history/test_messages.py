@@ -62,10 +62,10 @@ def test_a_row_stays_when_its_bytes_are_gone_and_the_screen_forgets_them_too() -
     known = KnownMessages()
     frames(told, 10)
     crossed(rows, known)
-    assert known.oldest == 0 and all(row.content is not None for row in known.rows)
+    assert known.first_full == 0 and all(row.content is not None for row in known.rows)
     sent = frames(told, 4)
     crossed(rows, known)
-    assert (known.oldest, len(known.rows), known.rows[3].size) == (4, 14, 24)
+    assert (known.first_full, len(known.rows), known.rows[3].size) == (4, 14, 24)
     assert [row.content is None for row in known.rows] == [True] * 4 + [False] * 10
     assert contents(known.rows[-4:]) == sent
 
@@ -80,7 +80,7 @@ def test_a_frozen_view_has_the_rows_up_to_its_scan_and_keeps_their_bytes() -> No
     crossed(rows, known, scan)
     assert contents(known.rows) == sent
     crossed(rows, known)
-    assert (len(known.rows), known.oldest) == (16, 6)
+    assert (len(known.rows), known.first_full) == (16, 6)
 
 
 def test_rows_are_bounded_for_an_instance_and_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -143,10 +143,10 @@ def test_a_message_of_no_bytes_loses_none_and_hides_no_older_one() -> None:
             size,
         )
         crossed(rows, known)
-        assert (known.oldest, known.rows[-1].content) == (0, bytes(size))
+        assert (known.first_full, known.rows[-1].content) == (0, bytes(size))
     rings.open_ring("U").most = 2
     crossed(rows, known)
-    assert (known.oldest, [row.content for row in known.rows]) == (2, [b"", None, b""])
+    assert (known.first_full, [row.content for row in known.rows]) == (2, [b"", None, b""])
 
 
 def test_where_messages_come_faster_than_they_cross_a_screen_has_many_of_them_in_a_row() -> None:

@@ -13,7 +13,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.capture.pcap import CaptureReader, packet_block
 from trcvtui.cli.main import main
 from trcvtui.commands.table import format_command, parse_line
-from trcvtui.commands.words import Intervene
+from trcvtui.commands.words import TapAct
 from trcvtui.errors import UserError
 from trcvtui.line.capture_player import CapturePlayer
 from trcvtui.line.live import LivePlan
@@ -40,26 +40,26 @@ def project() -> Project:
 @pytest.mark.parametrize(
     ("line", "command"),
     [
-        ("tap T to-plc hold", Intervene("T", True, "hold")),
-        ("tap T from-plc go conversation 7", Intervene("T", False, "go", conversation=7)),
-        ("tap T to-plc drop 3", Intervene("T", True, "drop", (3,))),
-        ("tap T to-plc split 3,7", Intervene("T", True, "split", (3, 7))),
-        ("tap T to-plc delay T#50ms", Intervene("T", True, "delay", (50_000_000,))),
-        ("tap T to-plc edit 0 hex 0A 0B", Intervene("T", True, "edit", (0,), b"\n\x0b", "hex 0A 0B")),
+        ("tap T to-plc hold", TapAct("T", True, "hold")),
+        ("tap T from-plc go conversation 7", TapAct("T", False, "go", conversation=7)),
+        ("tap T to-plc drop 3", TapAct("T", True, "drop", (3,))),
+        ("tap T to-plc split 3,7", TapAct("T", True, "split", (3, 7))),
+        ("tap T to-plc delay T#50ms", TapAct("T", True, "delay", (50_000_000,))),
+        ("tap T to-plc edit 0 hex 0A 0B", TapAct("T", True, "edit", (0,), b"\n\x0b", "hex 0A 0B")),
         (
             'tap T to-plc insert text "a conversation 1" conversation 2',
-            Intervene("T", True, "insert", (), b"a conversation 1", 'text "a conversation 1"', 2),
+            TapAct("T", True, "insert", (), b"a conversation 1", 'text "a conversation 1"', 2),
         ),
     ],
 )
-def test_a_line_is_read_and_written(project: Project, line: str, command: Intervene) -> None:
+def test_a_line_is_read_and_written(project: Project, line: str, command: TapAct) -> None:
     assert parse_line(line, project, "w") == command
     assert format_command(command) == line
 
 
 def test_the_conversation_may_stand_before_what_is_done(project: Project) -> None:
     line = "tap T to-plc conversation 7 edit 0 hex 0A"
-    assert parse_line(line, project, "w") == Intervene("T", True, "edit", (0,), b"\n", "hex 0A", 7)
+    assert parse_line(line, project, "w") == TapAct("T", True, "edit", (0,), b"\n", "hex 0A", 7)
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_a_line_is_completed(project: Project) -> None:
 
 def test_a_bench_without_a_tap_says_who_has_one(project: Project) -> None:
     bench = Bench(project, "sim")
-    assert bench.do(Intervene("T", True, "hold")) == "no tap runs here: `trcvtui tap` runs T"
+    assert bench.do(TapAct("T", True, "hold")) == "no tap runs here: `trcvtui tap` runs T"
     bench.close()
 
 
@@ -165,7 +165,7 @@ def event(
 
 
 OPENS = b"tcp|127.0.0.1|50000|127.0.0.1|2000"
-BEGIN = event(TapEventKind.OPEN, 0, data=OPENS), event(TapEventKind.STANDS, 0, WAY_BACK)
+BEGIN = event(TapEventKind.OPEN, 0, data=OPENS), event(TapEventKind.ANSWERED, 0, WAY_BACK)
 
 
 def test_a_tap_without_descriptors_says_so_in_words_of_its_tap() -> None:
@@ -179,7 +179,7 @@ def test_bytes_that_were_missed_are_a_hole_and_said() -> None:
     before = tap.blocks(*BEGIN, event(TapEventKind.BYTES, 100, data=b"seen"))
     tap.blocks(event(TapEventKind.BYTES, 150, at=4, data=bytes(1000)))  # was left out
     loss = tap.capture.encode_loss(200 * MS, 3, 3, 1000) + tap.capture.encode_open()
-    again = event(TapEventKind.BYTES, 300, at=1004, data=b"again"), event(TapEventKind.OVER, 500)
+    again = event(TapEventKind.BYTES, 300, at=1004, data=b"again"), event(TapEventKind.ENDED, 500)
     records = tap.read(before, loss, tap.blocks(*again))
     assert tap.said == [("lost", "3 events with 1000 bytes came faster than they were shown")]
     assert records[-1]["assigned"] == [{"id": "C1", "shadows": ["C1", "C1_BACK"]}]

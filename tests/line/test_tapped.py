@@ -26,7 +26,7 @@ def event(kind: TapEventKind, way: int = WAY_TO, at: int = 0, data: bytes = b"",
     return TapEvent(kind, way, 0, number, at, 1_000_000_000, data)
 
 
-BEGIN = event(TapEventKind.OPEN, data=OPENS["v4"]), event(TapEventKind.STANDS, WAY_BACK)
+BEGIN = event(TapEventKind.OPEN, data=OPENS["v4"]), event(TapEventKind.ANSWERED, WAY_BACK)
 
 
 def packets_of(*events: TapEvent) -> list[TapPacket]:
@@ -50,12 +50,12 @@ def test_every_sum_is_right(opens: str, size: int) -> None:
     data = (bytes(range(256)) * 40)[:size]
     packets = packets_of(
         event(TapEventKind.OPEN, data=OPENS[opens]),
-        event(TapEventKind.STANDS, WAY_BACK),
+        event(TapEventKind.ANSWERED, WAY_BACK),
         event(TapEventKind.BYTES, data=data),
         event(TapEventKind.BYTES, WAY_BACK, data=b"\xff" * size),
         event(TapEventKind.FIN, at=size),
         event(TapEventKind.RST, WAY_BACK, at=size),
-        event(TapEventKind.OVER),
+        event(TapEventKind.ENDED),
     )
     for packet in packets:
         carried = parse_packet(pcap.RAW_IP, packet.data, len(packet.data))
@@ -74,7 +74,7 @@ def test_a_conversation_is_read_back_as_it_was() -> None:
             event(TapEventKind.BYTES, WAY_BACK, data=b"answer"),
             event(TapEventKind.FIN, at=8),
             event(TapEventKind.RST, WAY_BACK, at=6),
-            event(TapEventKind.OVER),
+            event(TapEventKind.ENDED),
         )
     )
     kinds = [each.kind for each in told]
@@ -106,12 +106,12 @@ def test_what_was_lost_on_the_way_is_missing_and_is_said() -> None:
 def test_an_intervention_is_a_comment_of_the_packet_that_it_changed() -> None:
     packets = packets_of(
         *BEGIN,
-        event(TapEventKind.OURS, data=b"hold"),
+        event(TapEventKind.INTERVENTION, data=b"hold"),
         event(TapEventKind.BYTES, WAY_BACK, data=b"other way"),
-        event(TapEventKind.OURS, data=b"edit byte 2 aa"),
+        event(TapEventKind.INTERVENTION, data=b"edit byte 2 aa"),
         event(TapEventKind.BYTES, data=b"edited"),
-        event(TapEventKind.OURS, WAY_BACK, data=b"delay 5 ms"),
-        event(TapEventKind.OVER),
+        event(TapEventKind.INTERVENTION, WAY_BACK, data=b"delay 5 ms"),
+        event(TapEventKind.ENDED),
     )
     assert [p.comments for p in packets[4:]] == [
         ("trcvtui: hold", "trcvtui: edit byte 2 aa"),

@@ -61,7 +61,7 @@ def project(folder: Path, *instances: str, head: str = HEAD) -> Project:
 def instance(name: str, block: str, *lines: str) -> str:
     bound = ['data = "tx"'] if BLOCKS[block].data_pin else []
     link = ['config = "U1"', 'addr = "A1"'] if BLOCKS[block].speaks_udp else ['connect = "C1"']
-    if BLOCKS[block].has_buffer:
+    if BLOCKS[block].has_com_buffer:
         link = [
             f'{BLOCKS[block].buffer_pin} = "B1"',
             *(f'{pointer} = "tx"' for pointer in BLOCKS[block].pointers),
@@ -94,7 +94,7 @@ NDR = {("TURCV", "DONE"): "NDR"}  # what the manual of the block calls it
 def head_of(block: str) -> str:
     if block in DIALECTS["baosky"].blocks:
         return HEAD
-    if BLOCKS[block].has_buffer:
+    if BLOCKS[block].has_com_buffer:
         return f'dialect = "twincat"\n{DATA}\n[[combuffer]]\nname = "B1"\n'
     return f'dialect = "s7-1500"\n{DATA}\n[[connect]]\nname = "C1"\n{UDP}'
 

@@ -92,6 +92,6 @@ def _instance(draw: st.DrawFn, name: str, connects: list[Document], tasks: list[
         "task": draw(st.sampled_from(tasks))["name"],
     }
     data = draw(st.sampled_from((*tuple(DATA) * 3, "")))  # without DATA: 80A4
-    if block_row(block).moves_bytes and data:
+    if block_row(block).uses_network and data:
         instance["data"] = data
     return instance

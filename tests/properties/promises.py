@@ -30,7 +30,7 @@ def check_outputs(out: StatusEdge, before: StatusEdge | None) -> None:
     assert not pins.rcvd_len or pins.done
     assert not (pins.done and before and before.outputs.done), "DONE lasts one scan"
     assert pins.error == (pins.status >= 0x8080)
-    if block_row(out.block).moves_bytes:
+    if block_row(out.block).uses_network:
         assert pins.busy == (pins.status in BUSY)
         assert pins.done == (pins.status in DONE)
         assert pins.status not in CONNECTING or not (pins.busy or pins.done)

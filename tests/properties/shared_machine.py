@@ -24,7 +24,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.bench.peers.peer import Peer
 from trcvtui.blocks.table import block_row
 from trcvtui.commands.table import parse_line
-from trcvtui.commands.words import Create, Resize, Write
+from trcvtui.commands.words import Create, Retype, Write
 from trcvtui.net.kernel import KERNEL_CALLS
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import read_project
@@ -79,7 +79,7 @@ class SharedMachine(RuleBasedStateMachine):
         match command:
             case Create(decl):
                 self.model.created.append(decl)
-            case Resize(name, _, decl):
+            case Retype(name, _, decl):
                 size = decl.size
                 self.model.changes.append((name, lambda old: old[:size] + bytes(size - len(old[:size]))))
             case Write(name, at, payload):
@@ -129,7 +129,7 @@ class SharedMachine(RuleBasedStateMachine):
     @rule(pick=PICK, adhoc=st.booleans(), length=st.sampled_from(LENGTHS))
     def set_length(self, pick: int, adhoc: bool, length: int) -> None:
         decl = self.an_instance(pick)
-        if decl is not None and block_row(decl.block).moves_bytes:
+        if decl is not None and block_row(decl.block).uses_network:
             mode = f" ADHOC={int(adhoc)}" if decl.block.startswith("TRCV") else ""
             self.do(f"set {decl.name} LEN={length}{mode}")
 
@@ -164,7 +164,7 @@ class SharedMachine(RuleBasedStateMachine):
             words.append(
                 f"task={self.task_of.setdefault(name, project.tasks[task % len(project.tasks)].name)}"
             )
-            words += [f"data={data}"] if data and block_row(block).moves_bytes else []
+            words += [f"data={data}"] if data and block_row(block).uses_network else []
             words += [
                 f"{p.name}={int(busy)}" for p in block_row(block).inputs if p.is_bool and p.name != "COM_RST"
             ]
@@ -372,7 +372,7 @@ class SharedMachine(RuleBasedStateMachine):
         for out in called:
             check_outputs(out, self.before.get(out.instance))
             check_in_use(out, before, self.picture, began)
-            assert (out.outputs.done and block_row(out.block).moves_bytes) == (out.instance in model.done)
+            assert (out.outputs.done and block_row(out.block).uses_network) == (out.instance in model.done)
             self.before[out.instance] = out
         for name, expected in model.data.items():
             assert runtime.data(name) == expected, "DATA changes only at DONE, and by commands"

@@ -20,7 +20,7 @@ import pytest
 from tests.cli.test_cli import ENVIRONMENT
 from tests.recording.test_black_box import PROJECT as OF_EIGHT_BYTES
 from tests.waiting import children_of, until, until_size
-from trcvtui.recording.journal import STEP, CallRecord, RunBegins
+from trcvtui.recording.journal import STEP, CallRecord, RunHeader
 from trcvtui.recording.recording import Recording
 from trcvtui.replay.command import check_replay
 from trcvtui.replay.run_again import ReplayRun
@@ -81,7 +81,7 @@ def test_a_killed_run_lacks_a_second_at_most_and_runs_again_up_to_there(tmp_path
         assert at - path.stat().st_mtime_ns < MOST_MISSING_NS
         return
     begins = found[0]
-    assert isinstance(begins, RunBegins) and isinstance(steps[-1], int)
+    assert isinstance(begins, RunHeader) and isinstance(steps[-1], int)
     assert at - (begins.wall_ns + steps[-1]) < MOST_MISSING_NS
     said = check_replay(ReplayRun(recording.read_entries(), "R"))
     assert said == "" or said.startswith("R: found the end of the journal after ")

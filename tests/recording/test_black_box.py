@@ -16,7 +16,7 @@ from trcvtui.errors import UserError
 from trcvtui.files import FilesRead
 from trcvtui.recording import black_box, recorder
 from trcvtui.recording.black_box import BlackBox, find_new_path
-from trcvtui.recording.journal import EntriesLost, Entry
+from trcvtui.recording.journal import Entry, LostEntries
 from trcvtui.recording.recorder import attach_black_box
 from trcvtui.recording.recording import Recording
 from trcvtui.replay.command import check_replay
@@ -73,7 +73,7 @@ class Run:
     def line(self, text: str) -> str:
         self.controller.handle_line(1, text)
         answer = self.controller._answers[-1]
-        return answer.error or answer.told
+        return answer.error or answer.message
 
     def until_written(self) -> None:
         self._until(lambda: not self.box._ending)
@@ -171,7 +171,7 @@ def test_only_the_newest_bytes_are_kept_and_a_file_says_what_it_lacks(
     run.line(f"save recording {tmp_path}/late")
     run.until_written()
     found = entries(tmp_path / "late.pcapng")
-    lost = [entry for entry in found if isinstance(entry, EntriesLost)]
+    lost = [entry for entry in found if isinstance(entry, LostEntries)]
     assert lost[0].number > 1000
     assert lost[0].why == "the black box keeps the newest 64 MiB"
     said = check_replay(again(found))

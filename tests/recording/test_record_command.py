@@ -21,7 +21,7 @@ from trcvtui.cli.main import main
 from trcvtui.errors import mistake
 from trcvtui.recording import files, journal, state, writer
 from trcvtui.recording.files import RecordTarget
-from trcvtui.recording.journal import SIM_WALL_NS, CallRecord, EntriesLost, Entry, RunBegins
+from trcvtui.recording.journal import SIM_WALL_NS, CallRecord, Entry, LostEntries, RunHeader
 from trcvtui.recording.recording import Recording, RecordingWriter
 from trcvtui.recording.writer import WriterProcess
 from trcvtui.replay.run_again import ReplayRun
@@ -77,7 +77,7 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, capsys: pytest.CaptureF
 
 # -- the process that writes -------------------------------------------------------------------------------
 
-BEGINS = RunBegins("0", "sim", 0, 0, True, "x.toml", (), "/", (), ())
+BEGINS = RunHeader("0", "sim", 0, 0, True, "x.toml", (), "/", (), ())
 
 
 def some(count: int) -> list[Entry]:
@@ -122,7 +122,7 @@ def test_a_writer_that_does_not_follow_leaves_a_marked_gap(
     sink.add_entries(some(3))
     sink.close()
     found = entries(tmp_path / "R.pcapng")
-    [gap] = [one for one in found if isinstance(one, EntriesLost)]
+    [gap] = [one for one in found if isinstance(one, LostEntries)]
     assert gap.number + len(found) == 1 + 40 * 10_000 + 3 + 1
     assert found[-3:] == some(3)
     assert sink.trouble.endswith(f": {gap.number} entries are not recorded: the writer could not follow")
@@ -270,7 +270,7 @@ def test_what_surrounds_a_trigger_is_kept(project: Path, tmp_path: Path) -> None
         assert main(["replay", str(out / name), "--check"]) == 0  # from the beginning of its run
         found = entries(out / name)
         [told] = [one.args for one in found if isinstance(one, CallRecord) and one.call == "do"][-1:]
-        assert isinstance(found[0], RunBegins) and told == ("trigger TRCV_C_1 STATUS=7008",)
+        assert isinstance(found[0], RunHeader) and told == ("trigger TRCV_C_1 STATUS=7008",)
         at = [one.answer for one in found if isinstance(one, CallRecord) and one.call == "step"][-1]
         assert isinstance(at, int)
         with open_capture(out / name) as capture:
@@ -297,7 +297,7 @@ def test_a_file_of_a_trigger_after_too_long_a_run_has_a_keyframe_or_says_what_it
     assert is_followed or ("no keyframe in " in told[0] and "P-0003.pcapng the first" in told[0])
     assert len(told) == (not is_followed)
     last = entries(out / names(out)[-1])
-    gaps = [one for one in last if isinstance(one, EntriesLost)]
+    gaps = [one for one in last if isinstance(one, LostEntries)]
     assert gaps[0].why == files.IN_MIDDLE_REASON
     assert (main(["replay", str(out / names(out)[-1]), "--check"]) == 0) == is_followed
 

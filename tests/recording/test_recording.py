@@ -26,7 +26,7 @@ from trcvtui.capture.packets import TCP
 from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.recording import recording
-from trcvtui.recording.journal import SIM_WALL_NS, STEP, CallRecord, Entry, RunBegins
+from trcvtui.recording.journal import SIM_WALL_NS, STEP, CallRecord, Entry, RunHeader
 from trcvtui.recording.recording import Recording, RecordingWriter
 
 TSHARK = shutil.which("tshark")
@@ -34,8 +34,8 @@ NEEDS_TSHARK = pytest.mark.skipif(TSHARK is None, reason="tshark is not installe
 MUTATIONS = 100_000 if os.environ.get("TRCVTUI_SOAK") else 1000
 
 
-def begins(path: Path) -> RunBegins:
-    return RunBegins(__version__, "sim", 1, SIM_WALL_NS, True, str(path), (), "", (), ())
+def begins(path: Path) -> RunHeader:
+    return RunHeader(__version__, "sim", 1, SIM_WALL_NS, True, str(path), (), "", (), ())
 
 
 def written(path: Path, target: Path) -> tuple[object, list[Entry]]:
@@ -278,7 +278,7 @@ def carried(whole: bytes) -> list[int]:
     found, place = list[int](), 0
     while place < len(whole):
         kind, _, interface, _, _, size = struct.unpack_from("<6I", whole, place)
-        if (kind, interface) == (pcap.ENHANCED_PACKET, recording.WIRE):
+        if (kind, interface) == (pcap.ENHANCED_PACKET, recording.WIRE_ID):
             headers = 40 if whole[place + recording.AT_DATA + 9] == TCP else 28
             found += range(place + recording.AT_DATA + headers, place + recording.AT_DATA + size)
         place = blocks_end(whole, place)
@@ -314,7 +314,7 @@ def test_what_stands_after_a_recording_and_another_version_are_told_with_their_p
 ) -> None:
     (whole, other), path = recorded_twice, tmp_path / "R.pcapng"
     version = whole.index(b"trcvtui journal\n") + 16
-    packet = pcap.packet_block(recording.WIRE, 0, b"a packet")
+    packet = pcap.packet_block(recording.WIRE_ID, 0, b"a packet")
     for content, code, said in (
         (whole + whole, 1, f"byte {len(whole)}: found a second capture after the first"),
         (whole + other, 1, f"byte {len(whole)}: found a second capture after the first"),

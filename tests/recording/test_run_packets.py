@@ -12,10 +12,10 @@ from trcvtui.capture.pcap import Packet, open_capture
 from trcvtui.net.kernel import Handle, KernelLoss, NewClient
 from trcvtui.net.results import Datagram, Endpoint, Fault
 from trcvtui.recording.files import FileLimits, RecordTarget
-from trcvtui.recording.journal import RECV, SHOWS, SIM_WALL_NS, STEP, CallRecord, Entry, RunBegins, WireCall
+from trcvtui.recording.journal import RECV, SHOWS, SIM_WALL_NS, STEP, CallRecord, Entry, RunHeader, WireCall
 from trcvtui.recording.recording import JOURNAL, Recording, RecordingWriter
 
-BEGINS = RunBegins("0", "sim", 0, SIM_WALL_NS, False, "x.toml", (), "/", (), ())
+BEGINS = RunHeader("0", "sim", 0, SIM_WALL_NS, False, "x.toml", (), "/", (), ())
 HERE, PARTNER = Endpoint("10.0.0.5", 2000), Endpoint("10.0.0.9", 51000)
 CONNECTED: list[Entry] = [
     WireCall(0, "C1", "bind", 3, (HERE,), None, b""),

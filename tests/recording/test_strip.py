@@ -182,7 +182,7 @@ def test_wireshark_shows_the_journal_in_words(
     script.write_text(capsys.readouterr().out, encoding="utf-8")
     shown = tshark(a_file, "-X", f"lua_script:{script}", "-V", "-Y", "trcvtui")
     assert "cannot be read" not in shown
-    assert "RunBegins(" in shown
+    assert "RunHeader(" in shown
     assert "C1: recv " in shown
     summary = tshark(a_file, "-X", f"lua_script:{script}", "-Y", "trcvtui")
     assert "block 0 of the journal: " in summary

@@ -36,7 +36,7 @@ class Shown(Stood):
     def rows(self) -> list[MessageRow]:
         """Let the screen ask until nothing is new."""
         for _ in range(8):
-            self.screen.accept_picture(self.line.make_picture(self.screen.request()))
+            self.screen.accept_picture(self.line.make_picture(self.screen.make_request()))
             self.settle()
         assert self.screen.known_messages.share == 1
         return [*self.screen.known_messages.rows]

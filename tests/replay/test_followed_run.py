@@ -18,7 +18,7 @@ from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.plc.ledger import Line
 from trcvtui.recording.files import FileLimits, RecordTarget
-from trcvtui.recording.journal import DO, STEP, BlockWriter, CallRecord, EntriesLost, Entry
+from trcvtui.recording.journal import DO, STEP, BlockWriter, CallRecord, Entry, LostEntries
 from trcvtui.recording.recording import INDEX_MAGIC, KEYFRAME_MAGIC, Recording
 from trcvtui.recording.state import SharedObjects, decode_state, encode_state
 from trcvtui.replay import follower
@@ -129,7 +129,7 @@ def test_a_run_that_ends_at_the_border_of_a_file_leaves_no_file_without_a_keyfra
 
 def test_files_that_cannot_be_replayed_as_was_asked_lack_nothing(tmp_path: Path) -> None:
     first, *rest = journal()
-    paths = written(tmp_path, FileLimits(21_500, 0, -1, -1), (first, EntriesLost(0, "--no-secrets"), *rest))
+    paths = written(tmp_path, FileLimits(21_500, 0, -1, -1), (first, LostEntries(0, "--no-secrets"), *rest))
     assert len(paths) > 1
 
 

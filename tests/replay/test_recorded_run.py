@@ -10,7 +10,7 @@ import pytest
 from tests.replay.journals import again, jsonl, on_the_screen, recorded
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.errors import UserError
-from trcvtui.recording.journal import FILE_READ, CallRecord, RunBegins
+from trcvtui.recording.journal import FILE_READ, CallRecord, RunHeader
 from trcvtui.replay.command import check_replay
 
 
@@ -20,7 +20,7 @@ def test_a_run_begins_with_all_that_it_needs_and_no_file_is_read_again(tmp_path:
     text, entries = recorded(path, "options.retry=T#100ms")
     shutil.rmtree(tmp_path / "configs")
     begins = entries[0]
-    assert isinstance(begins, RunBegins)
+    assert isinstance(begins, RunHeader)
     assert begins.options == ("options.retry=T#100ms",) and begins.is_scenario and begins.kernel == "sim"
     assert begins.files[0] == (str(path), (CONFIGS / path.relative_to(tmp_path / "configs")).read_bytes())
     assert jsonl(entries) == text
@@ -28,7 +28,7 @@ def test_a_run_begins_with_all_that_it_needs_and_no_file_is_read_again(tmp_path:
 
 def test_names_in_a_journal_never_reach_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = 'dialect = "baosky"\n[[udt]]\nfile = "../../etc/passwd.st"\n[[udt]]\nfile = "/etc/hosts.st"\n'
-    begins = RunBegins(
+    begins = RunHeader(
         "0", "sim", 0, 0, False, "a/../../x.toml", (), "/", (("a/../../x.toml", text.encode()),), ()
     )
 

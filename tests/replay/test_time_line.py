@@ -15,7 +15,7 @@ from trcvtui.errors import UserError
 from trcvtui.history.pin_waveform import WaveformCache
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.snapshot import Snapshot
-from trcvtui.recording.journal import STEP, CallRecord, EntriesLost, Entry
+from trcvtui.recording.journal import STEP, CallRecord, Entry, LostEntries
 from trcvtui.replay.command import check_replay
 from trcvtui.replay.driver import WORK_SLICE_NS, make_replay_driver, open_time_line
 from trcvtui.replay.run_again import ReplayRun
@@ -275,7 +275,7 @@ def test_a_journal_with_two_beginnings_is_shown_up_to_the_second() -> None:
 
 def test_after_a_gap_it_is_said_how_many_scans_cannot_run_again() -> None:
     at = [number for number, one in enumerate(journal()) if getattr(one, "call", "") == STEP][200]
-    lost = EntriesLost(5, "the writer could not follow")
+    lost = LostEntries(5, "the writer could not follow")
     entries = (*journal()[:at], lost, *journal()[at + 5 :])
     told = (
         "a recording: found a gap of 5 entries (the writer could not follow) after 200 scans, "

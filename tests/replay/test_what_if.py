@@ -12,7 +12,7 @@ import pytest
 from tests.replay.journals import InMemory, nothing_differs, recorded, what_if_nothing_changed
 from tests.scenario.scenarios import CONFIGS, SCENARIOS
 from trcvtui.cli.main import main
-from trcvtui.recording.journal import CallRecord, EntriesLost, Entry, Keyframe
+from trcvtui.recording.journal import CallRecord, Entry, Keyframe, LostEntries
 from trcvtui.recording.recording import IS_KEYFRAME, BlockPlace, RecordingWriter
 from trcvtui.replay import keyframes
 from trcvtui.replay.keyframes import Keyframes, PositionedEntries
@@ -38,7 +38,7 @@ class Late(InMemory):
 
     def __init__(self, whole: Sequence[Entry], frame: Keyframe) -> None:
         rest = PositionedEntries(InMemory(tuple(whole)), frame.steps, frame.beyond)
-        super().__init__((whole[0], EntriesLost(1, "it begins in the middle"), *rest))
+        super().__init__((whole[0], LostEntries(1, "it begins in the middle"), *rest))
         self._frame = frame._replace(steps=0, beyond=2)
 
     def list_keyframes(self) -> tuple[BlockPlace, ...]:  # type: ignore[override]

@@ -13,7 +13,7 @@ from typing import Any
 
 from trcvtui import clock
 from trcvtui.bench.bench import Bench
-from trcvtui.commands.words import Link
+from trcvtui.commands.words import SetLink
 from trcvtui.files import record_reads
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.recording.journal import Entry, Keyframe
@@ -106,7 +106,7 @@ def play(
         report = JsonLines(out.write, bench.runtime.interval_ns, bench)
         steps = *scenario.start, *scenario.steps
         pace: Pace = PatientPace() if kernel == "live" else VirtualPace()
-        if kernel == "live" and any(isinstance(step.command, Link) for step in steps):
+        if kernel == "live" and any(isinstance(step.command, SetLink) for step in steps):
             pace = LivePace()  # the stack finds a cut wire by the clock: scans have its time, too
         if recorder is not None:
             recorder.add_header(bench, path, overrides, is_scenario=True)

@@ -58,7 +58,7 @@ def test_a_session_becomes_a_scenario_that_finds_again_what_was_seen(
         "peer P1 send random 24 seed=1 split=7 gap=T#30ms", 10, "peer P1 rst", 4, f"save scenario {file}",
     )  # fmt: skip
     assert answer.error == ""
-    assert answer.told == f"4 commands, 30 scans in {file}"
+    assert answer.message == f"4 commands, 30 scans in {file}"
     steps = steps_of(file)
     assert steps[:-1] == [
         "run 3",
@@ -88,7 +88,7 @@ def test_a_command_that_was_refused_is_not_in_it(driver: LocalDriver, tmp_path: 
 def test_a_mark_begins_the_expectations_anew(driver: LocalDriver, tmp_path: Path) -> None:
     file = tmp_path / "late.toml"
     answer = say(driver, "set TRCV_C_1 CONT=1", 10, "mark")
-    assert answer.told == "marked after scan 10"
+    assert answer.message == "marked after scan 10"
     say(driver, 1, "mark", "peer P1 connect", 5, f"save scenario {file}")
     assert steps_of(file) == [
         "set TRCV_C_1 CONT=1",

@@ -55,7 +55,7 @@ def answers(console: Controller, *lines: str) -> list[str]:
     for line in lines:
         console.handle_line(1, line)
     picture = console.picture(UpdateRequest(), EngineTiming(), 10)
-    return [answer.error or answer.told for answer in picture.answers]
+    return [answer.error or answer.message for answer in picture.answers]
 
 
 def test_late_scans_do_not_add_up_to_a_drift_of_what_a_peer_says(tmp_path: Path) -> None:

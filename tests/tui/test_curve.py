@@ -21,12 +21,12 @@ from trcvtui.replay.time_line import TimeLine
 from trcvtui.tui.curve import CurveScreen, CurveView
 from trcvtui.tui.view_model import member_numbers
 from trcvtui.tui.view_model.member_numbers import Number
-from trcvtui.tui.widgets.curves import BLOCKS
+from trcvtui.tui.widgets.curves import SPARK_BLOCKS
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Leaf
 
 SPEEDS = (0.0, 1.0, 2.0, 80.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0)
-SPARKS = re.compile(f"([{BLOCKS}×]+)$")
+SPARKS = re.compile(f"([{SPARK_BLOCKS}×]+)$")
 
 
 def sent(*speeds: float) -> list[str]:

@@ -45,7 +45,7 @@ async def test_no_key_and_no_command_of_the_palette_does_more_than_look(
     monkeypatch.setattr(keepsake, "copy_by_program", kept.append)
     monkeypatch.setattr(clipboard_and_files, "copy_by_program", kept.append)
     monkeypatch.setattr(wave_files, "write_file", lambda *what, **how: kept.append(what))
-    monkeypatch.setattr(files, "read_bytes", lambda *what: kept.append(what))
+    monkeypatch.setattr(files, "read_bounded", lambda *what: kept.append(what))
     async with looking(WIDE) as looker:
         app = looker.app
         app.only_looks = True

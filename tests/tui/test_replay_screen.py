@@ -146,10 +146,10 @@ async def test_all_messages_are_known_and_one_that_is_chosen_moves_the_time_line
             ("D", rows[5], rows[5].scan), ("down", rows[6], rows[6].scan), ("left", rows[5], rows[6].scan - 1)
         ):  # fmt: skip
             await looker.go(keys)
-            assert (table.find_chosen_row(), looker.scan) == (row, scan), keys
+            assert (table.find_current_row(), looker.scan) == (row, scan), keys
         await looker.go("9", "home")
         await looker.go("5", "up")
-        assert (table.find_chosen_row(), looker.scan) == (None, 1), "all are still to come"
+        assert (table.find_current_row(), looker.scan) == (None, 1), "all are still to come"
         known.share = 0.4
         assert "reading … 40%" in table.describe_rows()
         await looker.go("D", "9")
@@ -165,7 +165,7 @@ async def test_the_table_of_messages_keeps_g_home_and_end_and_the_arrows_are_the
         rows, first = looker.app.main.received.table.messages, looker.app.view_model.known_messages.rows[0]
         for keys, is_followed in (("home", False), ("end", True), ("g", False)):
             await looker.go(keys)
-            assert (rows.is_followed, looker.app.main.prompt.is_open) == (is_followed, False)
+            assert (rows.follows_newest, looker.app.main.prompt.is_open) == (is_followed, False)
         assert looker.scan == first.scan < LAST
         await looker.go("left")
         assert looker.scan == first.scan - 1

@@ -29,7 +29,7 @@ from trcvtui.tui.fleet.card import FleetCardScreen
 from trcvtui.tui.forms.add_screen import AddScreen, ChangeScreen, ChoiceField
 from trcvtui.tui.forms.description import DescriptionScreen
 from trcvtui.tui.forms.fields import ProjectPart
-from trcvtui.tui.forms.messages import LibraryScreen, UdtForm, form_of
+from trcvtui.tui.forms.messages import LibraryScreen, UdtForm, make_udt_form
 from trcvtui.tui.framings import FramingScreen
 from trcvtui.tui.lab.lab import Lab
 from trcvtui.tui.lab.panes import ConstantsForm, ProblemsScreen
@@ -77,7 +77,7 @@ def described() -> list[ConnectConfig]:
 
 
 def udt_form(looker: BenchLooker) -> UdtForm:
-    form = form_of("Telegram {}", "udt", looker.app.view_model)
+    form = make_udt_form("Telegram {}", "udt", looker.app.view_model)
     assert form is not None
     return form
 

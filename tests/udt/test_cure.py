@@ -27,7 +27,7 @@ from tests.udt.udt_strategies import (
     types_of,
     values_of,
 )
-from trcvtui.tui.lab.lab_fix import cure_source
+from trcvtui.tui.lab.lab_fix import format_cures
 from trcvtui.udt.compare.fit import rank, verdict
 from trcvtui.udt.cure.padded_type import PaddedType, list_notes, padded_type, prove_places
 from trcvtui.udt.cure.swap import Language, swap_code
@@ -159,7 +159,7 @@ def test_a_member_that_makes_the_whole_longer_than_is_sent_stays_and_len_ends_th
     theirs, ours = layout_of(members, "packed"), layout_of(members, "baosky-pack4")
     found = padded_type(theirs, ours.rules)
     assert (found.type, found.is_possible, found.layout.size) == (theirs.type, True, 12)
-    assert "\n// LEN := 10 at the receiving block" in cure_source(ours.rules, theirs, "st")
+    assert "\n// LEN := 10 at the receiving block" in format_cures(ours.rules, theirs, "st")
     nested = padded_type(layout_of(f"s : STRUCT {members} END_STRUCT; i : INT;", "packed"), ours.rules)
     assert list_notes(nested) == [
         "s.d: not reached: DINT makes the size of its STRUCT a multiple of 4 under baosky-pack4"
@@ -237,7 +237,7 @@ def test_scl_has_gaps_for_a_union_joined_bounds_and_no_string_that_is_too_long()
     text += (
         "w : ARRAY[0..1] OF V; b : ARRAY[0..1] OF ARRAY[0..2] OF REAL; s : STRING[255]; END_STRUCT END_TYPE"
     )
-    cured = cure_source(
+    cured = format_cures(
         rules_for("packed", text="nul"), lay_out(types_of(text).get_type("A"), rules_for("codesys-8")), "scl"
     )
     assert "no change needed" not in cured
@@ -255,7 +255,7 @@ def test_scl_has_gaps_for_a_union_joined_bounds_and_no_string_that_is_too_long()
     bits = layout_of("b : ARRAY[0..1] OF ARRAY[0..2] OF BOOL;", "s7-standard")
     rows = layout_of("b : ARRAY[0..1] OF ARRAY[0..2] OF INT;", "natural8")
     assert "#wire.b[#i1,#i2] := SWAP(" in swap_code(rows, "scl").code
-    assert "Array[0..1] of Array[0..2] of BOOL" in cure_source(bits.rules, bits, "scl")  # else they move
+    assert "Array[0..1] of Array[0..2] of BOOL" in format_cures(bits.rules, bits, "scl")  # else they move
 
 
 packed = st.builds(rules_for, st.just("packed"), orders, forms)
@@ -366,7 +366,7 @@ def test_profiles_that_agree_need_no_cure() -> None:
 def test_any_pair_has_a_cure_and_any_bytes_a_ranking(
     type_: Struct, ours: LayoutRules, theirs: LayoutRules, form: str, messages: list[bytes]
 ) -> None:
-    text = cure_source(ours, lay_out(type_, theirs, "T"), form)
+    text = format_cures(ours, lay_out(type_, theirs, "T"), form)
     assert text.startswith(f"// T for {ours.name}, ")
     scl = padded_type(lay_out(rename_for_st(type_), theirs, "T"), ours, is_scl=True)
     assert list(map(place_of, scl_again(scl).leaves())) == list(map(place_of, scl.layout.leaves()))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests import golden
 from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
 from trcvtui.udt.compare.compare import describe_difference
-from trcvtui.udt.compare.fit import leaders, rank, verdict
+from trcvtui.udt.compare.fit import rank, tied_readings, verdict
 from trcvtui.udt.layout.layout import (
     Layout,
     LayoutRules,
@@ -79,7 +79,7 @@ def test_the_profile_of_the_sender_ranks_first(
     layout = lay_out(TYPES.get_type(name), profile.rules)
     chance = random.Random(seed)
     fits = rank(layout.type, [message(layout, chance) for _ in range(count)], framed=framed)
-    assert any(profile in best.profiles for best in leaders(fits)), verdict(fits)
+    assert any(profile in best.profiles for best in tied_readings(fits)), verdict(fits)
 
 
 def test_a_natural_sender_is_told_from_cap4_with_the_reasons() -> None:
@@ -154,9 +154,9 @@ def test_two_readings_that_are_not_one_have_a_difference(
 
 def test_two_bools_of_which_the_second_is_false_may_be_bits() -> None:
     type_ = TYPES.get_type("Flags")
-    told = [str(best.profile) for best in leaders(rank(type_, [bytes.fromhex("01 00 07 00")]))]
+    told = [str(best.profile) for best in tied_readings(rank(type_, [bytes.fromhex("01 00 07 00")]))]
     assert told == ["baosky, little-endian", "s7-standard, little-endian"]
-    both = leaders(rank(type_, [bytes.fromhex("03 00 07 00")]))
+    both = tied_readings(rank(type_, [bytes.fromhex("03 00 07 00")]))
     assert [str(best.profile) for best in both] == ["s7-standard, little-endian"]
     assert verdict(rank(type_, [bytes.fromhex("01 00 07 00")])).endswith(
         "the first two differ only in the place of a (0 and 0.0), b (1 and 0.1)"

@@ -163,7 +163,7 @@ def test_what_the_packages_around_a_file_declare_is_found_the_nearest_first(
 
 def test_a_folder_that_is_too_large_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     put(report_st=REPORT, **{f"unit{n}_st": UNIT for n in range(4)})
-    monkeypatch.setattr(type_folder, "MOST", 3)
+    monkeypatch.setattr(type_folder, "MOST_FILES", 3)
     assert refusal("report.st", ".").startswith(".: found a folder of more than 3 type files or 64 MiB")
 
 

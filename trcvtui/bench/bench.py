@@ -18,7 +18,7 @@ from trcvtui.commands.edit import make_edits
 from trcvtui.commands.peer import read_replies, read_routines
 from trcvtui.commands.reader import project_after
 from trcvtui.commands.table import find_record_row
-from trcvtui.commands.words import CheckOn, EditCommand, PeerSend
+from trcvtui.commands.words import EditCommand, NumberedFramesOn, PeerSend
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.resources import BufferPool, ConnectionBudget, JobQueue, Resources, ScanBudget
@@ -71,7 +71,7 @@ def set_link(kernel: Kernel, connect: str, up: bool) -> tuple[str, str]:
     return kernel.set_link(connect, up), "packets pass again" if up else "packets dropped at the sockets"
 
 
-def link_of(peer: PeerDecl, project: Project) -> str:
+def find_peer_link(peer: PeerDecl, project: Project) -> str:
     """Return the name that `link NAME down` needs for this peer, "" if no CONNECT leads to it."""
     end = peer.remote if peer.udp else peer.end
     if isinstance(end, str):
@@ -95,7 +95,7 @@ def _connects_by_instance(project: Project) -> dict[str, str]:
 class TrafficCheck:
     """One `check on`; it ends with the next `check on` or `check off`."""
 
-    def __init__(self, peer: Peer, command: CheckOn) -> None:
+    def __init__(self, peer: Peer, command: NumberedFramesOn) -> None:
         self._peer = peer
         self._command = command
         self._data = FrameChecker(command.size) if command.instance else None
@@ -134,7 +134,7 @@ T = TypeVar("T")
 KERNEL_NAMES: Final = ("sim", "live")
 
 
-def _network_of_this_machine() -> OsKernel:
+def _make_os_kernel() -> OsKernel:
     from trcvtui.net.os.kernel import OsKernel  # loads the socket library: a simulated bench needs none
 
     return OsKernel()
@@ -148,7 +148,7 @@ class Bench:
         self._works_on = _connects_by_instance(project)
         self.kernel_name = kernel
         self.lines: dict[str, SimSerialPort] = {}  # simulated ones by their ComBuffer, for a test's partners
-        self.on_tap: Callable[[words.Intervene], str] | None = None  # set if a tap feeds this bench
+        self.on_tap: Callable[[words.TapAct], str] | None = None  # set if a tap feeds this bench
         self._seam = seam  # records each call and its result, or answers calls from a recording
         self._note_arrivals = _do_nothing
         self._unrecorded: tuple[StatusEdge, ...] = ()  # changes of the last scan that are not recorded yet
@@ -158,28 +158,34 @@ class Bench:
         self._scan_at = NEVER  # when the next scan shall begin; NEVER after a hold, which is no lateness
         self._is_replay = seam is not None and seam.has_answers
         self._sim = _make_sim_kernel(project) if kernel == "sim" or self._is_replay else None
-        self._kernel: SimKernel | OsKernel = self._sim or _network_of_this_machine()
+        self._kernel: SimKernel | OsKernel = self._sim or _make_os_kernel()
         self._faulty = FaultyKernel(self._kernel, self.plan)
         now_ns = clock.now_ns if self._sim is None else self._time  # measures the handshakes of a scan
         self._work, self._peers_work = self._make_budget(now_ns), ScanBudget(now_ns)
         self.reports: Path | None = None  # folder for reports of internal errors, None: the state folder
         is_due = getattr(seam, "has_failed", None)  # of a replay
-        self.containment = Containment(self._record_exception, self._report, self._note, is_due, self._bypass)
+        self.containment = Containment(
+            self._record_exception, self._report_error, self._note, is_due, self._bypass
+        )
         self._has_sessions = any(config.session is not None for config in project.connects)
         self.runtime = Runtime(
             project,
             self._plc_kernel(),
-            self._resources(project),
+            self._make_resources(project),
             self._peer_port,
             self._serial_port,
             self.containment,
         )
         if seam is not None:
-            seam.write_note, self._on_wait, self._work.said = self._write, self._work.said, self._report_wait
+            seam.write_note, self._on_wait, self._work.report_wait = (
+                self._write,
+                self._work.report_wait,
+                self._report_wait,
+            )
         self._peers_work.set_interval(self.runtime.interval_ns)
         self.plan.fired = self._report_fault
         self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
-        self._links = [link_of(decl, project) for decl in project.peers]
+        self._links = [find_peer_link(decl, project) for decl in project.peers]
         self._down: set[str] = set()
         self._checks: dict[str, TrafficCheck] = {}
         self._self_acting = {
@@ -264,15 +270,15 @@ class Bench:
         return FaultyPort(OsSerialPort(settings), self.plan, owner)
 
     def _on_error(self, owner: str, error: Exception) -> None:
-        self.containment.handle(("session", owner), error)
+        self.containment.record_error(("session", owner), error)
 
     def _note_layer(self, note: LayerNote) -> None:
         self._note(BenchNote(note.connect, note.what, note.why, note.client, note.for_all))
 
     def _report_wait(self, connect: str, what: EventKind, partner: str, why: str) -> None:
-        from trcvtui.recording.journal import WorkWaits
+        from trcvtui.recording.journal import DeferredWork
 
-        self._note(WorkWaits(connect, what, partner, why))
+        self._note(DeferredWork(connect, what, partner, why))
 
     def _report_fault(self, owner: str, fault: object) -> None:
         self._note(BenchNote(owner, "fault fired", str(fault)))
@@ -303,7 +309,7 @@ class Bench:
             if self._seam is not None:
                 self._seam.is_busy = is_busy
 
-    def _report(self, error: BaseException) -> ExceptionNote:
+    def _report_error(self, error: BaseException) -> ExceptionNote:
         from trcvtui.bench.error_report import MOST_LEDGER_LINES, report_error  # only after an error
 
         lines = self.runtime.ledger.lines_since(0, MOST_LEDGER_LINES)
@@ -312,7 +318,7 @@ class Bench:
     def _ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
         return do() if self._seam is None else self._seam.ask(owner, call, args, do)
 
-    def _resources(self, project: Project) -> Resources:
+    def _make_resources(self, project: Project) -> Resources:
         return Resources(
             JobQueue(project.rules.queue, self.plan.take_fault),
             BufferPool(project.rules.buffers, self.plan.take_fault),
@@ -358,7 +364,7 @@ class Bench:
         """Let one scan pass at `now` (default: the next multiple of the interval); peers act around it."""
         due = self.runtime.scans * self.runtime.interval_ns if now is None else now
         if self.peers and self._sim is not None:
-            while isinstance(at := self._find_act_time(due), int):
+            while isinstance(at := self._find_next_peer_time(due), int):
                 self._record_and_do("rest", at, partial(self._step_peers_at, at))
         if self._seam is None:
             self._run_scan(due)
@@ -416,7 +422,7 @@ class Bench:
                     if contained.is_due is not None:
                         contained.raise_recorded(("peer", name))
                 except Exception as error:
-                    contained.handle(("peer", name), error)
+                    contained.record_error(("peer", name), error)
                     contained.attempt(("peer", name), self.peers[name].end)
                     contained.out.add(("peer", name))
 
@@ -424,7 +430,7 @@ class Bench:
         self._scan_at = NEVER
         self._record_and_do("rest", 0, self.step_peers)
 
-    def _find_act_time(self, scan: int) -> object:
+    def _find_next_peer_time(self, scan: int) -> object:
         """Return when peers act next before a scan: one is due, or the simulated network moves; None: never.
 
         It is a multiple of the shortest interval of a task, which bounds the steps between two scans.
@@ -541,10 +547,10 @@ class Bench:
             if wrong:
                 return wrong
         self.project, self._works_on = edited, _connects_by_instance(edited)
-        if isinstance(command, words.Add | words.Change | words.Remove | words.Undo):
-            self._renew_routines()
+        if isinstance(command, words.AddEntry | words.Change | words.Remove | words.Undo):
+            self._renew_peer_routines()
         self.peers = {decl.name: self.peers[decl.name] for decl in edited.peers}
-        self._links = [link_of(decl, edited) for decl in edited.peers]
+        self._links = [find_peer_link(decl, edited) for decl in edited.peers]
         return ""
 
     def _apply_edit(self, edit: Edit, edited: Project) -> str:
@@ -569,14 +575,14 @@ class Bench:
         if wrong and old is not None:  # the edit is refused: the old peer is needed again
             old.listen()
         if not wrong and before is not None:
-            self.stop_check(words.CheckOff(before.name))
+            self.stop_check(words.NumberedFramesOff(before.name))
             if decl is None:
                 del self.peers[before.name]
                 self._self_acting.pop(before.name, None)
                 self.note(before.name, "removed")
         return wrong
 
-    def _renew_routines(self) -> None:
+    def _renew_peer_routines(self) -> None:
         routines = read_routines(self.project)
         for decl in self.project.peers:
             if any(text.startswith("message ") for text in decl.says):  # the library may have changed
@@ -601,17 +607,17 @@ class Bench:
         self.peers[decl.name] = peer
         return ""
 
-    def start_check(self, command: words.CheckOn) -> str:
+    def start_check(self, command: words.NumberedFramesOn) -> str:
         self._checks[command.peer] = TrafficCheck(self.peers[command.peer], command)
         return ""
 
-    def stop_check(self, command: words.CheckOff) -> str:
+    def stop_check(self, command: words.NumberedFramesOff) -> str:
         check = self._checks.pop(command.peer, None)
         if check is not None:
             check.end()
         return ""
 
-    def set_link(self, command: words.Link) -> str:
+    def set_link(self, command: words.SetLink) -> str:
         wrong, how = self._ask(
             command.connect,
             "link",
@@ -623,7 +629,7 @@ class Bench:
             self.note(command.connect, "link up" if command.up else "link down", how)
         return wrong
 
-    def order_tap(self, command: words.Intervene) -> str:
+    def order_tap(self, command: words.TapAct) -> str:
         """Send the order to the tap that feeds this bench; the tap reports by events what it did."""
         return self.on_tap(command) if self.on_tap else f"no tap runs here: `trcvtui tap` runs {command.tap}"
 

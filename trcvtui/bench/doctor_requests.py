@@ -99,7 +99,8 @@ class BenchDoctor:
             return ()
         seen, project = self.snapshot, bench.project
         answers = [
-            LineAnswer(number, line, *answer(each, seen, project)) for number, line, each in self._waiting
+            LineAnswer(number, line, *answer_command(each, seen, project))
+            for number, line, each in self._waiting
         ]
         self._waiting.clear()
         return answers
@@ -151,7 +152,7 @@ def _port(end: str) -> str:
     return end.rpartition(":")[2]
 
 
-def answer(command: Doctor, seen: DoctorSnapshot, project: Project) -> tuple[str, str]:
+def answer_command(command: Doctor, seen: DoctorSnapshot, project: Project) -> tuple[str, str]:
     """Return what is wrong, or "", and the findings on an instance, a CONNECT or all, as text."""
     if seen.trouble:
         return seen.trouble, ""

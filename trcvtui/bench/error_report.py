@@ -43,7 +43,7 @@ def write_report(trace: str, project: Project | None, lines: Sequence[Line], fol
     if len(_written_reports) >= MOST_REPORTS:
         return f"no report: {MOST_REPORTS} are written"
     is_ours, folder = folder is None, folder or state_folder()
-    now = datetime.fromtimestamp(clock.wall_ns() // clock.NS_PER_S)
+    now = datetime.fromtimestamp(clock.utc_ns() // clock.NS_PER_S)
     stem = f"trcvtui-error-{now:%Y%m%d-%H%M%S}"
     try:
         os.makedirs(folder, mode=0o700, exist_ok=True)
@@ -62,12 +62,12 @@ def write_report(trace: str, project: Project | None, lines: Sequence[Line], fol
 def report_error(
     error: BaseException, project: Project, lines: Sequence[Line], folder: Path | None
 ) -> ExceptionNote:
-    why = f"{describe_error(error)}; {write_report(trace_of(error), project, lines, folder)}"
+    why = f"{locate_error(error)}; {write_report(trace_of(error), project, lines, folder)}"
     files = [Path(frame.filename).parent for frame in traceback.extract_tb(error.__traceback__)]
     return ExceptionNote(why, CONNECTION_FOLDER in files)
 
 
-def describe_error(error: BaseException) -> str:
+def locate_error(error: BaseException) -> str:
     """Return an exception and its place in one line: `KeyError in receive_job.py:292`."""
     frames = traceback.extract_tb(error.__traceback__)
     place = f" in {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
@@ -78,7 +78,7 @@ def trace_of(error: BaseException) -> str:
     """Return the trace of an exception and its causes, without their texts; its last line describes it."""
     before = error.__cause__ or error.__context__
     earlier = f"{trace_of(before)}\n\n" if before is not None else ""
-    return f"{earlier}{''.join(traceback.format_tb(error.__traceback__))}{describe_error(error)}"
+    return f"{earlier}{''.join(traceback.format_tb(error.__traceback__))}{locate_error(error)}"
 
 
 def _report_lines(trace: str, project: Project | None, lines: Sequence[Line]) -> Iterator[str]:

@@ -55,12 +55,12 @@ class Program:
     def advance(self) -> None:
         """Do what is due before the next scan."""
         while self._at < len(self._steps):
-            if self._run_step(self._steps[self._at]):
+            if self._must_wait(self._steps[self._at]):
                 return
             self._at, self._scans_to_pass = self._at + 1, None
         self.is_over = True
 
-    def _run_step(self, step: words.Step) -> bool:
+    def _must_wait(self, step: words.Step) -> bool:
         match step.command:
             case words.RunScans(scans):
                 most = scans

@@ -57,27 +57,27 @@ class BlockRow(Struct, frozen=True):
         return any(pin.name == name for pin in self.pins)
 
     @property
-    def sends(self) -> bool:
+    def sends_on_net(self) -> bool:
         """Return whether REQ sends DATA over a CONNECT or a UDP_CONFIG."""
         return self._has_pin("REQ") and self.data_pin == "DATA"
 
     @property
-    def receives(self) -> bool:
+    def receives_on_net(self) -> bool:
         """Return whether EN_R receives into DATA from a CONNECT or a UDP_CONFIG."""
         return self._has_pin("EN_R")
 
     @property
     def sends_stream(self) -> bool:
-        return self.sends and not self.speaks_udp
+        return self.sends_on_net and not self.speaks_udp
 
     @property
     def receives_stream(self) -> bool:
-        return self.receives and not self.speaks_udp
+        return self.receives_on_net and not self.speaks_udp
 
     @property
-    def moves_bytes(self) -> bool:
+    def uses_network(self) -> bool:
         """Return whether it sends or receives on a CONNECT or a UDP_CONFIG."""
-        return self.sends or self.receives
+        return self.sends_on_net or self.receives_on_net
 
     @property
     def speaks_udp(self) -> bool:
@@ -85,7 +85,7 @@ class BlockRow(Struct, frozen=True):
         return bool(self.on_config)
 
     @property
-    def connects(self) -> bool:
+    def owns_link(self) -> bool:
         """Return whether it builds the CONNECT that it works on: such a stream can feed a ComBuffer.
 
         On a CONNECT of UDP it needs an ADDR.
@@ -93,19 +93,19 @@ class BlockRow(Struct, frozen=True):
         return self._has_pin("CONT") and not self.speaks_udp
 
     @property
-    def has_buffer(self) -> bool:
+    def has_com_buffer(self) -> bool:
         return bool(self.buffer_pin)
 
     @property
-    def reads_buffer(self) -> bool:
+    def reads_rx_buffer(self) -> bool:
         return self.buffer_pin == "RxBuffer"
 
     @property
-    def writes_buffer(self) -> bool:
+    def writes_tx_buffer(self) -> bool:
         return self.buffer_pin == "TxBuffer"
 
     @property
-    def mark_pins(self) -> dict[str, str]:
+    def affix_pins(self) -> dict[str, str]:
         """Return the pins of prefix and suffix, each with its name in MARK_NAMES."""
         return dict(zip(self.pointers, MARK_NAMES, strict=False))
 
@@ -339,12 +339,12 @@ def known_blocks(names: Iterable[str]) -> tuple[str, ...]:
     return tuple([name for name in names if name in BLOCKS])
 
 
-def buffer_pins() -> tuple[str, ...]:
+def com_buffer_pins() -> tuple[str, ...]:
     """Return the names of all pins for a ComBuffer, sorted."""
     return tuple(sorted({row.buffer_pin for row in BLOCKS.values() if row.buffer_pin}))
 
 
-def pointer_pins() -> tuple[str, ...]:
+def affix_pin_names() -> tuple[str, ...]:
     """Return the names of all pins for prefix or suffix."""
     return tuple(dict.fromkeys(pin for row in BLOCKS.values() for pin in row.pointers))
 
@@ -363,7 +363,7 @@ def outcome_field(name: str) -> str:
     return pin.shows if pin is not None else ""
 
 
-def is_time(name: str) -> bool:
+def is_time_pin(name: str) -> bool:
     """Return whether a pin is a TIME, in whole milliseconds."""
     pin = find_pin(name)
     return pin is not None and pin.iec_type == "TIME"

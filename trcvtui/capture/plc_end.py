@@ -25,7 +25,7 @@ _MACS: Final = {
     "30B851 384B24 40ECF8 4CE705 681FD8 683E02 789F87 883F99 8CF319 AC6417 D4F527 E0DCA0 E8EF22 EC1C5D",
     "WAGO": "0030DE",
 }
-VENDORS: Final = {bytes.fromhex(mac): name for name, macs in _MACS.items() for mac in macs.split()}
+VENDOR_BY_MAC: Final = {bytes.fromhex(mac): name for name, macs in _MACS.items() for mac in macs.split()}
 
 # ISO-on-TCP, Modbus, TRCV_C as manuals show it, IEC 104, OPC UA, FINS, DNP3, EtherNet/IP, ADS.
 USUAL_PORTS: Final = frozenset({102, 502, 2000, 2404, 4840, 9600, 20000, 44818, 48898})
@@ -113,9 +113,9 @@ def guess_plc(
     usual = [end for end in ends if end.address[1] in USUAL_PORTS]
     if len(usual) == 1:
         return PlcGuess(usual[0], 0.75, f"port {usual[0].address[1]}, usual at PLCs")
-    vendors = [end for end in ends if end.mac[:3] in VENDORS]  # devices of many kinds have them
+    vendors = [end for end in ends if end.mac[:3] in VENDOR_BY_MAC]  # devices of many kinds have them
     if len(vendors) == 1:
-        return PlcGuess(vendors[0], 0.7, f"MAC of {VENDORS[vendors[0].mac[:3]]}")
+        return PlcGuess(vendors[0], 0.7, f"MAC of {VENDOR_BY_MAC[vendors[0].mac[:3]]}")
     if conversation.listener is not None:
         return PlcGuess(conversation.listener, 0.6, "it listens: the SYN went there")
     lower = min(ends, key=lambda end: end.address[1])

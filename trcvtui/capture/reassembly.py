@@ -164,7 +164,7 @@ class WireDirection:
     def bytes(self) -> int:
         return self.position - self.missing
 
-    def is_in_order(self) -> bool:
+    def allows_fast_path(self) -> bool:
         """Return whether only bytes in order can come: the fast path of `add_packets`."""
         other, conversation = self.other, self.conversation
         return (
@@ -208,7 +208,7 @@ class Conversation:
         self.listener = self.back
 
     @property
-    def timeout_ns(self) -> int:
+    def forget_after_ns(self) -> int:
         """Return the silence after which a growing capture forgets it."""
         if self.protocol == "udp" and not self.tap:
             return SILENT_NS
@@ -258,14 +258,14 @@ class Conversations:
             self.packets += 1
             ns, interface, data, _, _, _, _ = packet
             if link_types[interface] != ETHERNET:
-                self._add_unusual_packet(packet, link_types[interface])
+                self._add_packet_slowly(packet, link_types[interface])
                 continue
             try:
                 (kind, head, total, number, fragment, protocol, key, seq, ack, offset, flags, window) = (
                     _USUAL_HEAD(data)
                 )
             except struct.error:
-                self._add_unusual_packet(packet, ETHERNET)
+                self._add_packet_slowly(packet, ETHERNET)
                 continue
             if (
                 (direction := flow_of(key)) is None
@@ -279,11 +279,11 @@ class Conversations:
                 or fragment & 0x3FFF
                 or not 0 <= ns - direction.conversation.last_ns <= SILENCE_NS
             ):
-                self._add_unusual_packet(packet, ETHERNET)
+                self._add_packet_slowly(packet, ETHERNET)
                 continue
             begin, end = 34 + (offset >> 4) * 4, 14 + total
             if end > len(data) or begin > end:
-                self._add_unusual_packet(packet, ETHERNET)
+                self._add_packet_slowly(packet, ETHERNET)
                 continue
             direction.conversation.last_ns = direction.last_ns = ns
             if ack != direction.told_ack:
@@ -318,9 +318,9 @@ class Conversations:
 
     def close(self) -> None:
         for conversation in self.all:
-            self._close(conversation)
+            self._flush(conversation)
 
-    def _close(self, conversation: Conversation) -> None:
+    def _flush(self, conversation: Conversation) -> None:
         for direction in (conversation.there, conversation.back):
             while direction.waiting:
                 self._skip_missing(conversation.last_ns, direction, direction.waiting[0][0])
@@ -328,14 +328,16 @@ class Conversations:
             if direction.has_base and left > 1:
                 self._skip_missing(conversation.last_ns, direction, direction.position + left)
 
-    def forget_ended(self, ns: int) -> list[int]:
+    def forget_silent(self, ns: int) -> list[int]:
         """Forget conversations that ended long ago, and silent ones if many; return their numbers."""
         is_full = len(self.all) > MOST_CONVERSATIONS // 2
-        over = [each for each in self.all if ns - each.last_ns > (SILENT_NS if is_full else each.timeout_ns)]
+        over = [
+            each for each in self.all if ns - each.last_ns > (SILENT_NS if is_full else each.forget_after_ns)
+        ]
         if not over:
             return []
         for each in over:
-            self._close(each)
+            self._flush(each)
         gone = set(over)
         pieces = [d.kept for each in over for d in (each.there, each.back) if d.kept is not None]
         self._kept_cost -= sum(len(data) + SEGMENT_COST for kept in pieces for _, data, _, _ in kept)
@@ -348,7 +350,7 @@ class Conversations:
 
     # -- one packet --------------------------------------------------------------------------------------
 
-    def _add_unusual_packet(self, packet: Packet, link_type: int) -> None:
+    def _add_packet_slowly(self, packet: Packet, link_type: int) -> None:
         data = packet.data
         if link_type == USER0:  # none of the line's packets
             if self.names(packet.interface) != NOTES:
@@ -413,7 +415,7 @@ class Conversations:
         key = b"".join((b"U", source, target, ports))
         direction = self._flows.get(key) or self._open_conversation(packet, link_type, key, found, "udp")
         if direction is not None:
-            self._datagram(packet.ns, direction, packet.data[at + 8 : end], max(end - at - 8, 0))
+            self._take_datagram(packet.ns, direction, packet.data[at + 8 : end], max(end - at - 8, 0))
 
     def _add_serial_packet(self, packet: Packet) -> None:
         data = packet.data
@@ -430,7 +432,7 @@ class Conversations:
         direction = self._flows.get(b"S%d" % sender + name)
         if direction is None:
             ends = (name, sender), (name, SENT_END + RECEIVED_END - sender)
-            direction = self._make(packet.ns, "serial", ends, (b"", b""))
+            direction = self._make_conversation(packet.ns, "serial", ends, (b"", b""))
             if direction is None:
                 return
             for each in (direction, direction.other):
@@ -438,7 +440,7 @@ class Conversations:
         if error and self._is_detailed:
             self._report_event(packet.ns, direction, SegmentKind.LINE_ERROR, direction.position, 1, error)
         if has_data:
-            self._datagram(packet.ns, direction, data[_SERIAL_HEAD:], packet.length - _SERIAL_HEAD)
+            self._take_datagram(packet.ns, direction, data[_SERIAL_HEAD:], packet.length - _SERIAL_HEAD)
 
     def _add_tcp_packet(self, packet: Packet, link_type: int, found: IpPayload) -> None:
         _, source, target, ports, at, end = found
@@ -455,7 +457,7 @@ class Conversations:
         if self._is_copy(ns, number, (key, number, seq, ack, flags, size), direction):
             direction.copies += 1
             return
-        self._pass_time(ns, direction)
+        self._note_time(ns, direction)
         if flags & 0x17 == _ACK and not size and _is_challenge(direction, ack):
             self._report_event(ns, direction, SegmentKind.CHALLENGE)
             return
@@ -474,25 +476,25 @@ class Conversations:
             if self._is_detailed and not size and not flags & _FIN:
                 self._report_event(ns, direction, SegmentKind.ACK, size=window)
             if self._is_detailed and size:
-                self._detect_late(ns, direction, seq, number)
+                self._detect_late_segment(ns, direction, seq, number)
         if not flags & _RST:
             direction.window = window
             direction.widest = direction.widest if flags & _SYN else max(direction.widest, window)
             ahead = distance(seq, direction.next) if direction.is_firm else 0
             direction.has_jumped |= abs(ahead) >= MOST_JUMP
             if ahead > -MOST_JUMP:  # else it is no copy of anything
-                self._segment(ns, direction, seq, packet.data[begin:end], size, flags)
+                self._take_segment(ns, direction, seq, packet.data[begin:end], size, flags)
         elif direction.conversation.end is None or direction.conversation.end[0] == "fin":
             direction.conversation.is_ours = any(
                 each.startswith(f"{OWN_PREFIX}rst") for each in packet.comments
             )
-            self._count_unread(direction)
+            self._estimate_unread(direction)
             self._report_event(ns, direction, SegmentKind.RST)
             direction.conversation.end = direction.conversation.end or ("rst", direction)
         if flags & (_ACK | _SYN):
             direction.told_ack = ack
         for one in (direction, direction.other):
-            one.is_steady = one.is_in_order()
+            one.is_steady = one.allows_fast_path()
 
     def _is_copy(self, ns: int, number: int, packet: SegmentHead, direction: WireDirection) -> bool:
         before = self._recent.get(packet, self._before.get(packet))
@@ -517,21 +519,23 @@ class Conversations:
         data, count = whole
         self.not_read[SkippedPacket.FRAGMENT] -= count
         self.not_read += Counter()  # drops the counts that are 0 now
-        self._add_unusual_packet(packet._replace(data=data, length=len(data)), link_type)
+        self._add_packet_slowly(packet._replace(data=data, length=len(data)), link_type)
 
     def _open_conversation(
         self, packet: Packet, link_type: int, key: bytes, found: IpPayload, name: str
     ) -> WireDirection | None:
         _, source, target, ports, _, _ = found
         ends = (source, int.from_bytes(ports[:2], "big")), (target, int.from_bytes(ports[2:], "big"))
-        there = self._make(packet.ns, name, ends, read_macs(link_type, packet.data))
+        there = self._make_conversation(packet.ns, name, ends, read_macs(link_type, packet.data))
         if there is not None:
             there.conversation.sent = packet.sent
             self._flows[key] = there
             self._flows[_flow_key(name, *ends[::-1])] = there.other
         return there
 
-    def _make(self, ns: int, protocol: str, ends: TwoEnds, macs: tuple[bytes, bytes]) -> WireDirection | None:
+    def _make_conversation(
+        self, ns: int, protocol: str, ends: TwoEnds, macs: tuple[bytes, bytes]
+    ) -> WireDirection | None:
         """Return the direction of a first packet; None: there are too many conversations."""
         if len(self.all) >= MOST_CONVERSATIONS or self.is_tapped:
             self.unlisted += 1
@@ -573,7 +577,7 @@ class Conversations:
             direction.conversation.is_established = True
             self._report_event(ns, direction, SegmentKind.ESTABLISHED)
 
-    def _pass_time(self, ns: int, direction: WireDirection) -> None:
+    def _note_time(self, ns: int, direction: WireDirection) -> None:
         conversation = direction.conversation
         silence = ns - conversation.last_ns
         direction.last_ns = ns
@@ -582,8 +586,8 @@ class Conversations:
         conversation.goes_back |= silence < -REORDER_NS
         conversation.last_ns = max(ns, conversation.last_ns)
 
-    def _datagram(self, ns: int, direction: WireDirection, data: bytes, size: int) -> None:
-        self._pass_time(ns, direction)
+    def _take_datagram(self, ns: int, direction: WireDirection, data: bytes, size: int) -> None:
+        self._note_time(ns, direction)
         direction.segments += 1
         at = direction.position
         direction.position += len(data)
@@ -615,7 +619,7 @@ class Conversations:
             direction.is_closed_window = not window
             self._report_event(ns, direction, SegmentKind.WINDOW_OPENS if window else SegmentKind.ZERO_WINDOW)
 
-    def _detect_late(self, ns: int, direction: WireDirection, seq: int, number: int) -> None:
+    def _detect_late_segment(self, ns: int, direction: WireDirection, seq: int, number: int) -> None:
         if distance(seq, direction.next) > 0:
             direction.early_number = number
             return
@@ -649,7 +653,7 @@ class Conversations:
         if not direction.is_firm and not direction.bytes and distance(ack, direction.next) > 0:
             direction.next = ack
 
-    def _segment(
+    def _take_segment(
         self, ns: int, direction: WireDirection, seq: int, payload: bytes, size: int, flags: int
     ) -> None:
         is_tapped = bool(direction.conversation.tap)
@@ -703,12 +707,12 @@ class Conversations:
             return
         direction.has_fin = True
         direction.next = (direction.next + 1) & _SEQ_MASK
-        self._count_unread(direction)
+        self._estimate_unread(direction)
         self._report_event(ns, direction, SegmentKind.FIN, direction.position)
         conversation = direction.conversation
         conversation.end = conversation.end or ("fin", direction)
 
-    def _count_unread(self, direction: WireDirection) -> None:
+    def _estimate_unread(self, direction: WireDirection) -> None:
         other = direction.other
         waits = distance(other.next, other.acked) - other.has_fin if other.has_base else 0
         misses = direction.widest - direction.window

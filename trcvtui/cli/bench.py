@@ -26,7 +26,7 @@ from trcvtui.cli.options import (
     record_target,
     run_writer,
 )
-from trcvtui.cli.screen import launch, open_screen
+from trcvtui.cli.screen import open_screen, run_screen
 from trcvtui.cli.streams import has_terminal
 from trcvtui.errors import mistake
 from trcvtui.paths import resolve_path
@@ -34,7 +34,7 @@ from trcvtui.paths import resolve_path
 SCENARIO_FORMATS = ("text", "jsonl", "junit")
 
 
-def add_run(parser: CommandParser) -> None:
+def set_up_run(parser: CommandParser) -> None:
     parser.description = "Opens a project on the screen. It asks before it makes a file that does not exist."
     add_project(parser)
     add_kernel(parser)
@@ -49,11 +49,11 @@ def _run(args: Args) -> int:
     if args.attach is not None:
         from trcvtui.engine.driver import AttachedDriver
 
-        return launch(lambda: AttachedDriver(args.attach), args.theme, args.read_only, is_run=True)
+        return run_screen(lambda: AttachedDriver(args.attach), args.theme, args.read_only, is_run=True)
     return open_screen(args.project, args.kernel, args.netns, args.theme, args.read_only, record_target(args))
 
 
-def add_serve(parser: CommandParser) -> None:
+def set_up_serve(parser: CommandParser) -> None:
     parser.description = "Shows the bench of a project in a browser on this machine, in up to 8 tabs."
     add_project(parser)
     add_kernel(parser)
@@ -74,7 +74,7 @@ def _serve(args: Args) -> int:
     return GOOD
 
 
-def add_examples(parser: CommandParser) -> None:
+def set_up_examples(parser: CommandParser) -> None:
     parser.description = "Lists the projects and stories that come with the program."
     parser.add_argument("word", metavar="WORD", nargs="?", help="only lines with this word, scenarios too")
 
@@ -88,9 +88,9 @@ def _examples(args: Args) -> int:
     return print_lines(lines)
 
 
-def add_scenario(parser: CommandParser) -> None:
+def set_up_scenario(parser: CommandParser) -> None:
     parser.description = "Runs scenarios without a screen; exit 1: an expectation failed."
-    parser.last_words = lambda: f"formats: {', '.join(SCENARIO_FORMATS)}; {dialect_names()}"
+    parser.make_epilog = lambda: f"formats: {', '.join(SCENARIO_FORMATS)}; {dialect_names()}"
     parser.add_argument("files", metavar="FILE.toml", nargs="+", type=resolve_path, help="scenario files")
     add_kernel(parser, "sim")
     parser.add_argument("--format", metavar="NAME", default="text", help="output format; default: text")
@@ -113,7 +113,7 @@ def _scenario(args: Args) -> int:
     return run_files(args.files, args.kernel, args.format, out, args.set, args.netns, record, args.dialect)
 
 
-def add_record_command(parser: CommandParser) -> None:
+def set_up_record(parser: CommandParser) -> None:
     parser.description = "Runs a project without a screen and records all, the newest part, or each trigger."
     add_project(parser)
     parser.add_argument("--out", metavar="DIR", required=True, type=Path, help="folder of the numbered files")
@@ -138,7 +138,7 @@ def _record(args: Args) -> int:
     return record(args.project, args.out, args.kernel, limits, args.on, args.duration, secrets, run_writer())
 
 
-def add_replay(parser: CommandParser) -> None:
+def set_up_replay(parser: CommandParser) -> None:
     parser.description = "Shows a recording with a time line, or runs it again, as it was or changed."
     parser.add_argument("file", metavar="FILE", type=resolve_path, help="a recording, also .gz")
     parser.add_argument("--check", action="store_true", help="run it again and compare; exit 1: it differs")
@@ -161,13 +161,13 @@ def _replay(args: Args) -> int:
     if not args.check and args.format is None and has_terminal():
         from trcvtui.replay.driver import make_replay_driver
 
-        return launch(lambda: make_replay_driver(args.file, args.at), is_replay=True)
+        return run_screen(lambda: make_replay_driver(args.file, args.at), is_replay=True)
     from trcvtui.replay.command import replay_file
 
     return replay_file(args.file, args.check, args.format)
 
 
-def add_recording(parser: CommandParser) -> None:
+def set_up_recording(parser: CommandParser) -> None:
     parser.description = "Makes a copy of a recording to hand on, or prints a Wireshark dissector."
     rows = {
         "strip": ("write a copy without payload, names or TLS keys", _add_strip, _strip),
@@ -202,11 +202,11 @@ def _dissector(args: Args) -> int:
 
 
 COMMANDS = {
-    "run": ("the screen; makes a new file, too", "new.toml", add_run, _run),
-    "examples": ("projects and stories to try", "", add_examples, _examples),
-    "serve": ("the screen in a browser", "bench.toml --port 8000", add_serve, _serve),
-    "scenario": ("a test without a screen", "test.toml --format junit", add_scenario, _scenario),
-    "record": ("record what a bench does", "bench.toml --out runs", add_record_command, _record),
-    "replay": ("play a recording, step by step", "run.pcapng", add_replay, _replay),
-    "recording": ("a copy to hand on", "strip run.pcapng out.pcapng", add_recording, None),
+    "run": ("the screen; makes a new file, too", "new.toml", set_up_run, _run),
+    "examples": ("projects and stories to try", "", set_up_examples, _examples),
+    "serve": ("the screen in a browser", "bench.toml --port 8000", set_up_serve, _serve),
+    "scenario": ("a test without a screen", "test.toml --format junit", set_up_scenario, _scenario),
+    "record": ("record what a bench does", "bench.toml --out runs", set_up_record, _record),
+    "replay": ("play a recording, step by step", "run.pcapng", set_up_replay, _replay),
+    "recording": ("a copy to hand on", "strip run.pcapng out.pcapng", set_up_recording, None),
 }

@@ -29,7 +29,7 @@ def _add_certificates(parser: CommandParser) -> None:
     parser.add_argument("--mqtt-key", metavar="FILE", help="key of --mqtt-cert (PEM)")
 
 
-def add_agent(parser: CommandParser) -> None:
+def set_up_agent(parser: CommandParser) -> None:
     parser.description = "Runs a bench as a service, and publishes it to MQTT, Prometheus or both."
     add_project(parser)
     add_kernel(parser)
@@ -88,7 +88,7 @@ def _agent(args: Args) -> int:
     return run_agent(settings, project)
 
 
-def add_fleet(parser: CommandParser) -> None:
+def set_up_fleet(parser: CommandParser) -> None:
     parser.description = "Shows the lines of all agents on one screen."
     parser.add_argument("url", metavar="mqtts://HOST", help=BROKER_HELP)
     parser.add_argument(
@@ -99,7 +99,7 @@ def add_fleet(parser: CommandParser) -> None:
 
 
 def _fleet(args: Args) -> int:
-    from trcvtui.clock import wall_ns
+    from trcvtui.clock import utc_ns
     from trcvtui.fleet.broker import NO_TLS_TEXT, parse_broker
 
     broker = parse_broker(args.url, args.mqtt_ca, args.mqtt_cert, args.mqtt_key, where="trcvtui fleet")
@@ -112,10 +112,10 @@ def _fleet(args: Args) -> int:
     os.environ.setdefault("TEXTUAL_FPS", "200")
     from trcvtui.tui.fleet.app import run_fleet
 
-    return run_fleet(broker, args.site, f"fleet-{wall_ns():x}-{os.getpid()}", args.theme)
+    return run_fleet(broker, args.site, f"fleet-{utc_ns():x}-{os.getpid()}", args.theme)
 
 
 COMMANDS = {
-    "agent": ("a bench as a service", "line.toml --mqtt mqtts://HOST", add_agent, _agent),
-    "fleet": ("all agents on one screen", "mqtts://HOST", add_fleet, _fleet),
+    "agent": ("a bench as a service", "line.toml --mqtt mqtts://HOST", set_up_agent, _agent),
+    "fleet": ("all agents on one screen", "mqtts://HOST", set_up_fleet, _fleet),
 }

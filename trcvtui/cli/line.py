@@ -23,7 +23,7 @@ from trcvtui.cli.options import (
     print_lines,
     run_writer,
 )
-from trcvtui.cli.screen import launch
+from trcvtui.cli.screen import run_screen
 from trcvtui.cli.streams import has_terminal
 from trcvtui.errors import UserError, mistake
 from trcvtui.paths import resolve_path
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 def _add_shadows(parser: CommandParser, plc: str = "guessed") -> None:
-    parser.last_words = dialect_names
+    parser.make_epilog = dialect_names
     add_project(parser, "project whose instances receive the traffic as shadows")
     add_plc(parser, plc)
     about = "dialect of the shadows; default: the project's, else the first"
@@ -45,12 +45,12 @@ def _add_shadows(parser: CommandParser, plc: str = "guessed") -> None:
 # -- watch ----------------------------------------------------------------------------------------------
 
 
-def add_watch(parser: CommandParser) -> None:
+def set_up_watch(parser: CommandParser) -> None:
     parser.description = "Shows a capture, or packets from stdin, as the blocks of a PLC receive them."
     about = "files of one capture (pcapng or pcap, also .gz), or - for stdin"
     parser.add_argument("files", metavar="FILE", nargs="+", type=find_file, help=about)
     _add_shadows(parser)
-    parser.last_words = _capture_programs
+    parser.make_epilog = _capture_programs
     add_format(parser, "jsonl", is_text_default=True)
 
 
@@ -63,7 +63,7 @@ def _watch(args: Args) -> int:
         from trcvtui.line.on_screen import watch_main
 
         sys.stderr.write(f"reading {', '.join(args.files)}\n")  # a large one takes its time
-        return launch(lambda: ProcessDriver(watch_main, args.files, shadows), is_replay=True)
+        return run_screen(lambda: ProcessDriver(watch_main, args.files, shadows), is_replay=True)
     from trcvtui.line.watch_command import watch_captures
 
     watch_captures(args.files, *shadows, args.format)
@@ -80,7 +80,7 @@ def _watch_stdin(args: Args, shadows: tuple[Path | None, str | None, str | None]
         from trcvtui.line.live_screen import make_live_driver
 
         sys.stderr.write("waiting for packets on stdin\n")
-        return launch(lambda: make_live_driver(shadows))
+        return run_screen(lambda: make_live_driver(shadows))
     from trcvtui.line.watch_command import watch_stdin
 
     watch_stdin(*shadows, args.format)
@@ -103,7 +103,7 @@ if you may not capture on Linux: sudo usermod -aG wireshark $USER, or sudo dumpc
 # -- tap ------------------------------------------------------------------------------------------------
 
 
-def add_tap(parser: CommandParser) -> None:
+def set_up_tap(parser: CommandParser) -> None:
     parser.description = "Forwards between two ends; its screen shows, holds and changes what passes."
     places = "[ADDR:]PORT, udp:.. or serial:DEVICE[,9600,8N1]"
     parser.add_argument("listen", metavar="LISTEN", nargs="?", help=places)
@@ -152,7 +152,7 @@ def tap_screen(tap: str, asked: str, kernel: str) -> int:
     from trcvtui.line.live_screen import TapDriver
 
     try:
-        return launch(lambda: TapDriver(int(tap), json.loads(asked), kernel))
+        return run_screen(lambda: TapDriver(int(tap), json.loads(asked), kernel))
     except UserError as wrong:
         sys.stderr.write("".join(f"{line}\n" for line in wrong.lines()))
         return WRONG_INPUT
@@ -171,7 +171,7 @@ def _routes_of_taps(project: Path | None) -> list[Route]:
 # -- conversations, doctor, report ----------------------------------------------------------------------
 
 
-def add_conversations(parser: CommandParser) -> None:
+def set_up_conversations(parser: CommandParser) -> None:
     parser.description = "Lists the conversations of a capture, and what each end sent."
     about = "files of one capture: pcapng or pcap, also .gz"
     parser.add_argument("files", metavar="FILE", nargs="+", type=find_file, help=about)
@@ -191,7 +191,7 @@ def _conversations(args: Args) -> int:
     return print_lines(format_conversations(args.files, args.plc, args.format, known))
 
 
-def add_doctor(parser: CommandParser) -> None:
+def set_up_doctor(parser: CommandParser) -> None:
     parser.description = "Finds what is wrong in captures, recordings and projects. Exit 1: findings."
     about = "captures, recordings, projects (.toml)"
     parser.add_argument("files", metavar="FILE", nargs="+", type=find_file, help=about)
@@ -221,9 +221,9 @@ def _doctor(args: Args) -> int:
     lints = [judge_project(load_bench(path, args.set)) for path in projects]
     files = [file for file in args.files if not file.endswith(".toml")]
     if args.suggest is not None:
-        from trcvtui.diagnosis.readings.suggest import suggest
+        from trcvtui.diagnosis.readings.suggest import suggest_project
 
-        for line in suggest(files, args.plc, args.suggest):
+        for line in suggest_project(files, args.plc, args.suggest):
             sys.stderr.write(f"{line}\n")
     if args.time is None:
         return run_doctor(files, question, args.format, args.jobs, lints, scheduler=args.scheduler)
@@ -274,7 +274,7 @@ def _record_run(path: Path, args: Args, folder: str) -> list[str]:
     return [str(file) for file in sorted(out.iterdir())]
 
 
-def add_report(parser: CommandParser) -> None:
+def set_up_report(parser: CommandParser) -> None:
     parser.description = (
         "Writes a recording or capture as an HTML page: verdict, time line, causes, STATUS, frames."
     )
@@ -297,7 +297,7 @@ def _report(args: Args) -> int:
 # -- messages -------------------------------------------------------------------------------------------
 
 
-def add_messages(parser: CommandParser) -> None:
+def set_up_messages(parser: CommandParser) -> None:
     parser.description = "Prints each message of a recording, a capture or a run as a row with its members."
     about = "recordings, files of one capture, or a project (.toml) with --for"
     parser.add_argument("files", metavar="FILE", nargs="+", type=find_file, help=about)
@@ -342,10 +342,15 @@ def _messages(args: Args) -> int:
 
 
 COMMANDS = {
-    "watch": ("a capture as the PLC saw it", "line.pcapng --project bench.toml", add_watch, _watch),
-    "tap": ("between two ends: see and change bytes", "2001 192.168.0.10:2000", add_tap, _tap),
-    "conversations": ("which ends talked, and when", "line.pcapng", add_conversations, _conversations),
-    "messages": ("each message a row, with its members", "line.pcapng --format csv", add_messages, _messages),
-    "doctor": ("find what is wrong", "line.pcapng", add_doctor, _doctor),
-    "report": ("a report as one HTML page", "line.pcapng --out line.html", add_report, _report),
+    "watch": ("a capture as the PLC saw it", "line.pcapng --project bench.toml", set_up_watch, _watch),
+    "tap": ("between two ends: see and change bytes", "2001 192.168.0.10:2000", set_up_tap, _tap),
+    "conversations": ("which ends talked, and when", "line.pcapng", set_up_conversations, _conversations),
+    "messages": (
+        "each message a row, with its members",
+        "line.pcapng --format csv",
+        set_up_messages,
+        _messages,
+    ),
+    "doctor": ("find what is wrong", "line.pcapng", set_up_doctor, _doctor),
+    "report": ("a report as one HTML page", "line.pcapng --out line.html", set_up_report, _report),
 }

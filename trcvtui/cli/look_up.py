@@ -11,13 +11,13 @@ from trcvtui.cli.options import (
     load_bench,
     print_text,
 )
-from trcvtui.cli.udt import add_udt
+from trcvtui.cli.udt import set_up_udt
 from trcvtui.errors import mistake
 
 
-def add_status(parser: CommandParser) -> None:
+def set_up_status(parser: CommandParser) -> None:
     parser.description = "Explains a STATUS code; without CODE it lists all codes of a dialect."
-    parser.last_words = dialect_names
+    parser.make_epilog = dialect_names
     parser.add_argument(
         "code",
         metavar="CODE",
@@ -59,7 +59,7 @@ def _status(args: Args) -> int:
     return print_text(report.as_text(cards, others, default))
 
 
-def add_st(parser: CommandParser) -> None:
+def set_up_st(parser: CommandParser) -> None:
     parser.description = "Prints instances as calls in Structured Text or SCL, ready to paste."
     add_project(parser)
     parser.add_argument("instance", metavar="INSTANCE", nargs="?", help="default: all of them")
@@ -67,7 +67,7 @@ def add_st(parser: CommandParser) -> None:
     parser.add_argument("--multi", action="store_true", help="SCL: call them as multi-instances, #NAME")
 
 
-def _st(args: Args) -> int:
+def _print_calls(args: Args) -> int:
     from trcvtui.commands.table import collect_written_data, parse_script
     from trcvtui.project.st_call import CallForm, st_text
 
@@ -78,7 +78,7 @@ def _st(args: Args) -> int:
     return print_text(st_text(project, names, form=form))
 
 
-def add_completion(parser: CommandParser) -> None:
+def set_up_completion(parser: CommandParser) -> None:
     parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
     parser.description = 'Prints the completion for a shell; bash: eval "$(trcvtui completion bash)"'
 
@@ -87,11 +87,11 @@ def _completion(args: Args) -> int:
     import shtab
 
     parser = args.whole()
-    _prepare_completion(parser)
+    _make_completable(parser)
     return print_text(shtab.complete(parser, args.shell))
 
 
-def _prepare_completion(parser: CommandParser) -> None:
+def _make_completable(parser: CommandParser) -> None:
     """Show the commands, which help leaves out; complete file arguments with names of files."""
     from argparse import _SubParsersAction
 
@@ -101,14 +101,14 @@ def _prepare_completion(parser: CommandParser) -> None:
         if isinstance(action, _SubParsersAction):
             action.help = None
             for each in action.choices.values():
-                _prepare_completion(each)
+                _make_completable(each)
         elif {*str(action.metavar).replace(".", "|").split("|")} & {"FILE", "DIR", "toml", "IN", "OUT"}:
             action.complete = shtab.FILE  # type: ignore[attr-defined]
 
 
 COMMANDS = {
-    "status": ("explain a STATUS code", "80C5", add_status, _status),
-    "st": ("instances as calls in Structured Text", "bench.toml", add_st, _st),
-    "udt": ("a type: layout, bytes, exports, repair", "show telegram.st", add_udt, None),
-    "completion": ("commands and options for a shell", "bash", add_completion, _completion),
+    "status": ("explain a STATUS code", "80C5", set_up_status, _status),
+    "st": ("instances as calls in Structured Text", "bench.toml", set_up_st, _print_calls),
+    "udt": ("a type: layout, bytes, exports, repair", "show telegram.st", set_up_udt, None),
+    "completion": ("commands and options for a shell", "bash", set_up_completion, _completion),
 }

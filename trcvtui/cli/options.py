@@ -46,15 +46,15 @@ class CommandParser(argparse.ArgumentParser):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(formatter_class=_WideHelpFormatter, allow_abbrev=False, **settings)
-        self.last_words: Callable[[], str] | None = None
+        self.make_epilog: Callable[[], str] | None = None
         self.given: Sequence[str] = ()  # the arguments after the command's name
 
     def error(self, message: str) -> NoReturn:
         self.exit(WRONG_INPUT, one_line(f"{self.prog}: {message}") + "\n")
 
     def format_help(self) -> str:
-        if self.last_words is not None:  # names of dialects and formats need slow imports: only for help
-            self.epilog = self.last_words()
+        if self.make_epilog is not None:  # names of dialects and formats need slow imports: only for help
+            self.epilog = self.make_epilog()
         return super().format_help()
 
 

@@ -40,10 +40,12 @@ def open_screen(
         return WRONG_INPUT
     from trcvtui.engine.driver import EngineDriver
 
-    return launch(lambda: EngineDriver(path, kernel, netns, read_only, record), theme, read_only, is_run=True)
+    return run_screen(
+        lambda: EngineDriver(path, kernel, netns, read_only, record), theme, read_only, is_run=True
+    )
 
 
-def launch(
+def run_screen(
     start: Callable[[], ProcessDriver],
     theme: str | None = None,
     read_only: bool = False,

@@ -20,7 +20,7 @@ from trcvtui.cli.options import (
 BYTES = "HEX|@FILE|-"
 
 
-def add_udt(parser: CommandParser) -> None:
+def set_up_udt(parser: CommandParser) -> None:
     parser.description = "Shows a type, its layouts and its bytes, exports it, finds and mends a mismatch."
     add_commands(parser, COMMANDS, required=True)
 
@@ -47,7 +47,7 @@ def _add_type(parser: CommandParser, formats: Sequence[str] = (), twice: bool = 
 
 
 def _add_files(parser: CommandParser) -> None:
-    parser.last_words = _list_formats
+    parser.make_epilog = _list_formats
     about = "file that declares the type, a folder of such files, or - for stdin"
     parser.add_argument("file", metavar="FILE", type=find_file, help=about)
     many: dict[str, Any] = {"action": "append", "default": []}
@@ -139,10 +139,10 @@ def _add_cure(parser: CommandParser) -> None:
 
 
 def _cure(args: Args) -> int:
-    from trcvtui.tui.lab.lab_fix import cure_source
+    from trcvtui.tui.lab.lab_fix import format_cures
     from trcvtui.udt import command
 
-    return print_text(cure_source(*command.choose_cure_sides(args), args.form).rstrip("\n"))
+    return print_text(format_cures(*command.choose_cure_sides(args), args.form).rstrip("\n"))
 
 
 COMMANDS = {

@@ -56,7 +56,7 @@ def _instances(project: Project) -> Iterable[str]:
 
 
 def _names_with_marks(project: Project) -> Iterable[str]:
-    return (instance.name for instance in project.instances if block_row(instance.block).mark_pins)
+    return (instance.name for instance in project.instances if block_row(instance.block).affix_pins)
 
 
 after_instance_verb: Final = _offer(_instances)
@@ -182,7 +182,7 @@ def after_create(words: list[str], project: Project) -> Iterable[str]:
         ("task", [each.name for each in project.tasks]),
         ("config", [each.name for each in project.udp_configs]), ("addr", [a.name for a in project.addrs]),
         (block_row(words[1]).buffer_pin, [each.name for each in lines]),
-        *((pin, [each.name for each in project.data]) for pin in block_row(words[1]).mark_pins),
+        *((pin, [each.name for each in project.data]) for pin in block_row(words[1]).affix_pins),
     )  # fmt: skip
     given = {word.partition("=")[0] for word in words}
     pins = (f"{pin.name}=" for pin in project.pins(words[1]) if pin.direction != "out")

@@ -31,7 +31,7 @@ from trcvtui.commands.words import (
     PeerIs,
     PeerReceived,
     PinsAre,
-    SetMark,
+    SetFrameMark,
     Wait,
     Write,
 )
@@ -251,7 +251,7 @@ def parse_peer(words: Words, project: Project) -> PeerDecl:
 LONGEST_MARK: Final = 255  # LenPrefix is a BYTE
 
 
-def parse_mark(mark: str, words: Words, project: Project) -> SetMark:
+def parse_mark(mark: str, words: Words, project: Project) -> SetFrameMark:
     """Return `prefix RD hex 02`, `prefix RD text "x"` or `suffix RD none`; raise UserError."""
     instance = parse_instance(words, project)
     if not block_row(instance.block).pointers:
@@ -272,7 +272,7 @@ def parse_mark(mark: str, words: Words, project: Project) -> SetMark:
     if len(payload) > room:
         found = count(len(payload), "byte")
         raise words.error(found, f"at most {room}: '{variable}' is {decl.type_name} (`resize` changes it)")
-    return SetMark(instance.name, mark, payload, variable, pin, decl.size, text)
+    return SetFrameMark(instance.name, mark, payload, variable, pin, decl.size, text)
 
 
 def _find_mark_variable(instance: InstanceDecl, mark: str, words: Words) -> str:

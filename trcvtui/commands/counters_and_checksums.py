@@ -78,8 +78,8 @@ class FrameChecker:
         return CheckTally(self._frames, self._lost, self._doubled, self._shifts, self._strange)
 
 
-BINARY_NUMBER, DIGITS = "n", "digits"
-NUMBER_KINDS: Final = (BINARY_NUMBER, DIGITS)
+BINARY_NUMBER, DECIMAL_DIGITS = "n", "digits"
+NUMBER_KINDS: Final = (BINARY_NUMBER, DECIMAL_DIGITS)
 ByteOrder = Literal["little", "big"]
 FILL_KINDS: Final = (*NUMBER_KINDS, *CHECKSUMS)
 
@@ -101,7 +101,7 @@ class Fill:
         """Return the bytes, given those before them and the number of the message, from 0."""
         if self.kind == BINARY_NUMBER:
             return (number % (1 << 8 * self.width)).to_bytes(self.width, self.order)
-        if self.kind == DIGITS:
+        if self.kind == DECIMAL_DIGITS:
             return b"%0*d" % (self.width, number % 10**self.width)
         return CHECKSUMS[self.kind][1](before).to_bytes(self.width, self.order)
 

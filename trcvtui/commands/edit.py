@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from trcvtui.blocks.table import block_row, pointer_pins
+from trcvtui.blocks.table import affix_pin_names, block_row
 from trcvtui.commands.peer import (
     check_library,
     check_message,
@@ -23,7 +23,7 @@ from trcvtui.commands.peer import (
     read_routines,
 )
 from trcvtui.commands.tokens import Words, prefix_problems, unquote
-from trcvtui.commands.words import Add, AddData, Change, EditCommand, Remove, Undo
+from trcvtui.commands.words import AddEntry, AddVariable, Change, EditCommand, Remove, Undo
 from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.files import is_disk_replaced
 from trcvtui.net.connection.config import ConnectConfig, UdpConfig
@@ -70,7 +70,7 @@ from trcvtui.wording import count
 
 FIRST_PORT: Final = 2000
 LAST_PORT: Final = 49_151  # the system gives later ports to active ends
-HOST: Final = "127.0.0.1"
+DEFAULT_HOST: Final = "127.0.0.1"
 CONNECT_KEYS: Final = ("ActiveEstablished", "LocalAddress", "LocalPort", "RemoteAddress", "RemotePort")
 RECEIVE_TYPE: Final = "ARRAY[0..1023] OF BYTE"
 SEND_TYPE: Final = "ARRAY[0..15] OF BYTE"
@@ -90,7 +90,7 @@ def free_port(project: Project, after: int = FIRST_PORT - 1) -> int:
 def link_keys(block: str, content: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     """Return the keys that name the parts of a block (CONNECT, ADDR ..), each with its kind."""
     row = block_row(block)
-    if row.has_buffer:
+    if row.has_com_buffer:
         return ((row.buffer_pin, "combuffer"),)
     link = "config" if row.speaks_udp and not (row.datagrams and "connect" in content) else "connect"
     addr = (("addr", "addr"),) if row.speaks_udp else ()
@@ -115,12 +115,12 @@ def complete_instance(
     own: dict[str, Any] = {key: whole.pop(key) for key in of_connect if key in whole}
     parts = [(key, kind, NAME_STARTS[kind], own if kind in LISTEN else {}) for key, kind in missing]
     if row.data_pin and "data" not in whole:
-        receives = row.receives or row.reads_buffer
+        receives = row.receives_on_net or row.reads_rx_buffer
         type_ = {"type": RECEIVE_TYPE if receives else SEND_TYPE}
         parts.append(("data", "data", "rx" if receives else "tx", type_))
     for key, kind, start, given_keys in parts:
         name = free_name(kind, start, project)
-        usual = {"LocalAddress": HOST, "LocalPort": free_port(project)} if kind in LISTEN else {}
+        usual = {"LocalAddress": DEFAULT_HOST, "LocalPort": free_port(project)} if kind in LISTEN else {}
         decl = read_entry(kind, {"name": name, **usual, **given_keys}, project, where)
         project = append_entry(project, decl)
         made.append(decl)
@@ -146,10 +146,12 @@ PAIRS_FORM: Final = "KEY=VALUE, once each, such as LocalPort=2000"
 NOT_IN_USE_TEXT: Final = "that no other part needs it as it is"
 
 
-def parse_add(words: Words, project: Project) -> Add | AddData:
+def parse_add(words: Words, project: Project) -> AddEntry | AddVariable:
     kind = words.next_known(PART_KINDS, "kind", "what to add: " + ", ".join(PART_KINDS))
     if kind == UDT:  # a name with blanks needs no quotes
-        return Add(_read_udt_file(unquote(words.take_rest_text("a file of types")), project, words.where))
+        return AddEntry(
+            _read_udt_file(unquote(words.take_rest_text("a file of types")), project, words.where)
+        )
     start = words.place
     name = words.next(f"a name for the new {kind}")
     where = f"{words.where}: {kind} {name}"
@@ -162,12 +164,12 @@ def parse_add(words: Words, project: Project) -> Add | AddData:
         return _add_with_parts(content, project, where, words.text_since(start))
     decl = read_entry(kind, content, project, where)
     if isinstance(decl, DataDecl):
-        return AddData(decl.name, decl.type_name, decl)
+        return AddVariable(decl.name, decl.type_name, decl)
     if isinstance(decl, PeerDecl) and not content.keys() & {"remote", "local", "active", "udp"}:
         found = "neither remote nor local"
         raise mistake(where, found, "remote=@C1 (it connects), or local=127.0.0.1:4000 (it listens)")
     _check_messages(decl, append_entry(project, decl), where)
-    return Add(decl)
+    return AddEntry(decl)
 
 
 UDT: Final = "udt"
@@ -219,15 +221,15 @@ def _describe_types(decl: UdtFile, project: Project) -> str:
     return "\n".join([*lines, *(f"bad: {problem}" for problem in wrong[:1])])
 
 
-def _add_with_parts(content: dict[str, Any], project: Project, where: str, written: str) -> Add:
+def _add_with_parts(content: dict[str, Any], project: Project, where: str, written: str) -> AddEntry:
     whole, made = complete_instance(content, project, where)
     grown = apply_edits(project, tuple([make_addition(decl, project) for decl in made]))
     decl = read_entry(INSTANCE, whole, grown, where)
     assert isinstance(decl, InstanceDecl)
     if not made:
-        return Add(decl)
+        return AddEntry(decl)
     port = next((end.port for end in listening_ends(made) if "LocalPort" not in content), 0)
-    return Add(decl, made, f"add {INSTANCE} {written}{port_text(port) if port else ''}", port)
+    return AddEntry(decl, made, f"add {INSTANCE} {written}{port_text(port) if port else ''}", port)
 
 
 def _check_messages(decl: Declaration, project: Project, where: str) -> None:
@@ -340,7 +342,7 @@ def _changes_declaration(words: Words, name: str, project: Project) -> bool:
     if decl is None:
         return False
     pins = {pin.name for pin in project.pins(decl.block)}
-    of_others = set(pointer_pins()) - set(block_row(decl.block).pointers)
+    of_others = set(affix_pin_names()) - set(block_row(decl.block).pointers)
     wired = {row.name for row in TABLES[INSTANCE].keys if row.refers or row.name == "block"}
     keys = wired - of_others - pins
     return any(word.partition("=")[0] in keys for word in words.remaining_words())
@@ -405,8 +407,8 @@ def _check_users(edits: Edits, project: Project, where: str) -> None:
 
 def make_edits(command: EditCommand, project: Project) -> Edits:
     match command:
-        case Add() | AddData():
-            with_it = command.with_it if isinstance(command, Add) else ()
+        case AddEntry() | AddVariable():
+            with_it = command.with_it if isinstance(command, AddEntry) else ()
             return tuple([make_addition(decl, project) for decl in (*with_it, command.decl)])
         case Change(kind, name, _, _, decl):
             before = find_entry(kind, name, project)
@@ -420,10 +422,10 @@ def make_edits(command: EditCommand, project: Project) -> Edits:
 
 def describe_edit(command: EditCommand, project: Project) -> str:
     """Return what a line changes in this project: values before and now, and what restarts."""
-    if isinstance(command, Add) and isinstance(command.decl, UdtFile):
+    if isinstance(command, AddEntry) and isinstance(command.decl, UdtFile):
         return _describe_types(command.decl, project)
-    if isinstance(command, Add | AddData):
-        made = command.with_it if isinstance(command, Add) else ()
+    if isinstance(command, AddEntry | AddVariable):
+        made = command.with_it if isinstance(command, AddEntry) else ()
         return f"with {', '.join(map(_describe_made_part, made))}" if made else ""
     changes = [_describe_entry_edit(edit) for edit in make_edits(command, project)]
     anew = dict.fromkeys(what for edit in make_edits(command, project) for what in _restarts(edit, project))
@@ -471,9 +473,11 @@ def _restarts(edit: Edit, project: Project) -> list[str]:
     if edit.kind in (INSTANCE, "peer"):
         return [f"{edit.kind} {edit.name}"]
     has: dict[str, Callable[[InstanceDecl], bool]] = {
-        "connect": lambda i: i.connect == edit.name and not i.on_config and not block_row(i.block).has_buffer,
+        "connect": lambda i: (
+            i.connect == edit.name and not i.on_config and not block_row(i.block).has_com_buffer
+        ),
         "udp_config": lambda i: i.connect == edit.name and i.on_config,
-        "combuffer": lambda i: i.connect == edit.name and block_row(i.block).has_buffer,
+        "combuffer": lambda i: i.connect == edit.name and block_row(i.block).has_com_buffer,
         "addr": lambda i: i.addr == edit.name,
     }
     if edit.kind not in has:
@@ -484,9 +488,9 @@ def _restarts(edit: Edit, project: Project) -> list[str]:
     ]
 
 
-def add_line(command: Add | AddData) -> str:
+def add_line(command: AddEntry | AddVariable) -> str:
     """Return the line that `parse_add` reads as this command."""
-    if isinstance(command, Add) and command.text:
+    if isinstance(command, AddEntry) and command.text:
         return command.text
     decl = command.decl
     start = f"add {kind_name(decl)} {decl.name}"

@@ -13,7 +13,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.commands.conditions import parse_instance, parse_peer
 from trcvtui.commands.counters_and_checksums import (
     BINARY_NUMBER,
-    DIGITS,
+    DECIMAL_DIGITS,
     FILL_KINDS,
     LEAST_FRAME_SIZE,
     NUMBER_KINDS,
@@ -35,17 +35,17 @@ from trcvtui.commands.tokens import (
 from trcvtui.commands.words import (
     DEFAULT_CHECK_NS,
     DEFAULT_CHECK_SIZE,
+    AddReply,
     BenchCommand,
-    CheckOff,
-    CheckOn,
     Contains,
     FieldIs,
     Match,
+    NumberedFramesOff,
+    NumberedFramesOn,
     PeerAction,
-    PeerPlay,
+    PeerPlaySequence,
     PeerSend,
-    ReplyOff,
-    ReplyOn,
+    RemoveReplies,
     Starts,
     TrySplits,
     TryStop,
@@ -63,7 +63,7 @@ from trcvtui.udt.layout.values import decode_leaf
 CHUNK_SIZE: Final = integer(1, MOST_BYTES)
 REPEAT_KIND: Final = integer(1, 1_000_000)
 OFFSET_KIND: Final = integer(0, MOST_BYTES)
-WIDTH_KINDS: Final[dict[str, Kind[int]]] = {BINARY_NUMBER: integer(1, 8), DIGITS: integer(1, 19)}
+WIDTH_KINDS: Final[dict[str, Kind[int]]] = {BINARY_NUMBER: integer(1, 8), DECIMAL_DIGITS: integer(1, 19)}
 TIMING: Final = ("split", "gap", "repeat", "every")
 SEND_OPTION_NAMES: Final = (*TIMING, *FILL_KINDS)
 HEX_HOLE_FORM: Final = "{n}, {n:2}, {n:2:big} or a checksum such as {crc32} or {crc16-modbus:little}"
@@ -140,10 +140,10 @@ def _parse_text_holes(words: Words, project: Project) -> tuple[bytes, list[Fill]
         if name != BINARY_NUMBER:
             continue
         content += text_bytes(text[at : hole.start()], f"{words.where}: text")
-        digits = WIDTH_KINDS[DIGITS].from_text(width or "1")
+        digits = WIDTH_KINDS[DECIMAL_DIGITS].from_text(width or "1")
         if digits is None:
             raise words.error(quote(hole[0]), TEXT_HOLE_FORM)
-        fills.append(Fill(DIGITS, len(content), digits, hole=True))
+        fills.append(Fill(DECIMAL_DIGITS, len(content), digits, hole=True))
         content += b"0" * digits
         at = hole.end()
     content += text_bytes(text[at:], f"{words.where}: text")
@@ -179,7 +179,7 @@ def _make_fill(
     width: int | None = CHECKSUMS[kind][0] if kind in CHECKSUMS else 1
     if kind in NUMBER_KINDS and more:
         width = WIDTH_KINDS[kind].from_text(more.pop(0))
-    order = more.pop(0) if more and kind != DIGITS else None
+    order = more.pop(0) if more and kind != DECIMAL_DIGITS else None
     if width is None or more:
         raise words.error(quote(written), form)
     if order is not None and order not in BYTE_ORDERS:
@@ -190,7 +190,7 @@ def _make_fill(
 
 
 def _fill_byte_order(kind: str, width: int, order: str | None, project: Project) -> ByteOrder:
-    if width == 1 or kind == DIGITS:
+    if width == 1 or kind == DECIMAL_DIGITS:
         return "little"
     own = "little" if kind == "crc16-modbus" else project.layout.byte_order  # as Modbus sends it
     return cast(ByteOrder, order or own)
@@ -220,13 +220,13 @@ def parse_any_send(words: Words, project: Project, peer: str) -> PeerSend:
     return _parse_send(_find_message(name, peer, project, words), peer, project, _place(project, name))
 
 
-def parse_play(words: Words, project: Project, peer: str) -> PeerPlay:
+def parse_play(words: Words, project: Project, peer: str) -> PeerPlaySequence:
     name = words.next("the name of a sequence")
     words.expect_end()
     known = {sequence.name: sequence for sequence in project.sequences}
     if name not in known:
         raise words.make_unknown_error(name, known, "sequence")
-    return PeerPlay(peer, name, _parse_steps(known[name], peer, project, words))
+    return PeerPlaySequence(peer, name, _parse_steps(known[name], peer, project, words))
 
 
 def _find_message(name: str, peer: str, project: Project, words: Words) -> MessageDecl:
@@ -327,10 +327,10 @@ FRAME_SIZE_KIND: Final = integer(LEAST_FRAME_SIZE, 65507)  # the largest datagra
 CHECK_FORM: Final = "size=64, every=T#100ms, on and an instance, or the end of the command"
 
 
-def parse_check(words: Words, project: Project, peer: str) -> CheckOn | CheckOff:
+def parse_check(words: Words, project: Project, peer: str) -> NumberedFramesOn | NumberedFramesOff:
     if words.next_choice("on", "off") == "off":
         words.expect_end()
-        return CheckOff(peer)
+        return NumberedFramesOff(peer)
     size, every, instance = DEFAULT_CHECK_SIZE, DEFAULT_CHECK_NS, ""
     while words:
         key, equals, text = words.next("").partition("=")
@@ -342,7 +342,7 @@ def parse_check(words: Words, project: Project, peer: str) -> CheckOn | CheckOff
             instance = _read_receiver(words, project)
         else:
             raise words.error(quote(key), CHECK_FORM)
-    return CheckOn(peer, size, every, instance)
+    return NumberedFramesOn(peer, size, every, instance)
 
 
 def _read_receiver(words: Words, project: Project) -> str:
@@ -361,15 +361,15 @@ RULE_NUMBER_KIND: Final = integer(1, MOST_RULES)
 SEND_WORD: Final = "send"
 
 
-def parse_reply(words: Words, project: Project, peer: str) -> ReplyOn | ReplyOff:
+def parse_reply(words: Words, project: Project, peer: str) -> AddReply | RemoveReplies:
     if words.next_choice("on", "off") == "off":
         number = parse_value(RULE_NUMBER_KIND, words.next(""), "", words.where) if words else 0
         words.expect_end()
-        return ReplyOff(peer, number)
+        return RemoveReplies(peer, number)
     return parse_rule(words, project, peer)
 
 
-def parse_rule(words: Words, project: Project, peer: str) -> ReplyOn:
+def parse_rule(words: Words, project: Project, peer: str) -> AddReply:
     """Return `MATCH send PAYLOAD`, as in `replies` of a project file; raise UserError."""
     project = project.with_peer_layout(peer)
     answer = words.cut_tail(lambda word: word == SEND_WORD)
@@ -382,7 +382,7 @@ def parse_rule(words: Words, project: Project, peer: str) -> ReplyOn:
     send = parse_send(answer, project, peer, holes_in_text=True)
     if len(send.payload) > LONGEST_ANSWER:
         raise words.error(f"{len(send.payload)} bytes", f"at most {LONGEST_ANSWER} in an answer")
-    return ReplyOn(peer, match, send)
+    return AddReply(peer, match, send)
 
 
 def _read_match_bytes(words: Words, project: Project) -> tuple[bytes, str]:
@@ -430,9 +430,9 @@ class PeerRoutine(Struct, frozen=True):
     reconnect_ns: int
 
 
-def read_replies(project: Project) -> tuple[ReplyOn, ...]:
+def read_replies(project: Project) -> tuple[AddReply, ...]:
     """Return the reply rules in the `replies` of all peers; raise UserError with all mistakes."""
-    rules: list[ReplyOn] = []
+    rules: list[AddReply] = []
     with raise_all_problems() as problems:
         for decl in project.peers:
             rules += _read_rules(decl, project, f"{project.path}: peer {decl.name}", problems)
@@ -457,7 +457,7 @@ def check_routine(decl: PeerDecl, project: Project, where: str) -> None:
         _read_says(decl, project, where, problems)
 
 
-def _read_rules(decl: PeerDecl, project: Project, where: str, problems: list[Problem]) -> list[ReplyOn]:
+def _read_rules(decl: PeerDecl, project: Project, where: str, problems: list[Problem]) -> list[AddReply]:
     rules = []
     if len(decl.replies) > MOST_RULES:
         problems.append(Problem(f"{where}: replies", f"{len(decl.replies)} rules", f"at most {MOST_RULES}"))
@@ -503,13 +503,13 @@ class PeerActions(Protocol):
 
     def send(self, command: PeerSend, now: int) -> str: ...
 
-    def play(self, command: PeerPlay, now: int) -> str: ...
+    def play(self, command: PeerPlaySequence, now: int) -> str: ...
 
 
 class ReplyActions(Protocol):
     """The methods of a peer's reply rules that the rows use."""
 
-    def add(self, rule: ReplyOn) -> str: ...
+    def add(self, rule: AddReply) -> str: ...
 
     def remove(self, number: int, peer: str) -> str: ...
 

@@ -22,8 +22,8 @@ from trcvtui.commands.tokens import (
 )
 from trcvtui.commands.words import (
     TIMES_FOREVER,
-    Add,
-    AddData,
+    AddEntry,
+    AddVariable,
     BenchCommand,
     Change,
     Create,
@@ -31,17 +31,17 @@ from trcvtui.commands.words import (
     Doctor,
     FaultClear,
     FaultOn,
-    FeedLine,
-    Intervene,
-    Link,
+    FeedSerial,
     PlcRun,
     PlcStop,
     Pulse,
     Remove,
-    Resize,
+    Retype,
     RunFor,
     RunScans,
     Set,
+    SetLink,
+    TapAct,
     Undo,
 )
 from trcvtui.errors import UserError
@@ -91,7 +91,7 @@ class _Link(NamedTuple):
 
 def _read_link(given: dict[str, str], block: str, words: Words, project: Project) -> _Link:
     row = block_row(block)
-    if row.has_buffer:
+    if row.has_com_buffer:
         return _Link(_demand(given, row.buffer_pin, [b.name for b in project.combuffers], "ComBuffer", words))
     connects, addrs = [c.name for c in project.connects], [a.name for a in project.addrs]
     if row.speaks_udp and not (row.datagrams and "connect" in given):
@@ -100,7 +100,7 @@ def _read_link(given: dict[str, str], block: str, words: Words, project: Project
     connect = _demand(given, "connect", connects, "CONNECT", words)
     if row.speaks_udp:
         return _Link(connect, _demand(given, "addr", addrs, "ADDR", words))
-    takes_addr = row.connects and project.dialect.describes_connects
+    takes_addr = row.owns_link and project.dialect.describes_connects
     return _Link(connect, _read_name(given, "addr", addrs, "ADDR", words) if takes_addr else None)
 
 
@@ -153,12 +153,12 @@ def _read_inputs(
     return tuple((key, parse_pin_value(pins[key], text, words.where)) for key, text in given.items())
 
 
-def parse_resize(words: Words, project: Project) -> Resize:
+def parse_resize(words: Words, project: Project) -> Retype:
     """Return `resize rx ARRAY[0..9] OF BYTE`; raise UserError."""
     name = words.next_known([decl.name for decl in project.data], "DATA variable")
     type_name = words.take_rest_text("an IEC type or a UDT")
     try:
-        return Resize(name, type_name, declare_data(name, type_name, project, words.where))
+        return Retype(name, type_name, declare_data(name, type_name, project, words.where))
     except UserError as refused:
         if all(wrong.where.startswith(words.where) for wrong in refused.problems):
             raise
@@ -181,13 +181,13 @@ def project_after(command: BenchCommand, project: Project) -> Project:
     match command:
         case Create(decl):
             return replace(project, instances=(*project.instances, decl))
-        case Add() | AddData() | Change() | Remove():
+        case AddEntry() | AddVariable() | Change() | Remove():
             return apply_step(project, make_edits(command, project))
         case Undo():
             return undo_step(project)
         case Delete(name):
             return replace(project, instances=tuple(i for i in project.instances if i.name != name))
-        case Resize(_, _, decl):
+        case Retype(_, _, decl):
             return replace(project, data=tuple(decl if d.name == decl.name else d for d in project.data))
         case _:
             return project
@@ -201,19 +201,19 @@ def can_be_fed(buffer: ComBufferDecl) -> bool:
     return buffer.source in (SIMULATED, SERIAL) and not buffer.line
 
 
-def parse_feed(words: Words, project: Project) -> FeedLine:
+def parse_feed(words: Words, project: Project) -> FeedSerial:
     """Return `feed RX hex 01 02`, `feed RX text "abc"` or `feed RX break`; raise UserError."""
     lines = [buffer.name for buffer in project.combuffers if can_be_fed(buffer)]
     name = words.next_known(lines, f'ComBuffer with source = "{SIMULATED}"')
     if words.peek() == BREAK_WORD:
         words.next(BREAK_WORD)
-        return FeedLine(name, None)
+        return FeedSerial(name, None)
     form = words.peek()
     if form and form not in FORMS:
         expected = expected_name(form, (*FORMS, BREAK_WORD), "form of payload")
         raise words.error(quote(words.next(BREAK_WORD)), expected)
     payload = parse_payload(words, project)
-    return FeedLine(name, payload.content, payload.text)
+    return FeedSerial(name, payload.content, payload.text)
 
 
 SCAN_COUNT_KIND: Final = integer(1, 1_000_000_000)
@@ -266,9 +266,9 @@ def parse_plc_command(words: Words, project: Project) -> PlcStop | PlcRun:
     return PlcRun() if words.next_choice("stop", "run") == "run" else PlcStop()
 
 
-def parse_link(words: Words, project: Project) -> Link:
+def parse_link(words: Words, project: Project) -> SetLink:
     name = words.next_known(project.links(), "CONNECT")
-    return Link(name, words.next_choice("down", "up") == "up")
+    return SetLink(name, words.next_choice("down", "up") == "up")
 
 
 def parse_doctor(words: Words, project: Project) -> Doctor:
@@ -299,7 +299,7 @@ TAP_VERBS: Final[dict[str, tuple[str, str]]] = {
 }
 
 
-def parse_tap(words: Words, project: Project) -> Intervene:
+def parse_tap(words: Words, project: Project) -> TapAct:
     name = words.next_known([tap.name for tap in project.taps], "tap")
     to_plc = words.next_choice("to-plc", "from-plc") == "to-plc"
     conversation = 0
@@ -326,7 +326,7 @@ def parse_tap(words: Words, project: Project) -> Intervene:
     if len(payload.content) > MOST_INSERTED:
         raise words.error(f"{len(payload.content)} bytes", f"{MOST_INSERTED} at most")
     words.expect_end()
-    return Intervene(name, to_plc, verb, sizes, payload.content, payload.text, conversation)
+    return TapAct(name, to_plc, verb, sizes, payload.content, payload.text, conversation)
 
 
 SERIAL_BUFFER_TEXT: Final = 'ComBuffer with source = "serial"'

@@ -13,10 +13,10 @@ from typing import Any, Final, Protocol
 
 from msgspec import Struct, structs
 
-from trcvtui.blocks.table import block_row, is_time
+from trcvtui.blocks.table import block_row, is_time_pin
 from trcvtui.commands import completion, reader, words
 from trcvtui.commands.conditions import parse_expect, parse_instance, parse_mark, parse_wait, parse_write
-from trcvtui.commands.counters_and_checksums import DIGITS, NUMBER_KINDS, Fill
+from trcvtui.commands.counters_and_checksums import DECIMAL_DIGITS, NUMBER_KINDS, Fill
 from trcvtui.commands.edit import add_line, parse_add, parse_remove, parse_undo
 from trcvtui.commands.peer import SIMPLE_VERBS, PeerActions, parse_peer_command
 from trcvtui.commands.reader import parse_create, parse_resize, project_after
@@ -41,7 +41,7 @@ def _pins_text(pins: tuple[tuple[str, Any], ...]) -> str:
 def pin_text(name: str, value: bool | int | str) -> str:
     if isinstance(value, str):
         return value
-    if is_time(name):
+    if is_time_pin(name):
         return format_time(value * MILLISECOND)
     return f"{value:04X}" if name == "STATUS" else str(int(value))
 
@@ -60,7 +60,7 @@ def create_line(c: words.Create) -> str:
     return " ".join(parts + [_pins_text(decl.inputs)] * bool(decl.inputs))
 
 
-def feed_line(c: words.FeedLine) -> str:
+def feed_line(c: words.FeedSerial) -> str:
     return f"feed {c.buffer} {'break' if c.payload is None else c.text or 'hex ' + c.payload.hex(' ')}"
 
 
@@ -85,10 +85,10 @@ def _fill_text(fill: Fill) -> str:
     text = f"{fill.kind}={fill.offset}"
     if fill.kind in NUMBER_KINDS:
         text += f":{fill.width}"
-    return text + (f":{fill.order}" if fill.width > 1 and fill.kind != DIGITS else "")
+    return text + (f":{fill.order}" if fill.width > 1 and fill.kind != DECIMAL_DIGITS else "")
 
 
-def rule_text(c: words.ReplyOn) -> str:
+def rule_text(c: words.AddReply) -> str:
     """Return a rule as in `replies` of a project file."""
     return f"{match_text(c.match)} send {message_text(c.send)}"
 
@@ -103,7 +103,7 @@ def match_text(match: Match) -> str:
             return f"field {type_name}.{path} = {value_text(value)}"
 
 
-def check_line(c: words.CheckOn) -> str:
+def check_line(c: words.NumberedFramesOn) -> str:
     parts = [f"peer {c.peer} check on size={c.size} every={format_time(c.every_ns)}"]
     return " ".join(parts + [f"on {c.instance}"] * bool(c.instance))
 
@@ -117,7 +117,7 @@ def try_splits_line(c: words.TrySplits) -> str:
     return " ".join(parts)
 
 
-def tap_line(c: words.Intervene) -> str:
+def tap_line(c: words.TapAct) -> str:
     sizes = format_time(c.sizes[0]) if c.verb == "delay" else ",".join(map(str, c.sizes))
     data = c.text or (f"hex {c.payload.hex(' ')}" if c.payload else "")
     newest = f"conversation {c.conversation}" if c.conversation else ""
@@ -198,16 +198,16 @@ class BenchActions(Protocol):
     def edit_project(self, command: EditCommand) -> str:
         """Edit the project, and change what runs with it."""
 
-    def start_check(self, command: words.CheckOn) -> str:
+    def start_check(self, command: words.NumberedFramesOn) -> str:
         """Let a peer send self-checking traffic."""
 
-    def stop_check(self, command: words.CheckOff) -> str:
+    def stop_check(self, command: words.NumberedFramesOff) -> str:
         """End the self-checking traffic of a peer."""
 
-    def set_link(self, command: words.Link) -> str:
+    def set_link(self, command: words.SetLink) -> str:
         """Cut the wire, or mend it."""
 
-    def order_tap(self, command: words.Intervene) -> str:
+    def order_tap(self, command: words.TapAct) -> str:
         """Let a tap act on the bytes of one direction."""
 
     def arm_fault(self, command: words.FaultOn) -> str:
@@ -216,7 +216,7 @@ class BenchActions(Protocol):
     def clear_faults(self) -> str: ...
 
 
-class RecordRow(Struct, frozen=True):
+class WordRow(Struct, frozen=True):
     """One frozen command: its line, and what it does; `act` None: scans pass, and a runner carries it out."""
 
     record: type
@@ -230,7 +230,7 @@ class CommandRow(Struct, frozen=True):
     verb: str
     read: Callable[[Words, Project], BenchCommand]
     next_words: completion.NextWords
-    records: tuple[RecordRow, ...]
+    records: tuple[WordRow, ...]
     at_prompt: bool = True
 
 
@@ -245,11 +245,11 @@ def _set_inputs(bench: BenchActions, c: words.Set) -> str:
 
 
 _EDIT_ROWS: Final = tuple(
-    RecordRow(record, write, lambda bench, c: bench.edit_project(c))
+    WordRow(record, write, lambda bench, c: bench.edit_project(c))
     for record, write in (
         (words.Change, lambda c: f"set {c.kind} {c.name} {c.written}"),
-        (words.Add, add_line),
-        (words.AddData, add_line),
+        (words.AddEntry, add_line),
+        (words.AddVariable, add_line),
         (words.Remove, lambda c: f"remove {c.kind} {c.name}"),
         (words.Undo, lambda c: "undo"),
     )
@@ -257,45 +257,47 @@ _EDIT_ROWS: Final = tuple(
 
 
 _PEER_ROWS: Final = (
-    RecordRow(
+    WordRow(
         words.PeerSend,
         lambda c: f"peer {c.peer} send {message_text(c)}",
         lambda bench, c: bench.peers[c.peer].send(c, bench.now),
     ),
-    RecordRow(
-        words.PeerPlay,
+    WordRow(
+        words.PeerPlaySequence,
         lambda c: f"peer {c.peer} play {c.name}",
         lambda bench, c: bench.peers[c.peer].play(c, bench.now),
     ),
-    RecordRow(
+    WordRow(
         words.PeerAction,
         lambda c: f"peer {c.peer} {c.verb}",
         lambda bench, c: SIMPLE_VERBS[c.verb](bench.peers[c.peer], bench.now),
     ),
-    RecordRow(
-        words.ReplyOn,
+    WordRow(
+        words.AddReply,
         lambda c: f"peer {c.peer} reply on {rule_text(c)}",
         lambda bench, c: bench.peers[c.peer].replies.add(c),
     ),
-    RecordRow(
-        words.ReplyOff,
+    WordRow(
+        words.RemoveReplies,
         lambda c: f"peer {c.peer} reply off{f' {c.number}' if c.number else ''}",
         lambda bench, c: bench.peers[c.peer].replies.remove(c.number, c.peer),
     ),
-    RecordRow(words.CheckOn, check_line, lambda bench, c: bench.start_check(c)),
-    RecordRow(words.CheckOff, lambda c: f"peer {c.peer} check off", lambda bench, c: bench.stop_check(c)),
-    RecordRow(words.TrySplits, try_splits_line),
+    WordRow(words.NumberedFramesOn, check_line, lambda bench, c: bench.start_check(c)),
+    WordRow(
+        words.NumberedFramesOff, lambda c: f"peer {c.peer} check off", lambda bench, c: bench.stop_check(c)
+    ),
+    WordRow(words.TrySplits, try_splits_line),
     # a test of splits in a scenario has ended with its step
-    RecordRow(words.TryStop, lambda c: f"peer {c.peer} try-splits stop", lambda bench, c: ""),
+    WordRow(words.TryStop, lambda c: f"peer {c.peer} try-splits stop", lambda bench, c: ""),
 )
-_MARK_ROW: Final = RecordRow(words.SetMark, lambda c: c.line(), lambda bench, c: bench.submit(*c.orders()))
+_MARK_ROW: Final = WordRow(words.SetFrameMark, lambda c: c.line(), lambda bench, c: bench.submit(*c.orders()))
 
 
 def _make_row(
     verb: str,
     read: Callable[[Words, Project], BenchCommand],
     next_words: completion.NextWords,
-    *records: RecordRow,
+    *records: WordRow,
     at_prompt: bool = True,
 ) -> CommandRow:
     return CommandRow(verb, read, next_words, records, at_prompt)
@@ -307,14 +309,14 @@ COMMAND_ROWS: Final = (
         "set",
         reader.parse_set,
         completion.after_set,
-        RecordRow(words.Set, lambda c: f"set {c.instance} {_pins_text(c.pins)}", _set_inputs),
+        WordRow(words.Set, lambda c: f"set {c.instance} {_pins_text(c.pins)}", _set_inputs),
         _EDIT_ROWS[0],
     ),
     _make_row(
         "pulse",
         reader.parse_pulse,
         completion.after_pulse,
-        RecordRow(
+        WordRow(
             words.Pulse,
             lambda c: f"pulse {c.instance} {c.pin}",
             lambda bench, c: bench.submit(commands.PulseInput(c.instance, c.pin)),
@@ -325,7 +327,7 @@ COMMAND_ROWS: Final = (
         "write",
         parse_write,
         completion.after_write,
-        RecordRow(
+        WordRow(
             words.Write,
             lambda c: f"write {c.text or _bytes_text(c.data, c.offset, c.payload)}",
             lambda bench, c: bench.submit(commands.WriteData(c.data, c.offset, c.payload)),
@@ -335,15 +337,15 @@ COMMAND_ROWS: Final = (
         "fault",
         reader.parse_fault,
         completion.after_fault,
-        RecordRow(words.FaultOn, fault_line, lambda bench, c: bench.arm_fault(c)),
-        RecordRow(words.FaultClear, lambda c: "fault clear", lambda bench, c: bench.clear_faults()),
+        WordRow(words.FaultOn, fault_line, lambda bench, c: bench.arm_fault(c)),
+        WordRow(words.FaultClear, lambda c: "fault clear", lambda bench, c: bench.clear_faults()),
     ),
     _make_row(
         "link",
         reader.parse_link,
         completion.after_link,
-        RecordRow(
-            words.Link,
+        WordRow(
+            words.SetLink,
             lambda c: f"link {c.connect} {'up' if c.up else 'down'}",
             lambda bench, c: bench.set_link(c),
         ),
@@ -352,28 +354,28 @@ COMMAND_ROWS: Final = (
         "plc",
         reader.parse_plc_command,
         completion.offer_words("stop", "run"),
-        RecordRow(words.PlcStop, lambda c: "plc stop", lambda bench, c: bench.submit(commands.StopPlc())),
-        RecordRow(words.PlcRun, lambda c: "plc run", lambda bench, c: bench.submit(commands.RunPlc())),
+        WordRow(words.PlcStop, lambda c: "plc stop", lambda bench, c: bench.submit(commands.StopPlc())),
+        WordRow(words.PlcRun, lambda c: "plc run", lambda bench, c: bench.submit(commands.RunPlc())),
     ),
     _make_row(
         "run",
         reader.parse_run,
         completion.offer_none,
-        RecordRow(words.RunScans, lambda c: f"run {c.scans}"),
-        RecordRow(words.RunFor, lambda c: f"run {format_time(c.ns)}"),
+        WordRow(words.RunScans, lambda c: f"run {c.scans}"),
+        WordRow(words.RunFor, lambda c: f"run {format_time(c.ns)}"),
     ),
     _make_row(
         "expect",
         parse_expect,
         completion.after_expect,
-        RecordRow(words.Expect, expect_line),
-        RecordRow(words.ExpectTrace, lambda c: f"expect {c.instance} trace {c.pattern}"),
+        WordRow(words.Expect, expect_line),
+        WordRow(words.ExpectTrace, lambda c: f"expect {c.instance} trace {c.pattern}"),
     ),
     _make_row(
         "create",
         parse_create,
         completion.after_create,
-        RecordRow(
+        WordRow(
             words.Create, create_line, lambda bench, c: bench.apply_change(c, commands.CreateInstance(c.decl))
         ),
     ),
@@ -381,7 +383,7 @@ COMMAND_ROWS: Final = (
         "delete",
         lambda line, project: words.Delete(parse_instance(line, project).name),
         completion.after_instance_verb,
-        RecordRow(
+        WordRow(
             words.Delete,
             lambda c: f"delete {c.instance}",
             lambda bench, c: bench.apply_change(c, commands.DeleteInstance(c.instance)),
@@ -389,10 +391,10 @@ COMMAND_ROWS: Final = (
     ),
     _make_row(
         "download",
-        lambda line, project: words.Download(parse_instance(line, project).name),
+        lambda line, project: words.InitialDownload(parse_instance(line, project).name),
         completion.after_instance_verb,
-        RecordRow(
-            words.Download,
+        WordRow(
+            words.InitialDownload,
             lambda c: f"download {c.instance}",
             lambda bench, c: bench.apply_change(c, commands.DownloadInstance(c.instance)),
         ),
@@ -401,8 +403,8 @@ COMMAND_ROWS: Final = (
         "resize",
         parse_resize,
         completion.after_resize,
-        RecordRow(
-            words.Resize,
+        WordRow(
+            words.Retype,
             lambda c: f"resize {c.data} {c.type_name}",
             lambda bench, c: bench.apply_change(c, commands.ResizeData(c.decl)),
         ),
@@ -414,8 +416,8 @@ COMMAND_ROWS: Final = (
         "feed",
         reader.parse_feed,
         completion.after_feed,
-        RecordRow(
-            words.FeedLine,
+        WordRow(
+            words.FeedSerial,
             feed_line,
             lambda bench, c: bench.submit(commands.FeedBuffer(c.buffer, c.payload)),
         ),
@@ -426,14 +428,14 @@ COMMAND_ROWS: Final = (
         "doctor",
         reader.parse_doctor,
         completion.after_doctor,
-        RecordRow(words.Doctor, lambda c: " ".join(filter(None, ("doctor", c.name, c.cause)))),
+        WordRow(words.Doctor, lambda c: " ".join(filter(None, ("doctor", c.name, c.cause)))),
     ),
-    _make_row("wait", parse_wait, completion.offer_none, RecordRow(words.Wait, wait_line), at_prompt=False),
+    _make_row("wait", parse_wait, completion.offer_none, WordRow(words.Wait, wait_line), at_prompt=False),
     _make_row(
         "tap",
         reader.parse_tap,
         completion.after_tap,
-        RecordRow(words.Intervene, tap_line, lambda bench, c: bench.order_tap(c)),
+        WordRow(words.TapAct, tap_line, lambda bench, c: bench.order_tap(c)),
     ),
 )
 COMMANDS: Final = {row.verb: row for row in COMMAND_ROWS}
@@ -444,7 +446,7 @@ def format_command(command: BenchCommand) -> str:
     return find_record_row(type(command)).write(command)
 
 
-def find_record_row(record: type) -> RecordRow:
+def find_record_row(record: type) -> WordRow:
     return next(known for row in COMMANDS.values() for known in row.records if known.record is record)
 
 

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.pins import Pin, PinValue
 from trcvtui.errors import UserError, mistake
-from trcvtui.files import EXPECTED_READABLE, read_bytes, reason_of
+from trcvtui.files import EXPECTED_READABLE, read_bounded, reason_of
 from trcvtui.project.keys import pin_kind
 from trcvtui.project.project import Project
 from trcvtui.project.tables import DELAY, TRUTH_WORDS, Kind, T, expected_name, integer, quote, with_article
@@ -154,7 +154,7 @@ def random_bytes(count: int, seed: int) -> bytes:
 def file_bytes(path: Path, where: str) -> bytes:
     """Return the bytes of a file of at most 16 MiB; raise UserError if it cannot be read or is empty."""
     try:
-        content = read_bytes(path, MOST_BYTES)
+        content = read_bounded(path, MOST_BYTES)
     except (OSError, ValueError) as failed:
         raise mistake(where, f"{reason_of(failed)}: '{path}'", EXPECTED_READABLE, "file") from None
     if len(content) > MOST_BYTES:

@@ -20,7 +20,7 @@ from trcvtui.udt.layout.layout import Layout
 
 
 @dataclass(frozen=True, slots=True)
-class Add:
+class AddEntry:
     """`add connect C3 LocalPort=2001`, `add peer P2 remote=@C1`: one more entry of the project."""
 
     decl: Declaration
@@ -30,7 +30,7 @@ class Add:
 
 
 @dataclass(frozen=True, slots=True)
-class AddData:
+class AddVariable:
     """`add data rx2 ARRAY[0..99] OF BYTE`: one more global variable; its bytes are 0."""
 
     data: str
@@ -62,8 +62,8 @@ class Undo(Struct, frozen=True):
     """`undo`: takes the newest edit of the project back."""
 
 
-EditCommand = Add | AddData | Change | Remove | Undo
-EDIT_COMMANDS = (Add, AddData, Change, Remove, Undo)
+EditCommand = AddEntry | AddVariable | Change | Remove | Undo
+EDIT_COMMANDS = (AddEntry, AddVariable, Change, Remove, Undo)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ NO_MARK: Final = "none"
 
 
 @dataclass(frozen=True, slots=True)
-class SetMark:
+class SetFrameMark:
     """`suffix RD hex 0D 0A`, `prefix RD none`; `pin` is the length, "" of a STRING."""
 
     instance: str
@@ -165,14 +165,14 @@ class Delete(Struct, frozen=True):
     instance: str
 
 
-class Download(Struct, frozen=True):
+class InitialDownload(Struct, frozen=True):
     """`download TRCV_C_1`: incremental download of a changed initial value, which makes the instance anew."""
 
     instance: str
 
 
 @dataclass(frozen=True, slots=True)
-class Resize:
+class Retype:
     """`resize rx ARRAY[0..9] OF BYTE`: another type for a DATA variable, while the program runs."""
 
     data: str
@@ -216,7 +216,7 @@ class PeerSend:
 
 
 @dataclass(frozen=True, slots=True)
-class PeerPlay:
+class PeerPlaySequence:
     """`peer P1 play start_up`: the messages of a sequence, each with the pause before it in ns."""
 
     peer: str
@@ -224,7 +224,7 @@ class PeerPlay:
     steps: tuple[tuple[int, PeerSend], ...] = field(default=(), compare=False)
 
 
-class CheckOn(Struct, frozen=True):
+class NumberedFramesOn(Struct, frozen=True):
     """`peer P1 check on size=64 every=T#100ms on TRCV_C_1`: numbered frames, checked where they arrive."""
 
     peer: str
@@ -233,13 +233,13 @@ class CheckOn(Struct, frozen=True):
     instance: str = ""
 
 
-class CheckOff(Struct, frozen=True):
+class NumberedFramesOff(Struct, frozen=True):
     """`peer P1 check off`: no more frames."""
 
     peer: str
 
 
-class ReplyOn(Struct, frozen=True):
+class AddReply(Struct, frozen=True):
     """`peer P1 reply on contains hex 05 send hex 06`: one more rule by which a peer answers."""
 
     peer: str
@@ -247,7 +247,7 @@ class ReplyOn(Struct, frozen=True):
     send: PeerSend
 
 
-class ReplyOff(Struct, frozen=True):
+class RemoveReplies(Struct, frozen=True):
     """`peer P1 reply off`: removes all rules; `reply off 2`: rule 2 (`number` 0: all)."""
 
     peer: str
@@ -277,7 +277,7 @@ class TryStop(Struct, frozen=True):
 
 
 @dataclass(frozen=True, slots=True)
-class FeedLine:
+class FeedSerial:
     """`feed RX hex 01 02`: bytes arrive on a ComBuffer's simulated line; `feed RX break`: the line is cut."""
 
     buffer: str
@@ -285,14 +285,14 @@ class FeedLine:
     text: str = field(default="", compare=False)
 
 
-class Link(Struct, frozen=True):
+class SetLink(Struct, frozen=True):
     """`link C1 down`: the wire goes silent, without FIN or RST; `link C1 up`: it speaks again."""
 
     connect: str
     up: bool
 
 
-class Intervene(Struct, frozen=True):
+class TapAct(Struct, frozen=True):
     """`tap T to-plc edit 3 hex 0A conversation 2`: a tap acts on the bytes of one direction.
 
     `sizes`: of drop, edit (offset), delay (ns), split (pieces); `conversation` 0: the newest.
@@ -412,10 +412,10 @@ class ExpectTrace(Struct, frozen=True):
 
 
 BenchCommand = (
-    Set | Pulse | Write | Create | Delete | EditCommand | Download | Resize | PlcStop | PlcRun | PeerAction
-    | PeerSend | PeerPlay | CheckOn | CheckOff | ReplyOn | ReplyOff | TrySplits | TryStop | FeedLine
-    | SetMark | Link | Intervene | Doctor | FaultOn | FaultClear | RunScans | RunFor | Wait | Expect
-    | ExpectTrace
+    Set | Pulse | Write | Create | Delete | EditCommand | InitialDownload | Retype | PlcStop | PlcRun
+    | PeerAction | PeerSend | PeerPlaySequence | NumberedFramesOn | NumberedFramesOff | AddReply
+    | RemoveReplies | TrySplits | TryStop | FeedSerial | SetFrameMark | SetLink | TapAct | Doctor | FaultOn
+    | FaultClear | RunScans | RunFor | Wait | Expect | ExpectTrace
 )  # fmt: skip
 
 

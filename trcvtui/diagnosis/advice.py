@@ -19,7 +19,13 @@ from trcvtui.blocks.outcome import UNDERLYING_CALLS, Cause, CauseKind
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis import handshake, job, link, receive, serial
 from trcvtui.diagnosis.evidence import Evidence
-from trcvtui.diagnosis.job import AdvisedCause, SuggestedAction, Tell, as_advised_cause, make_constant_rule
+from trcvtui.diagnosis.job import (
+    AdviceRule,
+    AdvisedCause,
+    SuggestedAction,
+    as_advised_cause,
+    make_constant_rule,
+)
 from trcvtui.history.records import SETUP_CALLS
 from trcvtui.wording import count
 
@@ -50,13 +56,13 @@ class Rule(NamedTuple):
 
     conditions: frozenset[Condition]
     moves: Traffic
-    tell: Tell
+    tell: AdviceRule
     says_why: bool = False
 
 
-def rules(
+def make_rules(
     conditions: Condition | tuple[Condition, ...],
-    *tells: Tell,
+    *tells: AdviceRule,
     of: Traffic | tuple[Traffic, ...] = Traffic.ANYTHING,
     says_why: bool = False,
 ) -> tuple[Rule, ...]:
@@ -70,31 +76,34 @@ ALL_DATAGRAMS: Final = (*DATAGRAMS, Traffic.DATAGRAM_JOBS)
 # Advice without numbers is in the STATUS table, on the same card.
 ADVICE_RULES: Final[tuple[Rule, ...]] = (
     # the present state, for `why`
-    *rules(Condition.RECEIVING, receive.describe_receive_job, says_why=True),
-    *rules(Condition.ESTABLISHING, link.describe_setup_wait, says_why=True),
-    *rules(
-        Condition.SENDING, job.progress, of=(Traffic.ANYTHING, Traffic.MESSAGES, *DATAGRAMS), says_why=True
+    *make_rules(Condition.RECEIVING, receive.describe_receive_job, says_why=True),
+    *make_rules(Condition.ESTABLISHING, link.describe_setup_wait, says_why=True),
+    *make_rules(
+        Condition.SENDING,
+        job.describe_progress,
+        of=(Traffic.ANYTHING, Traffic.MESSAGES, *DATAGRAMS),
+        says_why=True,
     ),
-    *rules(Condition.RECEIVING, receive.describe_message_job, of=Traffic.MESSAGES, says_why=True),
-    *rules(Condition.RECEIVING, receive.describe_datagram_receive, of=DATAGRAMS, says_why=True),
-    *rules(
+    *make_rules(Condition.RECEIVING, receive.describe_message_job, of=Traffic.MESSAGES, says_why=True),
+    *make_rules(Condition.RECEIVING, receive.describe_datagram_receive, of=DATAGRAMS, says_why=True),
+    *make_rules(
         Condition.ESTABLISHING, link.describe_setup_wait, of=Traffic.DATAGRAMS_OF_A_CONNECT, says_why=True
     ),
-    *rules(
+    *make_rules(
         (Condition.STARTED, Condition.RUNNING),
         receive.describe_datagram_job,
         of=Traffic.DATAGRAM_JOBS,
         says_why=True,
     ),
     # what to check next
-    *rules(
+    *make_rules(
         Condition.INTERNAL_FAULT,
         make_constant_rule("please send the report", cause="the error is in this program, not on the line"),
         make_constant_rule(
             "restart {instance}: `download {instance}`, or `plc stop` and `plc run`", "download {instance}"
         ),
     ),
-    *rules(
+    *make_rules(
         Condition.STILL_ASKED,
         make_constant_rule(
             "`set {instance} EN_R=0`, then 1 when the connection is up",
@@ -103,10 +112,10 @@ ADVICE_RULES: Final[tuple[Rule, ...]] = (
         ),
         link.explain_lost_connection,
     ),
-    *rules(Condition.ENDPOINT_GONE, link.explain_lost_connection),
-    *rules(Condition.PORT_IN_USE, link.name_fault, link.explain_failure, job.suggest_another_port),
-    *rules(Condition.PORT_RESERVED, job.explain_description_flaw, job.suggest_another_port),
-    *rules(
+    *make_rules(Condition.ENDPOINT_GONE, link.explain_lost_connection),
+    *make_rules(Condition.PORT_IN_USE, link.name_fault, link.explain_failure, job.suggest_another_port),
+    *make_rules(Condition.PORT_RESERVED, job.explain_description_flaw, job.suggest_another_port),
+    *make_rules(
         Condition.REFUSED,
         link.name_fault,
         job.explain_refused_selector,
@@ -114,7 +123,7 @@ ADVICE_RULES: Final[tuple[Rule, ...]] = (
         link.suggest_peer_call,
         link.explain_lost_connection,
     ),
-    *rules(
+    *make_rules(
         (
             Condition.UNREACHABLE,
             Condition.NO_SOCKET,
@@ -131,7 +140,7 @@ ADVICE_RULES: Final[tuple[Rule, ...]] = (
         link.suggest_peer_call,
         link.explain_lost_connection,
     ),
-    *rules(
+    *make_rules(
         (
             Condition.REMOTE_WRONG,
             Condition.ID_WRONG,
@@ -150,14 +159,14 @@ ADVICE_RULES: Final[tuple[Rule, ...]] = (
         ),
         job.explain_description_flaw,
     ),
-    *rules((Condition.LEN_OVER_DATA, Condition.LENGTH_WRONG), job.explain_wrong_length),
-    *rules(Condition.AREA_CHANGED, job.explain_changed_parameter),
-    *rules(Condition.DATA_SYMBOLIC, job.explain_symbolic_data),
-    *rules(Condition.MESSAGE_TOO_LONG, job.explain_message_too_long),
-    *rules((Condition.DATA_MISSING, Condition.DATA_EMPTY), job.explain_missing_data),
-    *rules(Condition.RESULT_WRONG, job.explain_small_result),
-    *rules(Condition.NAME_UNKNOWN, job.suggest_name_lookup),
-    *rules(
+    *make_rules((Condition.LEN_OVER_DATA, Condition.LENGTH_WRONG), job.explain_wrong_length),
+    *make_rules(Condition.AREA_CHANGED, job.explain_changed_parameter),
+    *make_rules(Condition.DATA_SYMBOLIC, job.explain_symbolic_data),
+    *make_rules(Condition.MESSAGE_TOO_LONG, job.explain_message_too_long),
+    *make_rules((Condition.DATA_MISSING, Condition.DATA_EMPTY), job.explain_missing_data),
+    *make_rules(Condition.RESULT_WRONG, job.explain_small_result),
+    *make_rules(Condition.NAME_UNKNOWN, job.suggest_name_lookup),
+    *make_rules(
         (
             Condition.TLS_MESSAGE,
             Condition.TLS_HANDSHAKE,
@@ -169,10 +178,10 @@ ADVICE_RULES: Final[tuple[Rule, ...]] = (
         ),
         handshake.explain_handshake_failure,
     ),
-    *rules(Condition.STRING_OVERRUN, serial.explain_string_too_long),
-    *rules(Condition.RECEIVE_LENGTH_WRONG, serial.explain_wrong_frame_size),
-    *rules(Condition.DATA_OVERRUN, serial.explain_frame_too_long),
-    *rules(
+    *make_rules(Condition.STRING_OVERRUN, serial.explain_string_too_long),
+    *make_rules(Condition.RECEIVE_LENGTH_WRONG, serial.explain_wrong_frame_size),
+    *make_rules(Condition.DATA_OVERRUN, serial.explain_frame_too_long),
+    *make_rules(
         Condition.RECEIVING,
         receive.explain_shift_by_drop,
         receive.explain_shift,
@@ -187,7 +196,7 @@ ADVICE_RULES: Final[tuple[Rule, ...]] = (
         link.explain_quiet_line,
         link.explain_second_client,
     ),
-    *rules(
+    *make_rules(
         Condition.RECEIVED,
         receive.explain_shift_by_drop,
         receive.explain_shift,
@@ -197,7 +206,7 @@ ADVICE_RULES: Final[tuple[Rule, ...]] = (
         receive.explain_many_sizes,
         receive.explain_partial_message,
     ),
-    *rules(
+    *make_rules(
         Condition.ESTABLISHING,
         link.name_fault,
         link.explain_refused_caller,
@@ -207,20 +216,22 @@ ADVICE_RULES: Final[tuple[Rule, ...]] = (
         link.explain_unanswered_call,
         link.explain_lost_connection,
     ),
-    *rules(Condition.NOT_CALLED, job.explain_not_called),
-    *rules(
+    *make_rules(Condition.NOT_CALLED, job.explain_not_called),
+    *make_rules(
         Condition.NOT_CONNECTED,
         link.explain_early_request,
         link.explain_wrong_partner,
         link.explain_failure,
         link.suggest_peer_call,
     ),
-    *rules(Condition.LINK_DEAD, link.name_fault, link.explain_dead_link),
-    *rules((Condition.SENDING, Condition.SEND_BUFFER_FULL), job.explain_stall, job.explain_not_reading),
-    *rules(Condition.CONNECT_IN_USE, job.explain_connect_holder),
-    *rules(Condition.CONNECTED, job.explain_receive_off, job.explain_no_edge, link.explain_second_client),
-    *rules(Condition.NO_JOB, job.explain_missing_cont, link.explain_lost_connection),
-    *rules(
+    *make_rules(Condition.LINK_DEAD, link.name_fault, link.explain_dead_link),
+    *make_rules((Condition.SENDING, Condition.SEND_BUFFER_FULL), job.explain_stall, job.explain_not_reading),
+    *make_rules(Condition.CONNECT_IN_USE, job.explain_connect_holder),
+    *make_rules(
+        Condition.CONNECTED, job.explain_receive_off, job.explain_no_edge, link.explain_second_client
+    ),
+    *make_rules(Condition.NO_JOB, job.explain_missing_cont, link.explain_lost_connection),
+    *make_rules(
         (
             Condition.PARTNER_CLOSED,
             Condition.FOUND_CLOSED,
@@ -234,7 +245,7 @@ ADVICE_RULES: Final[tuple[Rule, ...]] = (
         link.explain_close_after_message,
     ),
     # messages over a connection
-    *rules(
+    *make_rules(
         Condition.RECEIVING,
         receive.explain_long_message,
         receive.explain_nothing_sent,
@@ -243,9 +254,9 @@ ADVICE_RULES: Final[tuple[Rule, ...]] = (
         link.explain_second_client,
         of=Traffic.MESSAGES,
     ),
-    *rules(Condition.RECEIVED, receive.explain_short_message, of=Traffic.MESSAGES),
+    *make_rules(Condition.RECEIVED, receive.explain_short_message, of=Traffic.MESSAGES),
     # datagrams
-    *rules(
+    *make_rules(
         Condition.RECEIVING,
         receive.explain_wrong_port,
         receive.explain_no_sender,
@@ -253,38 +264,44 @@ ADVICE_RULES: Final[tuple[Rule, ...]] = (
         receive.explain_short_datagram,
         of=DATAGRAMS,
     ),
-    *rules(Condition.RECEIVED, receive.explain_cut_datagram, receive.explain_short_datagram, of=DATAGRAMS),
-    *rules(Condition.RECEIVE_FAILED, link.name_fault, receive.explain_cut_datagram, of=DATAGRAMS),
-    *rules(Condition.SEND_FAILED, link.name_fault, of=DATAGRAMS),
-    *rules(Condition.CONNECT_IN_USE, job.explain_connect_holder, of=ALL_DATAGRAMS),
-    *rules(Condition.LENGTH_WRONG, job.explain_wrong_length, of=ALL_DATAGRAMS),
-    *rules(Condition.DATA_EMPTY, job.explain_missing_data, of=ALL_DATAGRAMS),
-    *rules(Condition.NO_JOB, job.explain_missing_cont, of=DATAGRAMS),
-    *rules(Condition.CREATED, receive.explain_unread, receive.explain_datagram_edge, of=Traffic.DATAGRAMS),
-    *rules((Condition.SENDING, Condition.SENT), receive.explain_sent, of=Traffic.DATAGRAMS),
-    *rules((Condition.SENDING, Condition.SENT), receive.explain_done, of=Traffic.DATAGRAMS_OF_A_CONNECT),
-    *rules(
+    *make_rules(
+        Condition.RECEIVED, receive.explain_cut_datagram, receive.explain_short_datagram, of=DATAGRAMS
+    ),
+    *make_rules(Condition.RECEIVE_FAILED, link.name_fault, receive.explain_cut_datagram, of=DATAGRAMS),
+    *make_rules(Condition.SEND_FAILED, link.name_fault, of=DATAGRAMS),
+    *make_rules(Condition.CONNECT_IN_USE, job.explain_connect_holder, of=ALL_DATAGRAMS),
+    *make_rules(Condition.LENGTH_WRONG, job.explain_wrong_length, of=ALL_DATAGRAMS),
+    *make_rules(Condition.DATA_EMPTY, job.explain_missing_data, of=ALL_DATAGRAMS),
+    *make_rules(Condition.NO_JOB, job.explain_missing_cont, of=DATAGRAMS),
+    *make_rules(
+        Condition.CREATED, receive.explain_unread, receive.explain_datagram_edge, of=Traffic.DATAGRAMS
+    ),
+    *make_rules((Condition.SENDING, Condition.SENT), receive.explain_sent, of=Traffic.DATAGRAMS),
+    *make_rules((Condition.SENDING, Condition.SENT), receive.explain_done, of=Traffic.DATAGRAMS_OF_A_CONNECT),
+    *make_rules(
         Condition.CONNECTED,
         receive.explain_unread,
         receive.explain_datagram_edge,
         of=Traffic.DATAGRAMS_OF_A_CONNECT,
     ),
-    *rules(
+    *make_rules(
         Condition.MESSAGE_TOO_LONG,
         receive.explain_datagram_too_long,
         of=(Traffic.DATAGRAMS_OF_A_CONNECT, Traffic.DATAGRAM_JOBS),
     ),
-    *rules(
+    *make_rules(
         Condition.REMOTE_WRONG,
         receive.explain_empty_addr,
         of=(Traffic.DATAGRAMS_OF_A_CONNECT, Traffic.DATAGRAM_JOBS),
     ),
-    *rules(
+    *make_rules(
         Condition.SEND_BUFFER_FULL, link.name_fault, receive.explain_sent, of=Traffic.DATAGRAMS_OF_A_CONNECT
     ),
     # TUSEND and TURCV
-    *rules(Condition.NO_JOB, receive.explain_unread, receive.explain_datagram_edge, of=Traffic.DATAGRAM_JOBS),
-    *rules(
+    *make_rules(
+        Condition.NO_JOB, receive.explain_unread, receive.explain_datagram_edge, of=Traffic.DATAGRAM_JOBS
+    ),
+    *make_rules(
         (Condition.STARTED, Condition.RUNNING),
         receive.explain_wrong_port,
         receive.explain_no_sender,
@@ -292,12 +309,12 @@ ADVICE_RULES: Final[tuple[Rule, ...]] = (
         receive.explain_sent,
         of=Traffic.DATAGRAM_JOBS,
     ),
-    *rules(Condition.RECEIVED, receive.explain_short_datagram, of=Traffic.DATAGRAM_JOBS),
-    *rules(Condition.SENT, receive.explain_sent, of=Traffic.DATAGRAM_JOBS),
-    *rules((Condition.RECEIVE_FAILED, Condition.SEND_FAILED), link.name_fault, of=Traffic.DATAGRAM_JOBS),
-    *rules(Condition.NOT_CONNECTED, receive.explain_closed_socket, of=Traffic.DATAGRAM_JOBS),
-    *rules(Condition.NEEDS_ADDR, receive.explain_empty_addr, of=Traffic.DATAGRAM_JOBS),
-    *rules(Condition.FINISHED, receive.explain_result_layout, of=Traffic.RESULT),
+    *make_rules(Condition.RECEIVED, receive.explain_short_datagram, of=Traffic.DATAGRAM_JOBS),
+    *make_rules(Condition.SENT, receive.explain_sent, of=Traffic.DATAGRAM_JOBS),
+    *make_rules((Condition.RECEIVE_FAILED, Condition.SEND_FAILED), link.name_fault, of=Traffic.DATAGRAM_JOBS),
+    *make_rules(Condition.NOT_CONNECTED, receive.explain_closed_socket, of=Traffic.DATAGRAM_JOBS),
+    *make_rules(Condition.NEEDS_ADDR, receive.explain_empty_addr, of=Traffic.DATAGRAM_JOBS),
+    *make_rules(Condition.FINISHED, receive.explain_result_layout, of=Traffic.RESULT),
 )
 
 JOB_CONDITIONS: Final = frozenset({Condition.STARTED, Condition.RUNNING})
@@ -315,7 +332,7 @@ class Advice:
     causes: tuple[str, ...] = ()
     do: tuple[SuggestedAction, ...] = ()
     code: int | None = None
-    rules: tuple[Tell, ...] = ()
+    rules: tuple[AdviceRule, ...] = ()
 
     @property
     def checks(self) -> tuple[str, ...]:
@@ -337,16 +354,16 @@ def make_advice(e: Evidence) -> Advice:
     return Advice(explain_status(e), causes, do, _attempt_code(e), tuple(tell for tell, _ in answers))
 
 
-def _ask_rules(e: Evidence, rules: Iterable[Tell]) -> list[tuple[Tell, AdvisedCause]]:
+def _ask_rules(e: Evidence, rules: Iterable[AdviceRule]) -> list[tuple[AdviceRule, AdvisedCause]]:
     return [(tell, as_advised_cause(answer)) for tell in rules if (answer := tell(e))]
 
 
-def _select_rules(e: Evidence) -> tuple[Tell, ...]:
+def _select_rules(e: Evidence) -> tuple[AdviceRule, ...]:
     found = _find_rules(e, _transfer_kind(e)) or _find_rules(e, Traffic.ANYTHING) or (link.name_fault,)
     return (*found, job.suggest_description_key)
 
 
-def _find_rules(e: Evidence, moves: Traffic, says_why: bool = False) -> tuple[Tell, ...]:
+def _find_rules(e: Evidence, moves: Traffic, says_why: bool = False) -> tuple[AdviceRule, ...]:
     condition = _condition(e)
     return tuple(
         rule.tell
@@ -415,11 +432,11 @@ def _format_sizes(cause: Cause, block: str) -> str:
             return f": {cause.have} of {count(cause.need, 'byte')}"
         if cause.pin:
             return f": {cause.pin} is {cause.value}, wanted {cause.have}, at most {count(cause.need, 'byte')}"
-        if not cause.have and row.receives and row.speaks_udp:  # a datagram comes whole or not at all
+        if not cause.have and row.receives_on_net and row.speaks_udp:  # a datagram comes whole or not at all
             return f", at most {count(cause.need, 'byte')}"
         if cause.why is CauseKind.FRAME and cause.have != cause.need:
             return f", {count(cause.have, 'byte')}"
-        where = "taken" if row.sends else "here"
+        where = "taken" if row.sends_on_net else "here"
         return f", {cause.have} of {count(cause.need, 'byte')} {where}"
     if cause.pin and cause.value is not None and cause.pin not in cause.name:
         return f" ({cause.pin} is {cause.value})"

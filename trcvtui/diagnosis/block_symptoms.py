@@ -20,8 +20,8 @@ from trcvtui.blocks.conditions import BUSY_CONDITIONS, DONE_CONDITIONS, Conditio
 from trcvtui.blocks.environment import JobEnded, SendEnded
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.advice import make_advice
-from trcvtui.diagnosis.evidence import NO_FACTS, past_evidence
-from trcvtui.diagnosis.readings.framing_advice import advise
+from trcvtui.diagnosis.evidence import NO_FACTS, make_past_evidence
+from trcvtui.diagnosis.readings.framing_advice import advise_framings
 from trcvtui.diagnosis.readings.proposal import FramingAdvice
 from trcvtui.diagnosis.symptoms import JOB_REFUSALS, LINK_ERRORS
 from trcvtui.history.records import ScanStamp
@@ -136,7 +136,7 @@ class BlockSymptoms:
         row = bench.project.dialect.row(edge.outputs.status, edge.block)
         then = ScanStamp(scan, t_ns)
         card = make_advice(
-            past_evidence(record.line, edge, NO_FACTS, then, bench.project, bench.runtime.interval_ns)
+            make_past_evidence(record.line, edge, NO_FACTS, then, bench.project, bench.runtime.interval_ns)
         )
         checks = [each.text for each in card.do] or (row.checks_of(edge.block)[:2] if row is not None else ())
         shown = bench.runtime.snapshot().instance(name)
@@ -162,7 +162,9 @@ class BlockSymptoms:
         """Return the finding with the framing that fits its line, if the block cuts the bytes anywhere."""
         decl = self._bench.project.instance(found.instance)
         shown = self._bench.runtime.snapshot().instance(found.instance)
-        advice = advise(self._bench.runtime.recording(decl.connect)) if decl is not None else NO_ADVICE
+        advice = (
+            advise_framings(self._bench.runtime.recording(decl.connect)) if decl is not None else NO_ADVICE
+        )
         best = next((one for one in advice.proposals if one.framing is not None), None)
         if best is None or best.framing is None or shown is None or shown.framer is None:
             return found
@@ -196,7 +198,7 @@ class BlockSymptoms:
     def _unfinished(self, shown: InstanceSnapshot) -> Iterator[Finding]:
         """Yield that a job holds bytes, and none came for twice the usual pause."""
         last = shown.last_receive_ns
-        if not block_row(shown.block).receives or not 0 < shown.have < shown.need or last is None:
+        if not block_row(shown.block).receives_on_net or not 0 < shown.have < shown.need or last is None:
             return
         gaps = [b - a for a, b in pairwise(self._came.get(shown.connect, ()))]
         pauses = [one for one in gaps if one > 2 * self._bench.runtime.interval_ns]

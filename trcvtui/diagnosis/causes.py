@@ -706,7 +706,7 @@ def _adapt_frame_rule(row: CauseRule) -> Callable[[LineCase], Finding | None]:
     return lambda case: row.judge(case.line, case.receiver)
 
 
-_NO_TIMES: Final = (Quality.CLOCK,)
+_LACKS_CLOCK: Final = (Quality.CLOCK,)
 _LACKS_ACKS: Final = (Quality.ONE_DIRECTION, Quality.ACKS_MISSING, Quality.CLOCK)
 STALL_CAUSES: Final = ("dead-link", "mtu", "plc-not-reading", "partner-not-reading")
 _GONE_TEXT: Final = "ARP requests for the other end have no answer: it is off, or its cable is unplugged"
@@ -719,17 +719,17 @@ CAUSE_RULES: Final = (
     CauseRule("second-client", _judge_second_client, ("address",)),
     CauseRule("refused", _judge_refused, ("address", "second-client")),
     CauseRule("turned-away", _judge_turned_away, ("address", "second-client")),
-    CauseRule("filtered", _judge_filtered, ("address", "second-client", "refused"), blind=_NO_TIMES),
+    CauseRule("filtered", _judge_filtered, ("address", "second-client", "refused"), blind=_LACKS_CLOCK),
     CauseRule("wrong-tsap", lambda case: judge_wrong_tsap(case.line)),
     CauseRule("tls-refused", lambda case: judge_tls(case.line)),
     CauseRule("line-errors", lambda case: judge_line_errors(case.line)),
     CauseRule("closes-each-message", _judge_closes, _REFUSED),
-    CauseRule("half-open", lambda case: judge_half_open(case.line, case.group.restarts), blind=_NO_TIMES),
+    CauseRule("half-open", lambda case: judge_half_open(case.line, case.group.restarts), blind=_LACKS_CLOCK),
     CauseRule(
-        "reconnect-storm", _judge_storm, (*_REFUSED, "closes-each-message", "half-open"), blind=_NO_TIMES
+        "reconnect-storm", _judge_storm, (*_REFUSED, "closes-each-message", "half-open"), blind=_LACKS_CLOCK
     ),
     CauseRule("no-keep-alive", _judge_no_keep_alive, ("half-open",), blind=_LACKS_ACKS),
-    CauseRule("mtu", lambda case: judge_mtu(case.line), blind=_NO_TIMES),
+    CauseRule("mtu", lambda case: judge_mtu(case.line), blind=_LACKS_CLOCK),
     CauseRule("dead-link", _judge_dead_link, ("no-keep-alive", "half-open", "mtu"), blind=_LACKS_ACKS),
     CauseRule(
         "resets",
@@ -737,9 +737,9 @@ CAUSE_RULES: Final = (
         (*_REFUSED, *STALL_CAUSES, "no-keep-alive", "half-open"),
         (*_MISREAD_CAUSES, "reconnect-storm"),
     ),
-    CauseRule("plc-not-reading", lambda case: _judge_not_reading(case, True), blind=_NO_TIMES),
-    CauseRule("partner-not-reading", lambda case: _judge_not_reading(case, False), blind=_NO_TIMES),
-    CauseRule("flood", _judge_flood, (), ("plc-not-reading",), _NO_TIMES),
+    CauseRule("plc-not-reading", lambda case: _judge_not_reading(case, True), blind=_LACKS_CLOCK),
+    CauseRule("partner-not-reading", lambda case: _judge_not_reading(case, False), blind=_LACKS_CLOCK),
+    CauseRule("flood", _judge_flood, (), ("plc-not-reading",), _LACKS_CLOCK),
     CauseRule("slow-ack", _judge_slow_ack, blind=_LACKS_ACKS),
     CauseRule("loss", _judge_loss, STALL_CAUSES, blind=_LACKS_COPIES),
     CauseRule("capture-incomplete", _judge_capture_incomplete),
@@ -799,7 +799,9 @@ def weigh_findings(
     return tuple([one for _, one in found])
 
 
-def cases_of(lines: Sequence[LineFacts], receivers: tuple[Receiver, ...], last_ns: int) -> Iterator[LineCase]:
+def make_cases(
+    lines: Sequence[LineFacts], receivers: tuple[Receiver, ...], last_ns: int
+) -> Iterator[LineCase]:
     between: dict[_EndsKey, list[LineFacts]] = {}
     calls: dict[tuple[str, bytes, bytes], list[LineFacts]] = {}
     for line in lines:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from trcvtui.diagnosis.receiver import Receiver
-from trcvtui.udt.compare.likelihood import evidence
+from trcvtui.udt.compare.likelihood import leaf_evidence
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf, lay_out
 from trcvtui.udt.types import Elementary, Struct, ValueKind
 
@@ -30,7 +30,7 @@ def make_data_layout(receiver: Receiver) -> Layout | None:
     return lay_out(receiver.type, receiver.rules, receiver.type_name)
 
 
-def unwritten_members(receiver: Receiver, size: int) -> UnwrittenMembers | None:
+def find_unwritten_members(receiver: Receiver, size: int) -> UnwrittenMembers | None:
     """Return the members that frames of `size` bytes do not write, None where there are none."""
     layout = make_data_layout(receiver)
     if layout is None or not 0 < size < layout.size:
@@ -43,7 +43,7 @@ def unwritten_members(receiver: Receiver, size: int) -> UnwrittenMembers | None:
     return UnwrittenMembers(names + more, layout.leaf(first).offset < size)
 
 
-def odd_values(receiver: Receiver, frames: Sequence[bytes]) -> tuple[str, ...]:
+def describe_odd_values(receiver: Receiver, frames: Sequence[bytes]) -> tuple[str, ...]:
     """Return a text for each member with a value that no machine sends, in two of three frames or more.
 
     Numbers that are not finite do not count: devices send them for "no value".
@@ -61,7 +61,7 @@ def odd_values(receiver: Receiver, frames: Sequence[bytes]) -> tuple[str, ...]:
 
 
 def _explain_odd(layout: Layout, leaf: Leaf, part: bytes) -> str:
-    said = evidence(leaf, part, layout.rules)
+    said = leaf_evidence(leaf, part, layout.rules)
     if said is None or not said.is_odd:
         return ""
     row = leaf.type

@@ -163,7 +163,7 @@ def _order(layout: Layout, content: bytes) -> str | None:
     return own if not has_order or byte_order_suspicion(swapped, content) is not None else None
 
 
-def view_command(decl: DataDecl, choice: LayoutChoice) -> str:
+def make_view_command(decl: DataDecl, choice: LayoutChoice) -> str:
     words = []
     for name, now, wanted in zip(choice._fields, decl.choice, choice, strict=True):
         if wanted != now:

@@ -16,7 +16,7 @@ from trcvtui.capture.packets import SkippedPacket
 from trcvtui.capture.plc_end import KnownEnds, PlcEnd, make_no_match_error, parse_plc
 from trcvtui.capture.quality import Quality
 from trcvtui.diagnosis.cause_words import CAUSE_WORDS, default_remedies
-from trcvtui.diagnosis.causes import LineCase, cases_of, judge_case
+from trcvtui.diagnosis.causes import LineCase, judge_case, make_cases
 from trcvtui.diagnosis.host_causes import list_host_facts, make_host_finding
 from trcvtui.diagnosis.line_facts import CaptureFacts, LineFacts, collect_facts
 from trcvtui.diagnosis.receiver import Receiver
@@ -127,7 +127,7 @@ def judge_capture(path: str, asked: DoctorQuestion) -> tuple[list[LineVerdict], 
         facts.found.not_read.pop(SkippedPacket.JOURNAL, None)  # its journal
         for each in facts.lines:
             each.harms = known.harms.get(each.connect or "", ())
-    cases = [*cases_of(_select_lines(facts, asked), asked.receivers, facts.last_ns)]
+    cases = [*make_cases(_select_lines(facts, asked), asked.receivers, facts.last_ns)]
     troubles: dict[int, list[Finding]] = {}
     for line, one in (_assign_line(each, cases) for each in (known.troubles if known is not None else ())):
         troubles.setdefault(NO_LINE if line is None else line.number, []).append(one)
@@ -165,12 +165,12 @@ def _judge_hosts(
         found = make_host_finding(one, asked.receivers)
         if not is_ours:
             line, made = (rows or [(cases[0].line, verdicts[0])])[0]
-            made.remarks.append(complete(found, line))
+            made.remarks.append(fill_finding(found, line))
             continue
         its = (each for each in asked.receivers if {each.own_address, each.partner_address} & {*one.ends})
         words = next((each.words for each in its), {})
         t_s = (one.ns - (facts.found.first_ns or 0)) / 1e9 if one.packets else None
-        alone.append(complete(replace(found, t_s=t_s), words=words))
+        alone.append(fill_finding(replace(found, t_s=t_s), words=words))
     return alone
 
 
@@ -181,7 +181,7 @@ def _assign_line(one: Finding, cases: Sequence[LineCase]) -> tuple[LineFacts | N
     line = next((each for each in lines if each.first_ns <= ns <= each.last_ns), None)
     line = line or next((each for each in reversed(lines) if each.first_ns <= ns), None)
     line = line or (lines[0] if lines else None)
-    return line, complete(replace(one, t_s=None if line is None else max(line.to_seconds(ns), 0.0)))
+    return line, fill_finding(replace(one, t_s=None if line is None else max(line.to_seconds(ns), 0.0)))
 
 
 def _judge_symptoms(
@@ -206,7 +206,7 @@ def _judge_symptoms(
                 if is_its and (not (one.status and each.status) or one.status[0] in each.status):
                     if number not in lint:
                         lint[number] = len(alone)
-                        alone.append(complete(each))
+                        alone.append(fill_finding(each))
                     found.append((alone, lint[number]))
         for some, n in found:
             some[n] = _add_explained_symptom(some[n], one)
@@ -259,12 +259,12 @@ def judge_line(case: LineCase, troubles: Sequence[Finding] = (), is_running: boo
     troubles = [one for one in troubles if BYTE_CAUSES.get(one.cause) not in causes]
     # Frames that the program has shifted only look like these causes.
     like = SHIFT_LIKE_CAUSES if any(one.cause == "shifted" for one in troubles) else ()
-    rows = [complete(one, line, words) for one in found if one.cause not in like]
+    rows = [fill_finding(one, line, words) for one in found if one.cause not in like]
     return LineVerdict(
         Ends(line.plc, line.partner, line.protocol),
         _sort_by_confidence(_merge_findings(troubles, rows)) if troubles else rows,
         sorted(line.qualities),
-        [complete(one, line) for one in remarks],
+        [fill_finding(one, line) for one in remarks],
         not_judged,
     )
 
@@ -283,17 +283,19 @@ def _merge_findings(troubles: Sequence[Finding], found: list[Finding]) -> list[F
 
 def judge_project(project: Project) -> LineVerdict:
     """Return what is wrong with a project before it runs, by lint and by a dry run of three seconds."""
-    from trcvtui.diagnosis.dry_run import refusals
+    from trcvtui.diagnosis.dry_run import find_refusals
     from trcvtui.diagnosis.lint import lint
 
-    known = RecordedFacts((), {}, {}, (), lint=lint(project, has_run=False), symptoms=refusals(project))
+    known = RecordedFacts((), {}, {}, (), lint=lint(project, has_run=False), symptoms=find_refusals(project))
     shown = _judge_symptoms(known, [], [], [])
     known_rows = {(one.cause, one.evidence) for one in shown}
-    rows = [complete(one) for one in known.lint if (one.cause, one.evidence) not in known_rows]
+    rows = [fill_finding(one) for one in known.lint if (one.cause, one.evidence) not in known_rows]
     return LineVerdict(None, _sort_by_confidence([*rows, *shown]), file=str(project.path))
 
 
-def complete(found: Finding, line: LineFacts | None = None, words: Mapping[Condition, int] = {}) -> Finding:
+def fill_finding(
+    found: Finding, line: LineFacts | None = None, words: Mapping[Condition, int] = {}
+) -> Finding:
     """Return a finding with the words of its cause, and with its packets, filter and time in its line.
 
     `words`: the STATUS of each condition, where its block is known.

@@ -19,7 +19,7 @@ from msgspec.structs import replace
 
 from trcvtui import clock
 from trcvtui.capture.pcap import open_capture
-from trcvtui.diagnosis.doctor import DoctorQuestion, RecordedFacts, complete, finding_key, judge_capture
+from trcvtui.diagnosis.doctor import DoctorQuestion, RecordedFacts, fill_finding, finding_key, judge_capture
 from trcvtui.errors import UserError, one_line
 from trcvtui.files import FilesRead, open_private_file, record_reads
 from trcvtui.recording.journal import decode_entries
@@ -78,7 +78,7 @@ def judge_run(path: str, recorded: ReadRecordedFacts, tell: ReportScan | None = 
     facts = recorded(path, is_running=True, tell=tell)
     found = judge_files([path], DoctorQuestion(recorded=lambda _: facts))
     known = {one.cause for one in found.findings}
-    lint = [complete(one) for one in (facts.lint if facts is not None else ()) if one.cause not in known]
+    lint = [fill_finding(one) for one in (facts.lint if facts is not None else ()) if one.cause not in known]
     findings = sorted((*found.findings, *lint), key=lambda one: -one.confidence)[:MOST_FINDINGS]
     return replace(found, findings=tuple(findings))
 

@@ -22,7 +22,7 @@ CONNECTED_NS: Final = SECOND  # by then all possible connections exist: EN_R ris
 IGNORED: Final = frozenset({Condition.NOT_CONNECTED, Condition.STILL_ASKED})  # the doctor sets EN_R
 
 
-def refusals(project: Project) -> tuple[Finding, ...]:
+def find_refusals(project: Project) -> tuple[Finding, ...]:
     """Return each ERROR that the blocks show while CONT and EN_R are 1; raise UserError.
 
     An ERROR of the link counts only if the partner is in the project: nothing else is on this network.
@@ -62,7 +62,7 @@ def _set_pin(bench: Bench, pin: str, names: list[str]) -> None:
 
 def _list_sole_receivers(project: Project) -> list[str]:
     """Return the receivers with a CONNECT of their own: a program may run several in turn."""
-    some = [each for each in project.instances if block_row(each.block).receives]
+    some = [each for each in project.instances if block_row(each.block).receives_on_net]
     return [each.name for each in some if sum(one.connect == each.connect for one in some) == 1]
 
 

@@ -127,7 +127,7 @@ def _list_active_peers(project: Project, connect: str) -> tuple[str, ...]:
     return tuple(peer.name for peer in project.peers if peer.active and not peer.udp and peer.end in ends)
 
 
-def past_evidence(
+def make_past_evidence(
     line: Line, edge: StatusEdge, facts: ConnectFacts, until: ScanStamp, project: Project, interval_ns: int
 ) -> Evidence:
     """Return the evidence of a past edge that showed until `until`, from the ledger and `facts`."""

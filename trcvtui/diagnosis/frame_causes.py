@@ -14,10 +14,10 @@ from typing import Final, NamedTuple
 
 from msgspec.structs import replace
 
-from trcvtui.diagnosis.data_values import make_data_layout, odd_values, unwritten_members
+from trcvtui.diagnosis.data_values import describe_odd_values, find_unwritten_members, make_data_layout
 from trcvtui.diagnosis.frame_readings import read_frames
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
-from trcvtui.diagnosis.message_joints import find_joined_messages, head_and_body
+from trcvtui.diagnosis.message_joints import find_head_and_body, find_joined_messages
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.remedies import NO_OFFER, CauseRule, RemedyOffer, finding_to_plc, offer_frame_reset
 from trcvtui.diagnosis.session_causes import find_session_units, is_session_begin, is_tls, judge_plain_tcp
@@ -124,7 +124,7 @@ def _len_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
         return (Remedy(f"a type, or LEN, of {size} bytes"),)
     length = Remedy(f"LEN {size}", f"set {name} LEN={size}", f"instance.{name}.LEN={size}")
     if not receiver.room or size <= receiver.room:
-        left = unwritten_members(receiver, size)
+        left = find_unwritten_members(receiver, size)
         then = f"; {left.names} is then not written" if left else ", and DATA of that size"
         return (replace(length, text=f"LEN {size}{then}"), *offer_frame_reset(receiver))
     more = _room_remedies(receiver, size)
@@ -134,7 +134,7 @@ def _len_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
 
 def _type_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     """Return the remedy if LEN alone would cut members, or read them at wrong places."""
-    left = unwritten_members(receiver, size)
+    left = find_unwritten_members(receiver, size)
     if left is None:
         return ()
     text = (
@@ -299,7 +299,7 @@ def _judge_adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Finding |
     messages = select_whole_messages(line)
     if wanted is None or len(messages) < FEW_MESSAGES:
         return None
-    if (pairs := head_and_body(line.to_plc.writes, bytes(line.to_plc.content), wanted.need)) is not None:
+    if (pairs := find_head_and_body(line.to_plc.writes, bytes(line.to_plc.content), wanted.need)) is not None:
         text = f"{count(pairs.pairs, 'message')} in two pieces, {pairs.pause_ns / 1e6:.0f} ms apart"
         more = f"a head of {pairs.head} bytes, then the rest: {pairs.proof}; an ad-hoc job delivers each"
         offer = _offer_static(wanted, max(pairs.sizes))
@@ -599,7 +599,7 @@ def _judge_unwritten(line: LineFacts, receiver: Receiver | None) -> Finding | No
         if sizes.share < 0.6 or sizes.messages < FEW_MESSAGES:
             return None
         size = min(size, sizes.usual)
-    left = unwritten_members(receiver, size)
+    left = find_unwritten_members(receiver, size)
     if left is None or is_session(line) or (receiver.adhoc and not left.is_cut):
         return None
     text = f"frames of {size} bytes never write {left.names} of {receiver.type_name}"
@@ -620,7 +620,7 @@ def _judge_odd_values(line: LineFacts, receiver: Receiver | None) -> Finding | N
     frames = [content[at : at + size] for at, size in some if at + size <= len(content)][-MOST_FRAMES:]
     if isinstance(receiver.type, StringType):  # its header comes first, so a short frame can be read
         frames = [one.ljust(receiver.room, b"\0") for one in frames]
-    texts = odd_values(receiver, frames)
+    texts = describe_odd_values(receiver, frames)
     if not texts:
         return None
     sure = 0.8 if len(frames) >= FEW_MESSAGES else 0.6

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 from msgspec.structs import replace
 
-from trcvtui.diagnosis.data_values import make_data_layout, odd_values
+from trcvtui.diagnosis.data_values import describe_odd_values, make_data_layout
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.remedies import NO_OFFER, RemedyOffer, finding_to_plc, offer_frame_reset
 from trcvtui.snapshots.doctor import Finding, Remedy
@@ -33,7 +33,7 @@ def read_frames(frames: list[bytes], receiver: Receiver, type_: Type, rules: Lay
     from trcvtui.udt.compare.fit import drop_near_drifts, rank
 
     if len(frames) < 2 and len(frames[0]) != receiver.need:
-        return _read_by_size(frames, receiver, type_, rules)
+        return _read_single_frame(frames, receiver, type_, rules)
     fits = drop_near_drifts(rank(type_, frames, receiver.type_name, own=rules, sender=receiver.sender))
     own = next((one for one in fits if not one.cause.kind and _has_rules(one, rules)), None)
     best = _choose_plainest(fits, rules)
@@ -44,7 +44,7 @@ def read_frames(frames: list[bytes], receiver: Receiver, type_: Type, rules: Lay
     is_clear = best.is_ahead or (ahead > 4 * CLEAR_LEAD and best.members > 2 * CLEAR_LEAD)
     if ahead < CLEAR_LEAD or (is_own_size and not is_clear):
         return None
-    sides = _describe_sides(best, frames)
+    sides = _describe_extra_bytes(best, frames)
     cause, offer = _classify_reading(best, frames, receiver, rules, sides)
     if not cause:
         return None
@@ -65,7 +65,9 @@ def _choose_plainest(fits: Sequence[Fit], rules: LayoutRules) -> Fit | None:
     return min(near, key=lambda one: (one.cause.front > 0) + (not _has_rules(one, rules)), default=None)
 
 
-def _read_by_size(frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules) -> Finding | None:
+def _read_single_frame(
+    frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules
+) -> Finding | None:
     """Read the only message in another layout with exactly its size and values that machines send."""
     from trcvtui.udt.compare.fit import rank
 
@@ -76,7 +78,7 @@ def _read_by_size(frames: list[bytes], receiver: Receiver, type_: Type, rules: L
         if not one.cause.kind
         and one.layout.size == size
         and one.members > 0
-        and not odd_values(receiver._replace(rules=one.layout.rules, need=size), frames)
+        and not describe_odd_values(receiver._replace(rules=one.layout.rules, need=size), frames)
     ]
     if not found or (len(found) > 1 and found[1].score > found[0].score - CLEAR_LEAD):
         return None  # one message cannot decide between two layouts
@@ -126,28 +128,28 @@ def _classify_reading(
     return cause, RemedyOffer((Remedy("; ".join(filter(None, (f"{declare}{leave}", text)))),))
 
 
-def _describe_sides(best: Fit, frames: Sequence[bytes]) -> list[str]:
+def _describe_extra_bytes(best: Fit, frames: Sequence[bytes]) -> list[str]:
     """Return a text for the bytes before the members, and one for those after them."""
     from trcvtui.udt.compare.beside import extra_evidence
-    from trcvtui.udt.compare.causes import cut
+    from trcvtui.udt.compare.causes import cut_messages
 
     cause, size = best.cause, best.layout.size
     if cause.front < 0 or cause.back < 0:
         return []
-    units, extras, *_ = cut(cause, size, frames, True, len(frames))
+    units, extras, *_ = cut_messages(cause, size, frames, True, len(frames))
     said = [extra_evidence(cause, a, unit, b) for (a, b), unit in zip(extras, units, strict=True)]
     sides = []
     if cause.front:
-        words = _describe_side_bytes([before for before, _ in extras], [one.before for one in said if one])
+        words = _name_extra_content([before for before, _ in extras], [one.before for one in said if one])
         sides.append(f"{count(cause.front, 'byte')} before the members ({words})")
     if cause.back:
-        words = _describe_side_bytes([after for _, after in extras], [one.after for one in said if one])
+        words = _name_extra_content([after for _, after in extras], [one.after for one in said if one])
         them = "them" if sides else "the members"
         sides.append(f"{count(cause.back, 'byte')} after {them} ({words})")
     return sides
 
 
-def _describe_side_bytes(parts: Sequence[bytes], names: Sequence[str]) -> str:
+def _name_extra_content(parts: Sequence[bytes], names: Sequence[str]) -> str:
     if names and all(names):
         return Counter(names).most_common(1)[0][0]  # a sum of few bytes is another one by chance
     size = len(parts[0])

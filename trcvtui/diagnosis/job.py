@@ -15,7 +15,7 @@ from trcvtui.history.records import ConnectFacts
 from trcvtui.net.connection.description import format_selector
 from trcvtui.net.connection.description_check import Transport, read_spec
 from trcvtui.snapshots.bench import PeerSnapshot
-from trcvtui.wording import age, count
+from trcvtui.wording import age_text, count
 
 
 class SuggestedAction(NamedTuple):
@@ -37,7 +37,7 @@ class AdvisedCause(NamedTuple):
 
 
 RuleAnswer = str | AdvisedCause  # a text alone is a cause, "": nothing
-Tell = Callable[[Evidence], RuleAnswer]
+AdviceRule = Callable[[Evidence], RuleAnswer]
 
 
 def tip(cause: str, text: str, *lines: str, needs_trial: bool = False) -> AdvisedCause:
@@ -57,13 +57,13 @@ GONE: Final = " (gone)"
 # -- sending ----------------------------------------------------------------------------------------------
 
 
-def progress(e: Evidence) -> str:
+def describe_progress(e: Evidence) -> str:
     """Return how much of a send job the local stack has taken, and how much is not acknowledged."""
     text = f"the local stack has taken {e.have} of {count(e.need, 'byte')}"
     if e.is_past:
         return text
     if e.have < e.need and e.quiet_ns is not None:
-        text += f", none in the last {age(e.quiet_ns)}"
+        text += f", none in the last {age_text(e.quiet_ns)}"
     return text + _describe_unacknowledged(e)
 
 
@@ -105,7 +105,7 @@ def find_connected_peer(e: Evidence) -> PeerSnapshot | None:
 
 def explain_connect_holder(e: Evidence) -> RuleAnswer:
     """Another instance works on this CONNECT: which one, and what frees it."""
-    sends = block_row(e.block).sends
+    sends = block_row(e.block).sends_on_net
     owners = (e.link.senders if sends else e.link.receivers) if e.link is not None else ()
     holder = next((o for o in owners if o.removesuffix(GONE) != e.instance or o.endswith(GONE)), "")
     holder = holder or e.cause.holder
@@ -207,7 +207,7 @@ def explain_not_called(e: Evidence) -> RuleAnswer:
     return "" if e.is_past else tip(f"no scan has called {e.instance} yet", "check whether its task runs")
 
 
-def limit(e: Evidence) -> str:
+def limit_text(e: Evidence) -> str:
     """Return what decides how many bytes a frame takes: `LEN is 96`, `LEN is 0 and DATA has 96 bytes`."""
     length = e.pin("LEN")
     if length == 0 or (length is None and e.need == e.data_size):
@@ -219,7 +219,7 @@ ISO_PORT: Final = 102
 MOST_BYTES: Final = 8
 
 
-def make_constant_rule(text: str, *lines: str, cause: str = "") -> Tell:
+def make_constant_rule(text: str, *lines: str, cause: str = "") -> AdviceRule:
     """Return the rule that always answers this; {peer} and {instance} are filled in."""
 
     def constant(e: Evidence) -> RuleAnswer:
@@ -307,7 +307,7 @@ def explain_message_too_long(e: Evidence) -> RuleAnswer:
     have, need = e.cause.have, e.cause.need
     if not have or not need:
         return ""
-    text = f"{limit(e)}; the message had {count(have, 'byte')}: {count(have - need, 'byte')} too many"
+    text = f"{limit_text(e)}; the message had {count(have, 'byte')}: {count(have - need, 'byte')} too many"
     return tip(f"{text}. The message is lost", f"give DATA and LEN at least {have}")
 
 

@@ -16,7 +16,7 @@ from trcvtui.plc.ledger import StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.project import Project
 from trcvtui.snapshots.bench import PeerSnapshot
-from trcvtui.wording import SECOND, age, count, format_ns, times
+from trcvtui.wording import SECOND, age_text, count, format_ns, times
 
 ANY_ADDRESS: Final = "0.0.0.0"
 NS_PER_MS: Final = SECOND // 1000
@@ -78,7 +78,7 @@ def describe_setup_wait(e: Evidence) -> str:
 
 def _describe_down_time(e: Evidence) -> str:
     since = e.facts.down_since
-    return f" since scan {since.scan}, {age(e.ns_since(since))}" if since is not None else ""
+    return f" since scan {since.scan}, {age_text(e.ns_since(since))}" if since is not None else ""
 
 
 def _describe_listen(e: Evidence) -> str:
@@ -99,7 +99,7 @@ def _describe_listen(e: Evidence) -> str:
 
 def _describe_next_try(e: Evidence) -> str:
     assert e.link is not None
-    return f"; the next attempt in {age(e.link.retry_in_ns)}" if e.link.retry_in_ns is not None else ""
+    return f"; the next attempt in {age_text(e.link.retry_in_ns)}" if e.link.retry_in_ns is not None else ""
 
 
 def _describe_unbuilt(e: Evidence) -> str:
@@ -134,7 +134,7 @@ def _describe_call_wait(e: Evidence) -> str:
         return text
     if e.link.retry_in_ns is not None:
         tried = "" if e.facts.failures else f"{count(e.link.attempts, 'attempt')} so far, "
-        return f"{text}; {tried}the next {'attempt ' if not tried else ''}in {age(e.link.retry_in_ns)}"
+        return f"{text}; {tried}the next {'attempt ' if not tried else ''}in {age_text(e.link.retry_in_ns)}"
     return f"{text}; SYN unanswered in attempt {e.link.attempts}" if e.link.attempts else text
 
 
@@ -246,7 +246,7 @@ def explain_lost_connection(e: Evidence) -> str:
     if loss is None or e.facts.up_since is not None:
         return ""
     error = f" ({loss.error}{', injected' if loss.injected else ''})" if loss.error else ""
-    lived = f" after {age(loss.up_ns)}" if loss.up_ns is not None else ""
+    lived = f" after {age_text(loss.up_ns)}" if loss.up_ns is not None else ""
     often = f"; lost {times(e.facts.losses)} so far" if e.facts.losses > 1 else ""
     return f"the connection with {loss.peer} ended in scan {loss.at.scan}{lived}: {loss.what}{error}{often}"
 
@@ -256,7 +256,7 @@ def explain_early_request(e: Evidence) -> RuleAnswer:
     since = e.facts.down_since
     if not pin:
         return ""
-    wait = f" since scan {since.scan} ({age(e.ns_since(since))})" if since is not None else ""
+    wait = f" since scan {since.scan} ({age_text(e.ns_since(since))})" if since is not None else ""
     text = f"{pin} came while the connection was still being built{wait}"
     advice = "set it" if pin == "EN_R" else "repeat the edge"
     return tip(text, f"{advice} when STATUS says connected")
@@ -275,7 +275,7 @@ def explain_dead_link(e: Evidence) -> RuleAnswer:
         return ""
     limit = format_ns(3 * e.config.keep_alive_s * SECOND)
     lived = e.facts.loss.up_ns if e.facts.loss is not None else None
-    stood = f"; the link had been up for {age(lived)}" if lived is not None else ""
+    stood = f"; the link had been up for {age_text(lived)}" if lived is not None else ""
     return tip(
         f"{e.cause.peer or 'the partner'} was silent for about {limit} (3 x KeepAliveTimeInterval "
         f"{e.config.keep_alive_s} s){stood}",
@@ -295,8 +295,8 @@ def explain_quiet_line(e: Evidence) -> RuleAnswer:
         e.link.remote if e.link is not None else "its partner",
     )
     return tip(
-        f"no byte for {age(e.quiet_ns)}. A cut line or a partner without power looks just the same for up to "
-        f"{limit}; then keep-alive ends the connection",
+        f"no byte for {age_text(e.quiet_ns)}. A cut line or a partner without power looks just the same for "
+        f"up to {limit}; then keep-alive ends the connection",
         f"check cable and power of {peer}, or `ping` it",
     )
 
@@ -309,7 +309,7 @@ def explain_partner_end(e: Evidence) -> str:
     if cause.need:
         text += f" with {cause.have} of {count(cause.need, 'byte')} of the job done"
     if loss is not None and loss.up_ns is not None:
-        text += f", {age(loss.up_ns)} after it had connected"
+        text += f", {age_text(loss.up_ns)} after it had connected"
     often = f"; {times(e.facts.losses)} so far" if e.facts.losses > 1 else ""
     return text + often
 

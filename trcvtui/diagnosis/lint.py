@@ -16,7 +16,7 @@ from trcvtui.commands.peer import read_routines
 from trcvtui.commands.table import collect_written_data, parse_script
 from trcvtui.diagnosis.cause_words import CAUSED_CONDITIONS
 from trcvtui.diagnosis.causes import weigh_findings
-from trcvtui.diagnosis.data_values import unwritten_members
+from trcvtui.diagnosis.data_values import find_unwritten_members
 from trcvtui.diagnosis.frame_causes import FRAME_RULES
 from trcvtui.diagnosis.line_facts import LineFacts, SegmentFacts, make_line_of_writes
 from trcvtui.diagnosis.receiver import Receiver
@@ -50,7 +50,9 @@ def list_receivers(
     `held`: inputs that no command changes. `pins`: the present inputs of each instance, if it runs.
     """
     project, bytes_of = _apply_start(project, held, pins)
-    found = [_make_receiver(project, each) for each in project.instances if block_row(each.block).receives]
+    found = [
+        _make_receiver(project, each) for each in project.instances if block_row(each.block).receives_on_net
+    ]
     if len(found) == 1:
         found = [found[0]._replace(is_only=True)]
     found = [_add_marks(project, each, bytes_of) for each in found]
@@ -193,7 +195,7 @@ def _judge_limits(project: Project) -> Iterator[Finding]:
         data = project.data_decl(decl.data) if decl.data else None
         row = block_row(decl.block)
         most = project.rules.max_datagram if row.speaks_udp else project.rules.max_len
-        if not isinstance(length, int) or isinstance(length, bool) or not row.moves_bytes:
+        if not isinstance(length, int) or isinstance(length, bool) or not row.uses_network:
             continue
         if data is not None and length > data.size and length not in project.rules.area.adhoc_lens:
             text = f"LEN of {decl.name} is {length}, DATA {data.name} has {data.size} bytes"
@@ -266,7 +268,7 @@ def _assign_to_builder(
     """Return a finding with the block that builds its CONNECT, and with the STATUS that this shows."""
     for decl in project.instances:
         row = block_row(decl.block)
-        if decl.connect == config.name and (row.connects or row.runs_as is Condition.ESTABLISHING):
+        if decl.connect == config.name and (row.owns_link or row.runs_as is Condition.ESTABLISHING):
             status = _status_words(project, decl.block, project.rules.course.condition(*wrong))
             return replace(said, instance=decl.name, status=status)
     return replace(said, confidence=0.5)  # no block builds it: no STATUS shows it
@@ -369,7 +371,7 @@ def _judge_len(project: Project) -> Iterator[Finding]:
         data = project.data_decl(receiver.data) if receiver.data else None
         if data is None or receiver.adhoc or not receiver.need or receiver.is_datagram:
             continue
-        left = unwritten_members(receiver, receiver.need)
+        left = find_unwritten_members(receiver, receiver.need)
         if left is not None and left.is_cut:  # between two members the end may be wanted
             name, size = receiver.instance, receiver.need
             text = (

@@ -130,7 +130,7 @@ class HeadAndBody(NamedTuple):
     proof: str
 
 
-def head_and_body(writes: Sequence[SegmentFacts], content: bytes, need: int) -> HeadAndBody | None:
+def find_head_and_body(writes: Sequence[SegmentFacts], content: bytes, need: int) -> HeadAndBody | None:
     """Return the finding that each second write is the body to the head before it; None: not proved.
 
     Proof is a length in the head, or that both together always have the size of a job.

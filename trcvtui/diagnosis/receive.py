@@ -7,12 +7,19 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.evidence import Evidence
-from trcvtui.diagnosis.job import AdvisedCause, RuleAnswer, explain_req, limit, progress, tip
+from trcvtui.diagnosis.job import (
+    AdvisedCause,
+    RuleAnswer,
+    describe_progress,
+    explain_req,
+    limit_text,
+    tip,
+)
 from trcvtui.history.records import DroppedJob
 from trcvtui.snapshots.bench import PeerSnapshot
-from trcvtui.wording import SECOND, age, count, rate_text, times
+from trcvtui.wording import SECOND, age_text, count, rate_text, times
 
-QUIET_NS: Final = SECOND  # a frame without a new byte for so long is stuck, unless its sender is slow
+STUCK_AFTER_NS: Final = SECOND  # a frame without a new byte for so long is stuck, unless its sender is slow
 SLOW_SENDER_PAUSES: Final = 2  # times the longest pause of its sender, then it is stuck
 RECEIVING_CONDITIONS: Final = frozenset({Condition.RECEIVING, Condition.RECEIVING_PART, Condition.RUNNING})
 ARMED, FILLING, STUCK = "waiting", "receiving", "stuck"
@@ -21,18 +28,18 @@ ARMED, FILLING, STUCK = "waiting", "receiving", "stuck"
 # -- the state of a job ---------------------------------------------------------------------------------
 
 
-def state(e: Evidence) -> str:
+def receive_state(e: Evidence) -> str:
     """Return waiting (no byte yet), receiving (bytes arrive) or stuck (some arrived, no more come)."""
     if not e.have:
         return ARMED
-    patience = max(QUIET_NS, SLOW_SENDER_PAUSES * e.facts.longest_gap_ns)
+    patience = max(STUCK_AFTER_NS, SLOW_SENDER_PAUSES * e.facts.longest_gap_ns)
     return STUCK if e.quiet_ns is not None and e.quiet_ns >= patience else FILLING
 
 
 def is_stuck(e: Evidence) -> bool:
     """Return whether a static frame has begun and its sender seems to have no more."""
     is_running = e.condition in RECEIVING_CONDITIONS
-    return is_running and not e.adhoc and not e.is_message and not e.is_datagram and state(e) == STUCK
+    return is_running and not e.adhoc and not e.is_message and not e.is_datagram and receive_state(e) == STUCK
 
 
 def describe_receive_job(e: Evidence) -> str:
@@ -44,14 +51,14 @@ def describe_receive_job(e: Evidence) -> str:
         return f"{ARMED} for {wanted}; none received yet{_describe_last_arrival(e, 'frame')}{_link_age(e)}"
     if e.have >= e.need and not e.adhoc:
         return f"complete: all {wanted} received, DONE comes with the next scan"
-    came = "" if e.quiet_ns is None else f", the last one {age(e.quiet_ns)} ago"
-    return f"{state(e)}: {e.have} of {wanted} received{came}{_describe_rate(e)}"
+    came = "" if e.quiet_ns is None else f", the last one {age_text(e.quiet_ns)} ago"
+    return f"{receive_state(e)}: {e.have} of {wanted} received{came}{_describe_rate(e)}"
 
 
 def _describe_last_arrival(e: Evidence, thing: str) -> str:
     if e.quiet_ns is None:
         return ""
-    ago = f"{age(e.quiet_ns)} ago"
+    ago = f"{age_text(e.quiet_ns)} ago"
     if e.done_scan is None or not e.done_len or e.facts.drop is not None:
         return f". The last {'byte' if thing == 'frame' else thing} came {ago}"
     return f". The last {thing} ({count(e.done_len, 'byte')}) was delivered in scan {e.done_scan}, {ago}"
@@ -71,12 +78,12 @@ def _link_age(e: Evidence) -> str:
     up = e.facts.up_since
     if e.quiet_ns is not None or up is None:
         return ""
-    return f". The link is up since scan {up.scan}, {age(e.ns_since(up))}"
+    return f". The link is up since scan {up.scan}, {age_text(e.ns_since(up))}"
 
 
 def _describe_rate(e: Evidence) -> str:
     began = e.facts.job_began
-    if state(e) != FILLING or began is None or e.last_bytes_ns is None:
+    if receive_state(e) != FILLING or began is None or e.last_bytes_ns is None:
         return ""
     lasted = e.last_bytes_ns - began.t_ns
     return f", {rate_text(e.have, lasted)}" if lasted >= 2 * e.interval_ns else ""
@@ -146,9 +153,10 @@ def explain_short_sender(e: Evidence) -> RuleAnswer:
     if size is None or not size < e.need or e.need % size == 0 or e.adhoc:
         return ""
     missing = e.need - size
-    text = f"{limit(e)}. {_sizes(e, size)}: LEN or DATA is {count(missing, 'byte')} too large for this sender"
+    larger = count(missing, "byte")
+    text = f"{limit_text(e)}. {_sizes(e, size)}: LEN or DATA is {larger} too large for this sender"
     if len(e.facts.messages.last) > 1 and e.done_scan is not None:
-        text += f". Each frame takes {count(missing, 'byte')} of the next message, so the values shift"
+        text += f". Each frame takes {larger} of the next message, so the values shift"
     pins = (("LEN", f"set {e.instance} LEN={size}"), ("COM_RST", f"pulse {e.instance} COM_RST"))
     has_len, has_reset = (e.pin(pin) is not None for pin, _ in pins)
     way = f"make both equal: {'{}, or ' * has_len}give DATA {count(size, 'byte')}{'; then {}' * has_reset}"
@@ -159,7 +167,7 @@ def explain_several_messages(e: Evidence) -> str:
     size = e.facts.messages.common
     if size is None or e.adhoc or not size < e.need or e.need % size:
         return ""
-    frame = f"{limit(e)}. {_sizes(e, size)}: one frame takes {e.need // size} of them"
+    frame = f"{limit_text(e)}. {_sizes(e, size)}: one frame takes {e.need // size} of them"
     return f"{frame}, {e.have // size} have arrived" if e.have else frame
 
 
@@ -174,10 +182,10 @@ def explain_long_sender(e: Evidence) -> RuleAnswer:
         )
     rest = size % e.need
     if not rest:
-        return f"{_sizes(e, size)}. {limit(e)}: one message comes as {size // e.need} frames"
+        return f"{_sizes(e, size)}. {limit_text(e)}: one message comes as {size // e.need} frames"
     return tip(
-        f"{_sizes(e, size)}. {limit(e)}, which is too small for this sender: {count(rest, 'byte')} of each "
-        "message begin the next frame, so the values shift",
+        f"{_sizes(e, size)}. {limit_text(e)}, which is too small for this sender: {count(rest, 'byte')} of "
+        "each message begin the next frame, so the values shift",
         f"give DATA and LEN {count(size, 'byte')}",
     )
 
@@ -213,22 +221,22 @@ def explain_burst_size(e: Evidence) -> str:
         return ""
     if e.config is None:
         return ""  # a datagram comes whole, whatever its size
-    if e.need % size == 0 and state(e) != STUCK:
+    if e.need % size == 0 and receive_state(e) != STUCK:
         return ""  # several of them fill a frame
     if facts.bursts.count == 1 and size > e.need and e.is_arriving:
         return f"{count(size, 'byte')} came without a pause: a stream does not show where a message ends"
     each = "" if facts.bursts.count == 1 else "each time "
     came = f"bytes came {times(facts.bursts.count)}, {each}{size}. If that is the sender's message,"
     if size < e.need:
-        return f"{limit(e)}; {came} LEN or DATA is {count(e.need - size, 'byte')} too large"
+        return f"{limit_text(e)}; {came} LEN or DATA is {count(e.need - size, 'byte')} too large"
     if size % e.need:
-        return f"{limit(e)}; {came} its last {count(size % e.need, 'byte')} begin the next frame"
-    return f"{limit(e)}; {came} it comes as {size // e.need} frames"
+        return f"{limit_text(e)}; {came} its last {count(size % e.need, 'byte')} begin the next frame"
+    return f"{limit_text(e)}; {came} it comes as {size // e.need} frames"
 
 
 def suggest_ad_hoc(e: Evidence) -> RuleAnswer:
     """Static and stuck, and whether more bytes will come is not known."""
-    if e.adhoc or state(e) != STUCK or not e.have:
+    if e.adhoc or receive_state(e) != STUCK or not e.have:
         return ""
     here = count(e.have, "byte")
     if e.adhoc_at_once:
@@ -279,8 +287,8 @@ def explain_short_message(e: Evidence) -> str:
     if not size or not e.need or size >= e.need:
         return ""
     return (
-        f"{limit(e)}; the last message had {count(size, 'byte')}. A message of any size completes a job: "
-        f"RCVD_LEN is {size}, and DATA keeps older bytes from byte {size} on"
+        f"{limit_text(e)}; the last message had {count(size, 'byte')}. A message of any size completes a "
+        f"job: RCVD_LEN is {size}, and DATA keeps older bytes from byte {size} on"
     )
 
 
@@ -290,7 +298,7 @@ def explain_long_message(e: Evidence) -> RuleAnswer:
     if size is None or not e.need or size <= e.need:
         return ""
     return tip(
-        f"{e.facts.sender}'s messages have {count(size, 'byte')}; {limit(e)}. Each is "
+        f"{e.facts.sender}'s messages have {count(size, 'byte')}; {limit_text(e)}. Each is "
         f"{count(size - e.need, 'byte')} too long and is lost",
         f"give DATA and LEN at least {size}",
     )
@@ -311,7 +319,7 @@ def describe_datagram_receive(e: Evidence) -> str:
     if e.quiet_ns is not None:
         return armed + _describe_last_arrival(e, "datagram")
     since = e.facts.open_since
-    opened = f". The socket is open since scan {since.scan}, {age(e.ns_since(since))}" if since else ""
+    opened = f". The socket is open since scan {since.scan}, {age_text(e.ns_since(since))}" if since else ""
     return armed + opened
 
 
@@ -365,9 +373,8 @@ def explain_cut_datagram(e: Evidence) -> str:
     need = e.need or 0
     if not need or not sizes or sizes[-1] <= need:
         return ""
-    return (
-        f"{limit(e)}; {_datagram_sizes(e)}: {count(sizes[-1] - need, 'byte')} of it did not fit and are lost"
-    )
+    lost = count(sizes[-1] - need, "byte")
+    return f"{limit_text(e)}; {_datagram_sizes(e)}: {lost} of it did not fit and are lost"
 
 
 def explain_short_datagram(e: Evidence) -> str:
@@ -375,7 +382,7 @@ def explain_short_datagram(e: Evidence) -> str:
     if not size or not e.need or size >= e.need or explain_cut_datagram(e):
         return ""
     return (
-        f"{limit(e)}; {_datagram_sizes(e)}. A datagram of any size completes a job: "
+        f"{limit_text(e)}; {_datagram_sizes(e)}. A datagram of any size completes a job: "
         f"RCVD_LEN is {size}, and DATA keeps older bytes from byte {size} on"
     )
 
@@ -446,7 +453,7 @@ def explain_datagram_too_long(e: Evidence) -> RuleAnswer:
 
 def describe_datagram_job(e: Evidence) -> str:
     """Return what a receive job waits for, or how far a send job is."""
-    return describe_datagram_receive(e) if block_row(e.block).receives else progress(e)
+    return describe_datagram_receive(e) if block_row(e.block).receives_on_net else describe_progress(e)
 
 
 def explain_closed_socket(e: Evidence) -> RuleAnswer:

@@ -107,7 +107,7 @@ def _find_framed_block(snapshot: Snapshot, project: Project, name: str) -> Frame
     readers = [
         i.name
         for i in snapshot.instances
-        if i.connect == instance.connect and block_row(i.block).reads_buffer
+        if i.connect == instance.connect and block_row(i.block).reads_rx_buffer
     ]
     return FramedBlock(
         instance,

@@ -42,7 +42,7 @@ _CR, _CC, _DR, _DT = 0xE0, 0xD0, 0x80, 0xF0
 TPKT: Final = 3  # the first byte of a unit of ISO-on-TCP
 MOST_UNITS: Final = 8
 _ENCRYPTED_ALERT: Final = 19  # bytes: level, description, kind, 16 of the cipher
-_HANDSHAKE, _ALERT, _DATA, _CHANGE = 22, 21, 23, 20
+_HANDSHAKE, _ALERT, _DATA, _CHANGE_CIPHER = 22, 21, 23, 20
 
 
 def find_session_units(flow: DirectionFacts, has_begin: bool) -> list[bytes]:
@@ -75,7 +75,7 @@ def _unit_size(head: bytes) -> int:
     """Return the bytes of a unit; 0: it is none. TLS: RFC 8446, 5.1; ISO-on-TCP: RFC 1006, 6."""
     if is_tls(head):
         size = int.from_bytes(head[3:5], "big") + 5
-        fits = head[0] in (_HANDSHAKE, _ALERT, _DATA, _CHANGE) and head[1] == 3 and 1 <= head[2] <= 4
+        fits = head[0] in (_HANDSHAKE, _ALERT, _DATA, _CHANGE_CIPHER) and head[1] == 3 and 1 <= head[2] <= 4
         return size if fits and 5 < size <= 18_500 else 0
     size = int.from_bytes(head[2:4], "big")
     fits = not head[1] and 2 <= head[4] <= size - 5 and head[5] & 0xF0 in (_CR, _CC, _DR, _DT)
@@ -155,7 +155,7 @@ def _read_records(content: bytes | bytearray) -> list[tuple[int, bytes]]:
     at = 0
     while at + 5 <= len(content) and len(found) < 64:
         kind, major, size = content[at], content[at + 1], int.from_bytes(content[at + 3 : at + 5], "big")
-        if kind not in (_HANDSHAKE, _ALERT, _DATA, _CHANGE) or major != 3 or size > 18_500:
+        if kind not in (_HANDSHAKE, _ALERT, _DATA, _CHANGE_CIPHER) or major != 3 or size > 18_500:
             break
         found.append((kind, bytes(content[at + 5 : at + 5 + size])))
         at += 5 + size
@@ -175,7 +175,7 @@ def judge_tls(line: LineFacts) -> Finding | None:
     for way, records in both.items():
         is_open = True  # not encrypted yet
         for kind, body in records:
-            is_open = is_open and kind != _CHANGE
+            is_open = is_open and kind != _CHANGE_CIPHER
             if kind == _DATA:
                 break
             if kind != _ALERT or (len(body) == 2 and body[1] == 0):
@@ -218,7 +218,7 @@ def judge_tls(line: LineFacts) -> Finding | None:
 def _is_handshake_complete(both: dict[str, list[tuple[int, bytes]]]) -> bool:
     """Return whether a handshake up to TLS 1.2 succeeded: both ends encrypted, or data passed."""
     kinds = [[kind for kind, _ in records] for records in both.values()]
-    ready = [_CHANGE in each and _HANDSHAKE in each[each.index(_CHANGE) :] for each in kinds]
+    ready = [_CHANGE_CIPHER in each and _HANDSHAKE in each[each.index(_CHANGE_CIPHER) :] for each in kinds]
     return all(ready) or (any(ready) and any(_DATA in each for each in kinds))
 
 

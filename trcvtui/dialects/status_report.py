@@ -126,7 +126,7 @@ def select_one_dialect(found: Sequence[Explanation], name: str | None) -> tuple[
 
 def is_number(row: StatusRow) -> bool:
     """Return whether its blocks show the code as a number, Error, and not as a WORD."""
-    return all(block_row(block).has_buffer for block in row.blocks)
+    return all(block_row(block).has_com_buffer for block in row.blocks)
 
 
 def add_scenarios(

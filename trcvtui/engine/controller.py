@@ -123,7 +123,7 @@ def _latched_remark(instance: InstanceSnapshot | None, pin: str, value: object) 
 
 
 MOST_ANSWERS: Final = 64
-EDIT_COMMANDS: Final = (*words.EDIT_COMMANDS, words.Create, words.Delete, words.Resize)
+EDIT_COMMANDS: Final = (*words.EDIT_COMMANDS, words.Create, words.Delete, words.Retype)
 MOST_DATA: Final = 65_536  # of one variable in a picture: as much as a job writes; more would block the pipe
 SCAN_CONTROL: Final = ("hold", "go")
 MARK: Final = "mark"
@@ -174,7 +174,7 @@ class Controller:
         self._trials = ScreenSplitTest()
         self._begin_bench(bench)
         self._saved: set[str] = set()  # real paths of the files that were written from here
-        self._told = self._edit = ""
+        self._message = self._edit = ""
         self._edits = ProjectEdits(bench.project)
         self._home_kernel = bench.kernel_name
         self._begun_with = 0  # the edits that the bench had before its first scan
@@ -184,7 +184,7 @@ class Controller:
         self._project_number = 0
 
     def _begin_bench(self, bench: Bench) -> None:
-        self.begun_ns = clock.wall_ns() - bench.now if bench.kernel_name == "live" else None
+        self.begun_ns = clock.utc_ns() - bench.now if bench.kernel_name == "live" else None
         self._ledger = reader = LedgerReader(bench)
         self._history = StreamReader(bench, reader)
         self._messages = MessageRows(bench, reader, self._history.streams)
@@ -197,10 +197,10 @@ class Controller:
     # -- lines -----------------------------------------------------------------------------------------
 
     def handle_line(self, number: int, line: str) -> None:
-        self._told, self._edit, self._line = "", "", (number, line)
+        self._message, self._edit, self._line = "", "", (number, line)
         self.catch_up()  # before the line changes the bench
         wrong = self._carry_out(line.strip())
-        self._answers.append(LineAnswer(number, line, wrong, self._told, self._edit))
+        self._answers.append(LineAnswer(number, line, wrong, self._message, self._edit))
 
     def _carry_out(self, line: str) -> str:
         if line in SCAN_CONTROL:
@@ -212,11 +212,11 @@ class Controller:
             if verb == SCENARIO:
                 return self._handle_scenario(rest.strip())
             if verb == TRIGGER:
-                self._told = self.trigger_watch.arm(rest, "prompt")
+                self._message = self.trigger_watch.arm(rest, "prompt")
                 return ""
             if line == MARK:
                 self.session.mark()
-                self._told = f"marked after scan {self.session.marked_at}"
+                self._message = f"marked after scan {self.session.marked_at}"
                 return ""
             if verb == WATCH and self.watch is not None:
                 return self.watch(rest.strip())
@@ -233,7 +233,7 @@ class Controller:
             return error.lines()[0]
         if command is None:
             return ""
-        if isinstance(command, words.Add) and command.port:
+        if isinstance(command, words.AddEntry) and command.port:
             command = self._choose_free_port(command)
             line = format_command(command)
         try:
@@ -258,11 +258,11 @@ class Controller:
                 return self._trials.begin(self.bench, command)
             case words.TryStop():
                 return self._trials.stop()
-            case words.Add() | words.AddData() | words.Change() | words.Remove() | words.Undo():
+            case words.AddEntry() | words.AddVariable() | words.Change() | words.Remove() | words.Undo():
                 return self._edit_bench(command)
             case words.Doctor():
                 judge = self.files_judge or RunJudge(self._require_box())
-                self._told = self._doctor.ask(judge, self.bench, *self._line, command)
+                self._message = self._doctor.ask(judge, self.bench, *self._line, command)
                 return ""
             case words.Wait() | words.Expect() | words.ExpectTrace():
                 return "waits and traces belong in a scenario file"
@@ -270,19 +270,19 @@ class Controller:
                 at_once = self.bench.project.rules.adhoc_at_once
                 remark = make_remark(command, self.bench.runtime, at_once)
                 wrong = self.bench.do(command)
-                self._told = "" if wrong else remark
+                self._message = "" if wrong else remark
                 return wrong
             case _:
                 return self.bench.do(command)
 
-    def _choose_free_port(self, command: words.Add) -> words.Add:
+    def _choose_free_port(self, command: words.AddEntry) -> words.AddEntry:
         [end] = listening_ends(command.with_it)[:1]
         port = command.port
         while not self.bench.is_free(Endpoint(end.address, port)):
             port = free_port(self.bench.project, port)
         typed = command.text.removesuffix(port_text(command.port))
         other = parse_line(typed + port_text(port), self.bench.project, "prompt")
-        assert isinstance(other, words.Add)
+        assert isinstance(other, words.AddEntry)
         return other
 
     def _edit_bench(self, command: EditCommand) -> str:
@@ -295,15 +295,15 @@ class Controller:
                 return error.lines()[0]
         wrong = self.bench.do(command)
         if not wrong:
-            self._told = message
+            self._message = message
             if own_edit is not None:
-                self._edits.note(own_edit)
+                self._edits.take_edit(own_edit)
         return wrong
 
     def _handle_udt(self, rest: str) -> str:
         if self.player is not None:
             return "the UDTs of a scenario are those of its own project"
-        fresh, given, self._told = reload_types(rest, self.bench.project, "prompt")
+        fresh, given, self._message = reload_types(rest, self.bench.project, "prompt")
         self.bench.record_line(f"{UDT} {rest}")
         self.bench.project = fresh
         self._edits.accept_types(fresh, given)
@@ -315,11 +315,11 @@ class Controller:
         name, buffer, number = framing.parse_framing(rest, self.bench.project, "prompt")
         recording = self.bench.runtime.recording(buffer)
         if not number:
-            self._told = framing.describe_framings(recording)
+            self._message = framing.describe_framings(recording)
             return ""
         lines = framing.make_proposal_commands(recording, self.bench.project, name, number, "prompt")
         wrong = next(filter(None, map(self._carry_out, lines)), "")
-        self._told = "; ".join(lines)
+        self._message = "; ".join(lines)
         return wrong
 
     def _allow_scans(self, scans: int) -> str:
@@ -333,12 +333,12 @@ class Controller:
     def _record(self, rest: str) -> str:
         box = self._require_box()
         if rest == "stop":
-            self._told = box.stop_recording()
+            self._message = box.stop_recording()
             return ""
         from trcvtui.recording.black_box import find_new_path
 
         stem = self.bench.project.path.stem or "recording"
-        self._told = box.start_recording(_recording_path(rest) if rest else find_new_path(Path(), stem))
+        self._message = box.start_recording(_recording_path(rest) if rest else find_new_path(Path(), stem))
         return ""
 
     def report_recording(self, text: str, wrong: str) -> None:
@@ -361,7 +361,7 @@ class Controller:
         """Write the project, the recording so far, or the session as a scenario."""
         what, _, name = rest.partition(" ")
         if what == RECORDING and name.strip():
-            self._told = self._require_box().save(_recording_path(name.strip()))
+            self._message = self._require_box().save(_recording_path(name.strip()))
             return ""
         if what != PROJECT and (what != SCENARIO or not name.strip()):
             raise mistake("prompt", f"'{SAVE} {rest}'", SAVE_USAGE)
@@ -370,7 +370,7 @@ class Controller:
                 "prompt", "a scenario on the bench", "a session of your own: leave the scenario first"
             )
         if what == PROJECT:
-            self._told = self._edits.save(name)
+            self._message = self._edits.save(name)
             self.bench.project = move_project(self.bench.project, self._edits.project.path)
             return ""
         before = None
@@ -379,13 +379,13 @@ class Controller:
             if before is None:
                 found = "a session that began with additions which were in no file"
                 raise mistake("prompt", found, "a session begun after `save project`: open the file again")
-        elif self._edits.text_now() != self._edits.text:
+        elif self._edits.read_file_text() != self._edits.text:
             before = self._edits.text
         path = parse_toml_path(name, "prompt")
         text = scenario_text(self.session, self.bench, path, before)
         self._saved.add(write_new(path, text, self._saved, "prompt"))
         size = f"{count(self.session.commands, 'command')}, {count(self.bench.runtime.scans, 'scan')}"
-        self._told = f"{size} in {path.absolute()}{self.session.external_partners().warning}"
+        self._message = f"{size} in {path.absolute()}{self.session.external_partners().warning}"
         return ""
 
     # -- a scenario ------------------------------------------------------------------------------------
@@ -426,7 +426,7 @@ class Controller:
         self.bench.close()
         self._switch_bench(fresh_bench(self._edits.project, self._home_kernel))
         self._begun_with = self._edits.done
-        self._edits.begin_bench()
+        self._edits.note_new_bench()
 
     def _switch_bench(self, bench: Bench) -> None:
         self.bench, self.player, self.recorded = bench, None, ""
@@ -503,7 +503,7 @@ class Controller:
         wanted = request.history
         if kept:  # a trigger has fired: the picture is of its scan
             last = kept.snapshot.ledger_seq
-            numbered = enumerate(kept.stamped, last - len(kept.stamped) + 1)
+            numbered = enumerate(kept.events, last - len(kept.events) + 1)
             lines = tuple([Line(seq, *item) for seq, item in numbered if seq > since])
             wanted = replace(wanted, scan=kept.snapshot.scan) if wanted else None
         return BenchUpdate(
@@ -526,7 +526,7 @@ class Controller:
             waves=self._wave_news(request.waves, known),
             history=self._history.read_window(wanted) if wanted and known else None,
             unsaved=self._edits.unsaved_count,
-            unsaved_word=self._edits.unsaved_word,
+            unsaved_word=self._edits.unsaved_noun,
             recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),
             facts=kept.facts if kept else self.trigger_watch.facts(partial_of),
             recorded=self.recorded,

@@ -112,9 +112,9 @@ class Engine:
         self._recorder = recorder
         if recorder is not None:
             from trcvtui.diagnosis.judges import FilesJudge, RunJudge
-            from trcvtui.recording.files import find_newest_file
+            from trcvtui.recording.files import list_newest_file
 
-            judge = FilesJudge(lambda: find_newest_file(recorder.file), looks_again=True)
+            judge = FilesJudge(lambda: list_newest_file(recorder.file), looks_again=True)
             self._controller.black_box = box = recorder.box
             self._controller.files_judge = judge if box is None else RunJudge(box)
         self._made_at = self._worked_at = 0  # the last picture, and the last work on one
@@ -218,7 +218,7 @@ class Engine:
         part = min(until, began + min(self._interval, STEP_NS) // GAP_SHARE)
         for screen in tuple(screens):
             screens.rotate(-1)  # rule 2: in turns
-            if screen.request and not screen.pipe.is_busy() and self._may_make(screen, until):
+            if screen.request and not screen.pipe.is_busy() and self._may_make_picture(screen, until):
                 self._make_picture(screen, screen.request)
             if self._made_at < began or clock.now_ns() < part:  # else it is pickled in the next gap
                 screen.pipe.advance(part)
@@ -240,7 +240,7 @@ class Engine:
         screen.pipe.begin(replace(picture, answers=answers))
         screen.make_ns, self._made_at = clock.now_ns() - began, began
 
-    def _may_make(self, screen: AttachedScreen, until: int) -> bool:
+    def _may_make_picture(self, screen: AttachedScreen, until: int) -> bool:
         """Return whether a picture like the last one can be made before the next scan, or has to be.
 
         With short intervals there are ten a second, and one at once where a line waits for its answer.

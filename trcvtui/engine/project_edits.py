@@ -24,7 +24,7 @@ from trcvtui.commands.table import format_command, parse_line
 from trcvtui.commands.words import EDIT_COMMANDS, EditCommand
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.files import FileName, make_folder, read_bytes, write_file
+from trcvtui.files import FileName, make_folder, read_bounded, write_file
 from trcvtui.paths import configs_path, demo_path
 from trcvtui.project.edit import diff_projects, find_entry, is_same_entry
 from trcvtui.project.file import read_project
@@ -187,7 +187,7 @@ class ProjectEdits:
         self._constants: dict[str, int] = {}  # given since the project was opened, or saved
         self._written: set[str] = set()  # real paths
         self._inode = 0
-        self._keep_text(self.text_now())
+        self._keep_text(self.read_file_text())
 
     @property
     def unsaved_count(self) -> int:
@@ -195,14 +195,14 @@ class ProjectEdits:
         return len(self._edits) + len(self._constants)
 
     @property
-    def unsaved_word(self) -> str:
+    def unsaved_noun(self) -> str:
         return "addition" if all(edit.before is None for edit in self._edits) else "change"
 
-    def text_now(self) -> str:
+    def read_file_text(self) -> str:
         """Return the text of the file now (`text` is the earlier one), "" where it cannot be read."""
         return _text_of(self.project.path)
 
-    def begin_bench(self) -> None:
+    def note_new_bench(self) -> None:
         self.before, self._begun_from_file = None, self.saved == self.done
 
     def check(self, command: EditCommand) -> EditCommand:
@@ -212,7 +212,7 @@ class ProjectEdits:
         check_bench(project_after(mine, self.project))
         return mine
 
-    def note(self, command: EditCommand) -> None:
+    def take_edit(self, command: EditCommand) -> None:
         self.project = project_after(command, self.project)
         self._edits = diff_projects(self._in_file, self.project)
         self.done += 1
@@ -240,9 +240,9 @@ class ProjectEdits:
             )
         if is_own and not fault and not self.unsaved_count:
             return f"nothing was added to {path}" if not self.done else f"nothing is unsaved in {path}"
-        message = f"the project with {count(self.unsaved_count, self.unsaved_word)} in {path.absolute()}"
+        message = f"the project with {count(self.unsaved_count, self.unsaved_noun)} in {path.absolute()}"
         text = self.text if fault or not is_own else read_text(own)
-        if fault or self.text_now() != text:
+        if fault or self.read_file_text() != text:
             now = f"{fault.where}: found {fault.found}" if fault else f"{own} has changed"
             message += f", on the text that was read before ({now})"
         before = self.text if self.before is None and self._begun_from_file else self.before
@@ -315,7 +315,7 @@ def _move_part(part: Any, old: Path, new: Path) -> Any:
 
 def _read_content(path: FileName) -> bytes:
     with suppress(OSError, ValueError):
-        return read_bytes(path, LARGEST_FILE)
+        return read_bounded(path, LARGEST_FILE)
     return b""
 
 

@@ -196,7 +196,7 @@ class FrozenScan(Struct, frozen=True):
 
     fired: TriggerEvent
     snapshot: Snapshot
-    stamped: list[StampedEvent]
+    events: list[StampedEvent]
     data: NamedBytes
     partial: NamedBytes
     peers: tuple[PeerSnapshot, ...]

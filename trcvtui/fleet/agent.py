@@ -17,7 +17,7 @@ from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.files import make_folder
 from trcvtui.fleet.broker import NO_TLS_TEXT, BrokerAccess, BrokerConnection, LastWill
 from trcvtui.fleet.disk_queue import DiskQueue
-from trcvtui.fleet.lines import NS, SeenBench, SeenInstance
+from trcvtui.fleet.lines import NS, AgentBench, AgentInstance
 from trcvtui.fleet.publisher import Publisher
 from trcvtui.fleet.topics import FleetMessage, StateMessage, Topic, parse_topic
 from trcvtui.net.os.forwarder import write_or_drop_line
@@ -26,7 +26,7 @@ from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.picture.protocol import EngineStopped
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project, TapDecl, WatchDecl
-from trcvtui.recording.files import RecordTarget, find_newest_file
+from trcvtui.recording.files import RecordTarget, list_newest_file
 
 TURN_PAUSE_S: Final = 0.1  # between two pictures
 IDLE_FIGURES_NS: Final = 60 * NS  # of an idle line
@@ -92,8 +92,8 @@ class Agent:
             for connect, name in ((row.connect, row.name), (row.back, f"{row.name} back")):
                 names[connect] = f"{names[connect]}, {name}" if connect in names else name
         names.pop("", None)
-        boot = f"{clock.wall_ns():x}"
-        self.seen = SeenBench(boot, project.dialect.label, self._recording_file, names)
+        boot = f"{clock.utc_ns():x}"
+        self.seen = AgentBench(boot, project.dialect.label, self._recording_file, names)
         self._engine: ProcessDriver | None = None
         self._has_taps = bool(project.taps)
         self._has_shadows = self._has_taps or bool(settings.packets)
@@ -324,7 +324,7 @@ class Agent:
         if record is None:
             return ""
         try:
-            return "".join(find_newest_file(record.target.resolve()))
+            return "".join(list_newest_file(record.target.resolve()))
         except OSError:  # the ring of files has deleted it meanwhile
             return ""
 
@@ -336,7 +336,7 @@ class Agent:
         is_due, self._judged_at = came != self._judged_at, came
         return is_due
 
-    def _publish_event(self, instance: SeenInstance, event: FleetMessage) -> None:
+    def _publish_event(self, instance: AgentInstance, event: FleetMessage) -> None:
         if self._publisher is not None:
             self._publisher.send_event(self._topic("event", instance.line, instance.name), event.to_json())
             recent = self._topic("recent", instance.line, instance.name)
@@ -389,4 +389,4 @@ def run_agent(settings: AgentSettings, project: Project) -> int:
 
 
 def _utc_s() -> float:
-    return round(clock.wall_ns() / NS, 3)
+    return round(clock.utc_ns() / NS, 3)

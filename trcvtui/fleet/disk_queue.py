@@ -75,7 +75,7 @@ class DiskQueue:
         return base
 
     def _set_aside(self, path: Path) -> bool:
-        aside = path.with_suffix(f".damaged-{clock.wall_ns():x}")
+        aside = path.with_suffix(f".damaged-{clock.utc_ns():x}")
         try:
             for end in FILE_SUFFIXES:
                 if os.path.exists(f"{path}{end}"):

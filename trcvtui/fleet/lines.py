@@ -22,7 +22,7 @@ MINUTE_S: Final = 60
 MOST_TIMES: Final = 4096  # kept times of ERRORs (an hour) and DONEs (a minute)
 
 
-class SeenInstance:
+class AgentInstance:
     """One instance: its status and its newest events."""
 
     def __init__(self, line: str, name: str) -> None:
@@ -83,7 +83,7 @@ class SeenInstance:
         return before is None or replace(before, t=status.t, age_s=status.age_s) != status
 
 
-class SeenLine:
+class AgentLine:
     """One CONNECT or ComBuffer: its state, its bytes, and times of ERRORs and DONEs."""
 
     def __init__(self, name: str) -> None:
@@ -124,7 +124,7 @@ class SeenLine:
         return (self.received, self.sent) != self._last_figures[:2]
 
 
-class SeenBench:
+class AgentBench:
     """A bench: its lines and instances by name; `boot` identifies this run of the agent.
 
     `names`: the name of a line by its CONNECT or ComBuffer, where it differs.
@@ -138,8 +138,8 @@ class SeenBench:
         names: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         self.boot, self._label, self._recorded_in, self._names = boot, label, recorded_in, names
-        self.lines: dict[str, SeenLine] = {}
-        self.instances: dict[str, SeenInstance] = {}
+        self.lines: dict[str, AgentLine] = {}
+        self.instances: dict[str, AgentInstance] = {}
         self.seq = 0  # the last line read from the ledger
         self._looks = 0  # of the doctor, at the last report
         self._known: set[tuple[str, str]] = set()  # instance and cause of each finding of the last look
@@ -153,7 +153,7 @@ class SeenBench:
 
     def handle_update(
         self, update: BenchUpdate, wall: float
-    ) -> tuple[list[SeenInstance], list[tuple[SeenInstance, EventMessage]], list[SeenLine]]:
+    ) -> tuple[list[AgentInstance], list[tuple[AgentInstance, EventMessage]], list[AgentLine]]:
         """Apply a picture; return instances that have changed, new events, lines whose state has changed."""
         snapshot = update.snapshot
         began = wall - snapshot.t_ns / NS
@@ -166,7 +166,7 @@ class SeenBench:
                 events.append((instance, instance.event(self.boot, wall, "note", None, dict(missed))))
         for each in snapshot.instances:
             line_name = self._names.get(each.connect, each.connect)
-            self.instances.setdefault(each.name, SeenInstance(line_name, each.name))
+            self.instances.setdefault(each.name, AgentInstance(line_name, each.name))
         file = self._file_record() if update.lines else {}
         for line in update.lines:
             self.seq = line.seq
@@ -195,7 +195,7 @@ class SeenBench:
 
     def report_findings(
         self, doctor: DoctorSnapshot, wall: float, with_payload: bool
-    ) -> Iterable[tuple[SeenInstance, EventMessage]]:
+    ) -> Iterable[tuple[AgentInstance, EventMessage]]:
         """Yield an event for each instance and cause that the doctor's look before did not find."""
         if doctor.looks == self._looks:
             return
@@ -217,7 +217,7 @@ class SeenBench:
 
     def _update_instances(
         self, shown: Iterable[InstanceSnapshot], scan: int, interval_ns: int, wall: float
-    ) -> Iterable[SeenInstance]:
+    ) -> Iterable[AgentInstance]:
         for each in shown:
             seen = self.instances[each.name]
             done = seen.jobs_done
@@ -227,7 +227,7 @@ class SeenBench:
             if seen.jobs_done > done:
                 self._get_line(seen.line).dones.append((wall, seen.jobs_done - done))
 
-    def _update_lines(self, update: BenchUpdate) -> Iterable[SeenLine | None]:
+    def _update_lines(self, update: BenchUpdate) -> Iterable[AgentLine | None]:
         for each in update.snapshot.connections:
             line = self._get_line(self._names.get(each.name, each.name))
             yield line if line.update(*_link_counters(each)) else None
@@ -235,8 +235,8 @@ class SeenBench:
             line = self._get_line(self._names.get(buffer.name, buffer.name))
             yield line if line.update("up" if buffer.is_up else "away", 0, buffer.arrived, 0) else None
 
-    def _get_line(self, name: str) -> SeenLine:
-        return self.lines.setdefault(name, SeenLine(name))
+    def _get_line(self, name: str) -> AgentLine:
+        return self.lines.setdefault(name, AgentLine(name))
 
 
 def _finding_record(one: Finding, with_payload: bool) -> dict[str, object]:

@@ -54,7 +54,7 @@ class Publisher:
         self._again_at, self._pause = 0, RESEND_NS  # time of the next resend, and the pause after it
         self._up_at: int | None = None
         self._last_report = ""
-        self.dropped_told = 0
+        self.reported_drops = 0
 
     @property
     def is_up(self) -> bool:
@@ -141,8 +141,8 @@ class Publisher:
             held.is_sent, held.due_at = False, 0
         self._report("connected to the broker")
         dropped = self.queue.dropped
-        if sum(dropped.values()) > self.dropped_told:
-            self.dropped_told = sum(dropped.values())
+        if sum(dropped.values()) > self.reported_drops:
+            self.reported_drops = sum(dropped.values())
             self._say(
                 f"dropped while the broker was away: {dropped[FIGURES]} figures, {dropped[EVENT]} events"
             )

@@ -21,7 +21,7 @@ from trcvtui.fleet.broker import (
     IncomingMessage,
     SubAck,
 )
-from trcvtui.fleet.seen_fleet import FleetAgent, SeenFleet
+from trcvtui.fleet.seen_fleet import FleetAgent, FleetModel
 from trcvtui.fleet.topics import ROOT, StateMessage, encode_level, parse_message, parse_topic
 
 NS: Final = 1_000_000_000
@@ -48,12 +48,12 @@ def _is_pattern(pattern: str) -> bool:
 class FleetReader:
     """The reader of one broker; `why` it has no connection, "" while it has one."""
 
-    def __init__(self, connection: BrokerConnection, fleet: SeenFleet, pattern: str) -> None:
+    def __init__(self, connection: BrokerConnection, fleet: FleetModel, pattern: str) -> None:
         self._connection, self.fleet, self._pattern = connection, fleet, pattern
         self.why = "no connection yet"
         self.is_up = False
         self.refused = self._dropped = 0  # messages
-        self.told = ""  # the newest line about a refused message
+        self.last_refusal = ""  # the newest line about a refused message
         self._told_at = -REPORT_PAUSE_NS
         self._is_behind = False  # messages are still unread
         self._miss_at: int | None = None  # end of RETURN_TIMEOUT_NS
@@ -89,9 +89,9 @@ class FleetReader:
         if now >= self._again_at and self.is_complete:
             self._again_at = now + LACK_CHECK_NS
             for agent in self.fleet.agents.values():
-                if any(line.is_lacking for line in agent.lines.values()):
-                    self._request_agent(agent)
-        self._subscribe_next()
+                if any(line.lacks_messages for line in agent.lines.values()):
+                    self._queue_agent(agent)
+        self._subscribe_queued()
 
     def _handle_event(self, news: BrokerEvent, now: int, wall: float) -> None:
         match news:
@@ -123,19 +123,19 @@ class FleetReader:
         message = parse_message(topic, came.payload)
         self.fleet.apply(topic, message, wall, came.is_retained)
         if isinstance(message, StateMessage) and topic[:2] not in self._requests:
-            self._request_agent(self.fleet.agents[topic[:2]])
+            self._queue_agent(self.fleet.agents[topic[:2]])
 
     def _report(self, line: str, now: int) -> None:
         if now >= self._told_at + REPORT_PAUSE_NS:
-            self.told, self._told_at = line, now
+            self.last_refusal, self._told_at = line, now
 
-    def _request_agent(self, agent: FleetAgent) -> None:
+    def _queue_agent(self, agent: FleetAgent) -> None:
         requests = self._requests.get((agent.site, agent.name), 0)
         if requests < MOST_REQUESTS:
             self._requests[agent.site, agent.name] = requests + 1
             self._to_ask.append(agent)
 
-    def _subscribe_next(self) -> None:
+    def _subscribe_queued(self) -> None:
         # The rule: few agents at a time.
         while self._to_ask and len(self._underway) < MOST_PENDING_AGENTS and not self._is_behind:
             agent = self._to_ask[0]

@@ -135,7 +135,7 @@ class FleetLine:
         return sum(each.log.missing for each in self.instances.values())
 
     @property
-    def is_lacking(self) -> bool:
+    def lacks_messages(self) -> bool:
         """Return whether retained messages of it should be on the broker that have not come."""
         has_status = any(each.status is not None for each in self.instances.values())
         return self.figures is None or not has_status or self.missing > 0
@@ -220,7 +220,7 @@ def _badness(instance: FleetInstance) -> tuple[bool, bool, bool, int]:
     return status.error, bool(status.finding), 0 < status.here < status.wanted, status.errors
 
 
-class SeenFleet:
+class FleetModel:
     """All agents; `apply` adds a message, `sort_lines` returns the lines."""
 
     def __init__(self) -> None:

@@ -40,7 +40,7 @@ class LedgerReader:
             return self._read_lines(until)
         except Exception as error:
             if not self._has_failed:
-                self._bench.containment.handle(READER_PART, error)
+                self._bench.containment.record_error(READER_PART, error)
             self._has_failed = True
             self._news, self._read, self._seq = [], 0, self._bench.runtime.ledger.last_seq
             with suppress(Exception):
@@ -74,6 +74,6 @@ class LedgerReader:
             self._report_loss(first - 1)
 
     def _report_loss(self, seq: int) -> None:
-        self.index.forget_unread()
+        self.index.forget_streams()
         for lost in self.lost:
             lost(seq, *self._at)

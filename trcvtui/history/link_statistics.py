@@ -86,7 +86,9 @@ class LinkStatistics:
         self._has_datagrams = False
         self._busy_since: dict[str, ScanStamp] = {}  # since when each instance is busy
         index.ends[False].append(self._handle_job_end)
-        index.listen({ConnectionChanged: self._on_link, StatusEdge: self._on_edge, BenchNote: self._on_note})
+        index.add_listeners(
+            {ConnectionChanged: self._on_link, StatusEdge: self._on_edge, BenchNote: self._on_note}
+        )
 
     # -- from the ledger --------------------------------------------------------------------------------
 
@@ -130,7 +132,7 @@ class LinkStatistics:
                 link.datagrams, link.down_since = _DatagramCounts(at), None
                 if not self._has_datagrams:
                     self._has_datagrams = True
-                    self._index.listen({BytesReceived: self._handle_bytes})
+                    self._index.add_listeners({BytesReceived: self._handle_bytes})
         elif event.what is EventKind.CONNECTING:
             link.down_since = link.down_since or at
             link.forget_setup_failures()

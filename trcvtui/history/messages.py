@@ -191,7 +191,7 @@ class MessageRows(NewestRows):
         index = reader.index
         index.ends[True].append(self._handle_job_end)
         index.ends[False].append(self._handle_job_end)
-        index.listen({
+        index.add_listeners({
             FrameEnded: self._handle_frame_end,
             SendStarted: self._handle_send_start,
             BytesSent: self._handle_bytes_sent,

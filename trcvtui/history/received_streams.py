@@ -161,7 +161,7 @@ class ReceivedStreams:
         self.streams: defaultdict[str, ReceivedStream] = defaultdict(ReceivedStream)
         self._bench = bench
         self._arrivals: dict[str, int] = {}
-        self.index.listen({
+        self.index.add_listeners({
             BytesReceived: self._handle_received,
             BytesDropped: self._handle_dropped,
             BytesArrived: self._handle_arrived,
@@ -190,7 +190,7 @@ class ReceivedStreams:
 
     def _handle_received(self, seq: int, scan: int, t_ns: int, event: BytesReceived) -> None:
         stream = self._get_stream(event.connection)
-        stream.recvs.append(self.index.get_last_read(event.instance))
+        stream.recvs.append(self.index.get_running_read(event.instance))
         stream.cut = event if event.cut else None
 
     def _handle_job_end(self, seq: int, scan: int, t_ns: int, event: JobEnded) -> None:
@@ -212,7 +212,9 @@ class ReceivedStreams:
         cut = stream.cut
         is_cut = cut is not None and event.offset + size == cut.offset + cut.size
         link = event.connection, event.incarnation
-        reader = cut.instance if cut is not None and is_cut else self.index.find_reader(link, event.offset)
+        reader = (
+            cut.instance if cut is not None and is_cut else self.index.find_running_reader(link, event.offset)
+        )
         if reader is not None and (job := self.index.find_newest_job(reader)) is not None:
             span = span._replace(instance=reader, number=job.number)
         stream.add_pieces(span, stream.find_pieces(event.incarnation, event.offset, size))

@@ -157,7 +157,7 @@ class _InstanceReads:
         self.cut: list[RecvSpan] = []  # of the newest job that ended without DONE
 
 
-class _LinkArrivals:
+class _ReceivedBytes:
     """What a connection has received: the offset of the next byte, and the bytes between pauses."""
 
     __slots__ = ("bursts", "incarnation", "offset")
@@ -187,7 +187,7 @@ class StreamIndex:
         self.down_changes = 0
         self.packet_times: Callable[[Ends, int, int], int | None] | None = None  # of a recording: by offset
         self.has_holes = self._are_packets = False  # in a capture, bytes may be missing
-        self._received: defaultdict[str, _LinkArrivals] = defaultdict(_LinkArrivals)  # by CONNECT
+        self._received: defaultdict[str, _ReceivedBytes] = defaultdict(_ReceivedBytes)  # by CONNECT
         self._readings: defaultdict[str, _InstanceReads] = defaultdict(_InstanceReads)  # by instance
         self.listeners: dict[type, list[Listener]] = {
             PeerSent: [self._handle_message_sent],
@@ -199,7 +199,7 @@ class StreamIndex:
         }
         self.ends: dict[bool, list[Listener]] = {True: [], False: []}  # called with JobEnded, by DONE
 
-    def listen(self, listeners: Mapping[type, Listener]) -> None:
+    def add_listeners(self, listeners: Mapping[type, Listener]) -> None:
         """Call these with each event of their type, after the index has it."""
         for kind, listener in listeners.items():
             self.listeners.setdefault(kind, []).append(listener)
@@ -212,7 +212,7 @@ class StreamIndex:
             for listener in listeners.get(type(event), ()):
                 listener(0, scan, t_ns, event)
 
-    def forget_unread(self) -> None:
+    def forget_streams(self) -> None:
         """Forget what unread lines may have changed (Rule 1)."""
         self._received.clear()
         self._readings.clear()
@@ -381,7 +381,7 @@ class StreamIndex:
         """Return the recv calls of the newest job without DONE; none if not all of them are known."""
         return self._readings[instance].cut
 
-    def get_last_read(self, instance: str) -> RecvSpan:
+    def get_running_read(self, instance: str) -> RecvSpan:
         """Return the newest recv call of the running job."""
         return self._readings[instance].reads[-1]
 
@@ -391,14 +391,14 @@ class StreamIndex:
             if reading.runs and reading.reads and reading.began and reading.link[0] == connect:
                 yield instance, _make_begun_job(reading.began), reading.reads
 
-    def find_reader(self, link: LinkKey, offset: int) -> str | None:
+    def find_running_reader(self, link: LinkKey, offset: int) -> str | None:
         """Return the instance whose running job has a byte of a connection."""
         for instance, reading in self._readings.items():
             if reading.link == link and _find_covering(reading.reads, offset) is not None:
                 return instance
         return None
 
-    def _find_pieces(self, instance: str, of_job: bool) -> tuple[JobRecord, list[tuple[int, int]]] | None:
+    def _find_job_pieces(self, instance: str, of_job: bool) -> tuple[JobRecord, list[tuple[int, int]]] | None:
         reading = self._readings.get(instance)
         if reading is None:
             return None
@@ -413,7 +413,7 @@ class StreamIndex:
 
     def find_origin(self, instance: str, of_job: bool, byte: int) -> ByteOrigin | None:
         """Return where byte number `byte` of DATA, or of the running job, came from."""
-        known = self._find_pieces(instance, of_job)
+        known = self._find_job_pieces(instance, of_job)
         if known is None or not 0 <= byte < known[0].size:
             return None
         job, pieces = known
@@ -427,12 +427,12 @@ class StreamIndex:
 
         A message that continues in a later piece of the job is listed once, where it begins.
         """
-        known = self._find_pieces(instance, of_job)
+        known = self._find_job_pieces(instance, of_job)
         first = known[1][0][1] if known is not None and known[1] else 0
         return [span for span in self._spans(instance, of_job) if span.begins or span.position < first]
 
     def _spans(self, instance: str, of_job: bool) -> Iterator[MessageSpan]:
-        known = self._find_pieces(instance, of_job)
+        known = self._find_job_pieces(instance, of_job)
         if known is not None and self._is_present(known[0].link):
             before = 0  # bytes of the job before this piece
             for offset, size in known[1]:

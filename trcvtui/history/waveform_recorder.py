@@ -94,7 +94,9 @@ class WaveformRecorder:
         }
         self._downloads: dict[str, PinChange] = {}  # downloaded in a scan, and not called in it so far
         self._downloaded_in = 0
-        reader.index.listen({StatusEdge: self._on_edge, InputEdge: self._on_edge, BenchNote: self._on_note})
+        reader.index.add_listeners(
+            {StatusEdge: self._on_edge, InputEdge: self._on_edge, BenchNote: self._on_note}
+        )
         reader.lost.append(self._handle_loss)
 
     def _on_edge(self, seq: int, scan: int, t_ns: int, event: StatusEdge | InputEdge) -> None:

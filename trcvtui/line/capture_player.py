@@ -25,7 +25,7 @@ from trcvtui.dialects import DIALECTS
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.line.conversations import ConversationFigures
-from trcvtui.line.packet_partners import FIRST_JOB_SCANS, ReplayedLine, ReplayedPartner, ShadowBench
+from trcvtui.line.packet_partners import FIRST_JOB_SCANS, ConnectionlessPartner, ReplayedPartner, ShadowBench
 from trcvtui.line.shadows import (
     NEVER_NS,
     ShadowPlan,
@@ -113,7 +113,7 @@ class CapturePlayer:
         self._reading = Conversations(self.play_event)
         self._left_out: Counter[int] = Counter()  # bytes by number of their conversation
         self._at: dict[str, tuple[int, ReplayedPartner]] = {}  # CONNECT -> the one that has it
-        self._played: dict[str, ReplayedLine] = {}  # by UDP_CONFIG, CONNECT of UDP, or ComBuffer
+        self._played: dict[str, ConnectionlessPartner] = {}  # by UDP_CONFIG, CONNECT of UDP, or ComBuffer
         calls = [config.name for config in plan.project.connects if config.active]
         self.shadows.network.wire.played.update({name: [] for name in calls})  # nothing else answers
 
@@ -132,7 +132,7 @@ class CapturePlayer:
                 wire.played.setdefault(config.name, [])
         shadows.bench.replace_project(plan.project)
         shadows.works_on = {each.name: each.connect for each in plan.project.instances}
-        shadows.run_next_scans()
+        shadows.forbid_skipping()
 
     def forget_conversation(self, number: int) -> None:
         """Forget an ended conversation, unless the last line lists it or a CONNECT still holds it."""
@@ -204,7 +204,7 @@ class CapturePlayer:
             if part.plays_plc == is_plc:
                 line = self._played.get(part.connect)
                 if line is None:
-                    line = ReplayedLine(self.shadows, part.connect, self._left_out)
+                    line = ConnectionlessPartner(self.shadows, part.connect, self._left_out)
                     self._played[part.connect] = line
                 source = make_endpoint(event.direction.address)
                 line.send(conversation.number, source, event.data, event.size - len(event.data))

@@ -379,7 +379,7 @@ class LiveWatch:
         self._advance_to(player, ns - self.play_delay_ns)
         if ns - self._swept > SWEEP_INTERVAL_NS:
             self._swept = ns
-            for number in self.found.forget_ended(ns):
+            for number in self.found.forget_silent(ns):
                 self._plan.forget_conversation(number)
                 player.forget_conversation(number)
 
@@ -488,7 +488,7 @@ class PacketStream:
     def _check_late(self, newest_ns: int) -> None:
         if self.pipe.empty_at != self._busy_from:
             self._busy_from, self._from_ns, self._is_late = self.pipe.empty_at, newest_ns, False
-        late = self.pipe.busy_ns - (newest_ns - self._from_ns)
+        late = self.pipe.since_empty_ns - (newest_ns - self._from_ns)
         if late > MOST_LATE_NS and not self._is_late:
             self._is_late = True
             self._say(TOO_FAST_TEXT)
@@ -499,7 +499,7 @@ class PacketStream:
         try:
             reader = CaptureReader(self._read, "stdin" if found.noted is None else "the tap")
         except UserError as none:
-            if self._failed is None and self.pipe.is_stopped:
+            if self._failed is None and self.pipe.is_stopping:
                 return []
             raise self._failed or none from None
         self._reader, found.names = reader, reader.interface_name
@@ -508,7 +508,7 @@ class PacketStream:
         if self._failed is not None:
             raise self._failed
         notes = [f"the capture program dropped {reader.drops} packets"] if reader.drops else []
-        troubles = [reader.trouble] if reader.trouble and not self.pipe.is_stopped else []
+        troubles = [reader.trouble] if reader.trouble and not self.pipe.is_stopping else []
         if found.is_tapped:  # the tap has reported losses and conversations itself
             return [*map(str, troubles)]
         return [*notes, *capture_notes(found, troubles)]

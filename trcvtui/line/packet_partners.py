@@ -22,7 +22,7 @@ from trcvtui.net.sim.network import PLAYED_SEND_ROOM
 from trcvtui.net.sim.stream import SimStream, StreamPhase
 from trcvtui.plc.ledger import A_HOLE, A_PACKET, NO_END, PeerSent, StatusEdge
 
-MOST_UNREAD: Final = 128 << 10  # bytes of datagrams or a serial line that wait for a shadow
+MOST_UNREAD_BYTES: Final = 128 << 10  # bytes of datagrams or a serial line that wait for a shadow
 MOST_FILLED: Final = 64 << 10  # missing bytes get placeholders, at most so many more than real bytes
 FIRST_JOB_SCANS: Final = 3  # scans from a new connection to its first DONE
 NEXT_CALL_SCANS: Final = 5  # scans at most from a refused call to the next one
@@ -44,7 +44,7 @@ class ShadowBench:
     ) -> None:
         self.bench = bench
         self.network = bench.network
-        self.waiting: list[ReplayedPartner | ReplayedLine] = []  # in the order in which they came
+        self.waiting: list[ReplayedPartner | ConnectionlessPartner] = []  # in the order in which they came
         self.holes: dict[str, deque[tuple[int, int]]] = {}  # CONNECT -> (begin, end) of placeholders
         self.of_datagrams: set[str] = set()  # CONNECTs whose holes count datagrams: DATA may cut one
         self.not_run = 0  # skipped scans that might have changed something
@@ -75,7 +75,7 @@ class ShadowBench:
                 self.not_run += left
         self.network.advance(max(ns, self.network.now_ns))
 
-    def run_next_scans(self) -> None:
+    def forbid_skipping(self) -> None:
         """Run the next scans, even without an event: a calling CONNECT checks its call without one."""
         self._quiet = 0
 
@@ -88,7 +88,7 @@ class ShadowBench:
                 break
             runtime.retry_now(connect)
             self.step()
-        self.run_next_scans()
+        self.forbid_skipping()
 
     def count_task_scans(self, connect: str) -> int:
         """Return the scans between two calls of the slowest block of a CONNECT."""
@@ -109,7 +109,7 @@ class ShadowBench:
         if self.waiting:
             limit = min(limit, *(end.gives_up_at for end in self.waiting))
         if self.leaving:
-            limit = min(limit, *((end.due_scan - 1) * self._interval for end in self.leaving))
+            limit = min(limit, *((end.end_scan - 1) * self._interval for end in self.leaving))
         if limit <= due:
             return False
         reached = self.network.advance_until_ready(limit)
@@ -122,7 +122,7 @@ class ShadowBench:
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         if self.waiting:
             self._retry_waiting()
-        over = [end for end in self.leaving if end.due_scan <= runtime.scans + 1]
+        over = [end for end in self.leaving if end.end_scan <= runtime.scans + 1]
         for end in over:
             end.end_shadow_now()
         seq = ledger.last_seq
@@ -148,10 +148,10 @@ class ShadowBench:
 
     def _retry_waiting(self) -> None:
         closed: set[str] = set()
-        left: list[ReplayedPartner | ReplayedLine] = []
+        left: list[ReplayedPartner | ConnectionlessPartner] = []
         waiting, self.waiting = self.waiting, []
         for one in waiting:
-            if one.retry(one.link not in closed):
+            if one.keep_waiting(one.link not in closed):
                 left.append(one)
                 if one.keeps_out:
                     closed.add(one.link)
@@ -213,14 +213,14 @@ class ReplayedPartner:
         if self._asks:
             self._asks = False
             self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
-            self._run_or_queue(self._start_awaiting)
+            self._run_or_queue(self._await_answer)
             if self._awaits:
                 self._shadows.waiting.append(self)
 
-    def _start_awaiting(self) -> None:
+    def _await_answer(self) -> None:
         self._awaits = not self._has_answer
 
-    def retry(self, may_try: bool) -> bool:
+    def keep_waiting(self, may_try: bool) -> bool:
         """Try again to connect; return whether this partner still waits."""
         if may_try and self._stream is None:
             self._connect()
@@ -254,7 +254,7 @@ class ReplayedPartner:
                 runtime.retry_now(self.connect)
                 return
         self._stream = stream
-        self._shadows.run_next_scans()
+        self._shadows.forbid_skipping()
         stream.changed = self._drain
         self._run_acts()
 
@@ -335,7 +335,7 @@ class ReplayedPartner:
 
     def end_partner(self, reset: bool) -> None:
         self.has_ended = True
-        self._shadows.run_next_scans()
+        self._shadows.forbid_skipping()
         self._run_or_queue(self._reset_stream if reset else self._close_stream)
 
     def _close_stream(self) -> None:
@@ -350,20 +350,20 @@ class ReplayedPartner:
 
     def end_shadow(self, unread: int, may_read: bool, has_read: bool) -> None:
         """End the PLC end: it has not read `unread` bytes, may have read the others, or (`has_read`) has."""
-        self._shadows.run_next_scans()
+        self._shadows.forbid_skipping()
         self.has_left = self.has_ended = True
         self._stood, self._has_read = self._shadows.bench.runtime.scans - self._begun, has_read
         self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
-        self._run_or_queue(lambda: self._end_shadow(unread, may_read))
+        self._run_or_queue(lambda: self._begin_leaving(unread, may_read))
 
-    def _end_shadow(self, unread: int, may_read: bool) -> None:
+    def _begin_leaving(self, unread: int, may_read: bool) -> None:
         if self._stream is not None:
             self._stream.withdraw(unread)
             if not may_read:
                 self._shadows.leaving.append(self)
 
     @property
-    def due_scan(self) -> int:
+    def end_scan(self) -> int:
         """Return the scan in which the shadow of an ended PLC end must end (rule 4)."""
         runtime, task = self._shadows.bench.runtime, self._shadows.count_task_scans(self.connect)
         since = runtime.connected_since(self.connect)
@@ -386,7 +386,7 @@ class ReplayedPartner:
             self._stream.fall_silent()
 
 
-class ReplayedLine:
+class ConnectionlessPartner:
     """Datagrams for a socket or bytes of a serial line, played to shadows.
 
     `left_out` counts bytes that never reached the shadow, by the number of their conversation.
@@ -409,20 +409,20 @@ class ReplayedLine:
     def send(self, number: int, source: Endpoint, data: bytes, missing: int) -> None:
         """Send a datagram or bytes; `missing`: so many more are missing in the capture."""
         ns = self._shadows.packet_ns
-        if not self._waiting and self._deliver(ns, number, source, data, missing):
+        if not self._waiting and self._try_deliver(ns, number, source, data, missing):
             return
         if not self._waiting:
             self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
             self._shadows.waiting.append(self)
-        if self._kept + len(data) <= MOST_UNREAD:
+        if self._kept + len(data) <= MOST_UNREAD_BYTES:
             self._waiting.append((ns, number, source, data, missing))
             self._kept += len(data)
         else:
             self._left_out[number] += len(data)
 
-    def retry(self, may_try: bool) -> bool:
+    def keep_waiting(self, may_try: bool) -> bool:
         """Try again to deliver; return whether something still waits."""
-        while may_try and self._waiting and self._deliver(*self._waiting[0]):
+        while may_try and self._waiting and self._try_deliver(*self._waiting[0]):
             self._kept -= len(self._waiting.popleft()[3])
         if self._shadows.network.now_ns >= self.gives_up_at:
             self.drop_waiting()
@@ -440,8 +440,8 @@ class ReplayedLine:
         self._waiting.clear()
         self._kept = 0
 
-    def _deliver(self, ns: int, number: int, source: Endpoint, data: bytes, missing: int) -> bool:
-        shadows, whole = self._shadows, data + bytes(min(missing, MOST_UNREAD))
+    def _try_deliver(self, ns: int, number: int, source: Endpoint, data: bytes, missing: int) -> bool:
+        shadows, whole = self._shadows, data + bytes(min(missing, MOST_UNREAD_BYTES))
         if self._address:
             port = shadows.bench.runtime.listening_port(self.link)
             if port is None:
@@ -453,7 +453,7 @@ class ReplayedLine:
             if not line.is_open:
                 return False
             is_taken = line.simulate_arrival(whole)
-            shadows.run_next_scans()
+            shadows.forbid_skipping()
         if not is_taken:
             self._left_out[number] += len(data)
             return True

@@ -198,12 +198,14 @@ def _make_connect(
 
 def _receives_by_itself(project: Project, block: str) -> bool:
     row = block_row(block)
-    return row.receives and not row.speaks_udp and any(pin.name == "CONT" for pin in project.pins(block))
+    return (
+        row.receives_on_net and not row.speaks_udp and any(pin.name == "CONT" for pin in project.pins(block))
+    )
 
 
 def _has_udp_config(block: str) -> bool:
     row = block_row(block)
-    return row.receives and row.speaks_udp and not row.datagrams
+    return row.receives_on_net and row.speaks_udp and not row.datagrams
 
 
 def _add_instances(base: Project, connects: Sequence[ConnectConfig]) -> Project:
@@ -353,7 +355,7 @@ def _find_fitting_link(project: Project, guess: PlcGuess, listens: bool, is_give
     protocol = guess.says.conversation.protocol
     if protocol == "serial":
         return _find_fitting_line(project, guess.says.address[0].decode(errors="replace"))
-    receiving = {i.connect for i in project.instances if block_row(i.block).receives}
+    receiving = {i.connect for i in project.instances if block_row(i.block).receives_on_net}
     if protocol == "udp":
         return _find_fitting_socket(project, receiving, guess.says.address[1], is_given)
     known = [c for c in project.connects if c.name in receiving and not c.is_datagram]
@@ -373,7 +375,7 @@ def _find_fitting_link(project: Project, guess: PlcGuess, listens: bool, is_give
 
 
 def _find_fitting_line(project: Project, line: str) -> str | None:
-    read = {each.connect for each in project.instances if block_row(each.block).reads_buffer}
+    read = {each.connect for each in project.instances if block_row(each.block).reads_rx_buffer}
     known = [b.name for b in project.combuffers if b.name in read and b.source in (SIMULATED, SERIAL)]
     return line if line in known else known[0] if len(known) == 1 else None
 

@@ -200,10 +200,10 @@ class TapWatch(LiveWatch):
                 wrong += [] if command is None else filter(None, [bench.do(command)])
             except UserError as mistakes:
                 wrong += mistakes.lines()
-            self.player.shadows.run_next_scans()
+            self.player.shadows.forbid_skipping()
         return wrong
 
-    def _intervene(self, command: words.Intervene) -> str:
+    def _intervene(self, command: words.TapAct) -> str:
         names = [route.name for route in self._plan.routes]
         if command.tap not in names or self._order is None:
             return f"tap {command.tap} does not run"

@@ -25,7 +25,7 @@ from trcvtui.recording.wire import (
     ACK,
     FIN,
     FULL_WINDOW,
-    MOST_PAYLOAD,
+    MOST_SEGMENT,
     PSH,
     RST,
     SERIAL_RECEIVED,
@@ -35,13 +35,13 @@ from trcvtui.recording.wire import (
 from trcvtui.signals import GROUP_SIGNALS, ignore_signals
 
 READ_BYTES: Final = 1 << 18
-WIRE: Final = 0  # the interface of IP packets; those of serial lines come after it and after NOTES, if any
+WIRE_ID: Final = 0  # the interface of IP packets; those of serial lines come after it and after NOTES, if any
 NOTES_ID: Final = 1  # the interface of the tap's own notes
 NOTE_NAMES: Final[dict[int, str]] = {
     TapEventKind.OPEN: "open",
-    TapEventKind.OVER: "end",
+    TapEventKind.ENDED: "end",
     TapEventKind.FIGURES: "figures",
-    TapEventKind.OURS: "ours",
+    TapEventKind.INTERVENTION: "ours",
     TapEventKind.REFUSED: "refused",
     TapEventKind.HELD: "held",
     TapEventKind.LOST: "lost",
@@ -97,7 +97,7 @@ class _TappedConversation:
 
     def __init__(self, kind: str, ends: tuple[tuple[bytes, int], tuple[bytes, int]]) -> None:
         self.kind, self.ends = kind, ends
-        self.interface = WIRE
+        self.interface = WIRE_ID
         self.next = [0, 0]  # sequence numbers
         self.remarks: tuple[list[str], list[str]] = [], []
         self.is_up = self.is_over = False
@@ -134,9 +134,9 @@ class TapPackets:
             return
         if kind == TapEventKind.BYTES:
             yield from self._handle_bytes(talk, event)
-        elif kind == TapEventKind.OURS:
+        elif kind == TapEventKind.INTERVENTION:
             talk.remarks[way].append(f"{pcap.OWN_PREFIX}{event.data.decode(errors='replace')}")
-        elif kind == TapEventKind.STANDS and talk.kind == "tcp":
+        elif kind == TapEventKind.ANSWERED and talk.kind == "tcp":
             talk.is_up = True
             yield self._make_segment(talk, WAY_BACK, ns, SYN | ACK)
             yield self._make_segment(talk, WAY_TO, ns, ACK)
@@ -145,7 +145,7 @@ class TapPackets:
                 talk.next[way] = event.at + 1
             yield self._make_segment(talk, way, ns, ACK | (FIN if kind == TapEventKind.FIN else RST))
             talk.is_over |= kind == TapEventKind.RST
-        elif kind == TapEventKind.OVER:
+        elif kind == TapEventKind.ENDED:
             yield from self._handle_over(event.number, ns)
 
     def _handle_open(self, event: TapEvent) -> Iterator[TapPacket]:
@@ -193,9 +193,9 @@ class TapPackets:
             yield self._datagram(talk, way, ns, data)
             return
         talk.next[way] = event.at + 1
-        for at in range(0, len(data), MOST_PAYLOAD):
-            part = data[at : at + MOST_PAYLOAD]
-            yield self._make_segment(talk, way, ns, ACK if at + MOST_PAYLOAD < len(data) else ACK | PSH, part)
+        for at in range(0, len(data), MOST_SEGMENT):
+            part = data[at : at + MOST_SEGMENT]
+            yield self._make_segment(talk, way, ns, ACK if at + MOST_SEGMENT < len(data) else ACK | PSH, part)
 
     @staticmethod
     def _take_remarks(talk: _TappedConversation, way: int) -> tuple[str, ...]:
@@ -215,7 +215,7 @@ class TapPackets:
         sum_of = 0xFFFF - (total % 0xFFFF or 0xFFFF)
         head = _PACK_TCP(source[1], target[1], seq, ack, 5 << 4, flags, FULL_WINDOW, sum_of, 0)
         whole = b"".join((self._make_ip_header(source[0], target[0], TCP, size), head, data))
-        return TapPacket(WIRE, ns, whole, self._take_remarks(talk, way))
+        return TapPacket(WIRE_ID, ns, whole, self._take_remarks(talk, way))
 
     def _datagram(self, talk: _TappedConversation, way: int, ns: int, data: bytes) -> TapPacket:
         source, target = talk.ends[way], talk.ends[1 - way]
@@ -223,7 +223,7 @@ class TapPackets:
         total = talk.sums[way] + 2 * size + _sum_words(data)
         head = _PACK_UDP(source[1], target[1], size, 0xFFFF - (total % 0xFFFF or 0xFFFF) or 0xFFFF)
         whole = b"".join((self._make_ip_header(source[0], target[0], UDP, size), head, data))
-        return TapPacket(WIRE, ns, whole, self._take_remarks(talk, way))
+        return TapPacket(WIRE_ID, ns, whole, self._take_remarks(talk, way))
 
     def _make_ip_header(self, source: bytes, target: bytes, protocol: int, size: int) -> bytes:
         if len(source) == 16:
@@ -243,7 +243,7 @@ _SUM_FOLDS: Final = tuple([(bits, (1 << bits) - 1) for bits in (5840, 2928, 1472
 
 def _sum_words(data: bytes) -> int:
     """Return the sum of the 16-bit words modulo 65535; for a full segment in half the time of `%`."""
-    if len(data) != MOST_PAYLOAD:
+    if len(data) != MOST_SEGMENT:
         return int.from_bytes(data if not len(data) & 1 else data + b"\0", "big")
     number = int.from_bytes(data, "little")
     for bits, mask in _SUM_FOLDS:
@@ -273,7 +273,7 @@ class TapCapture:
         made += pcap.interface_block(pcap.USER0, pcap.NOTES)
         return made + _encode_note(ns, {"note": "taps", **self._taps, "open": [*self._open]})
 
-    def encode_lines(self, since: int) -> list[bytes]:
+    def encode_interfaces(self, since: int) -> list[bytes]:
         return [pcap.interface_block(pcap.RTAC_SERIAL, name) for name in self._packets.lines[since:]]
 
     def encode_event(self, event: TapEvent) -> bytes:
@@ -281,7 +281,7 @@ class TapCapture:
             self._open[event.number] = {(event.kind, event.way): event._replace(at=1)}
         elif event.kind in STATE_KINDS and event.number in self._open:
             self._open[event.number][event.kind, event.way] = event
-        elif event.kind == TapEventKind.OVER:
+        elif event.kind == TapEventKind.ENDED:
             self._open.pop(event.number, None)
         blocks = [*self._encode_notes(event)]
         blocks += [pcap.packet_block(*packet) for packet in self._packets.make_packets(event)]
@@ -300,7 +300,7 @@ class TapCapture:
     def _encode_notes(self, event: TapEvent) -> Iterator[bytes]:
         if event.kind in (TapEventKind.LOST, TapEventKind.NOW):
             self._lost += LOSS.unpack_from(event.data)[0] if event.data else 0
-            yield pcap.statistics_block(WIRE, event.ns, self._lost)
+            yield pcap.statistics_block(WIRE_ID, event.ns, self._lost)
         name = NOTE_NAMES.get(event.kind)
         if name is None:
             return
@@ -319,7 +319,7 @@ class TapCapture:
         elif event.kind == TapEventKind.FIGURES:
             figures = zip(("round_trip_us", "window", "again"), FIGURES_DATA.unpack(event.data), strict=True)
             note |= {"to_connect": event.way == WAY_TO, **dict(figures)}
-        elif event.kind != TapEventKind.OVER:
+        elif event.kind != TapEventKind.ENDED:
             note |= {"to_connect": event.way == WAY_TO, "text": event.data.decode(errors="replace")}
         yield _encode_note(event.ns, note)
 

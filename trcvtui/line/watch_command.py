@@ -22,7 +22,7 @@ from trcvtui.line.tapped import TapNote
 from trcvtui.net.os.packet_pipe import detach_stdin
 from trcvtui.net.os.system_calls import IN, poll_once
 from trcvtui.net.os.tap_ways import TapChannel
-from trcvtui.net.tap import RELEASE
+from trcvtui.net.tap import RELEASE_LINE
 from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.scenario.report import JsonLines, json_line, outputs_record
 from trcvtui.signals import GROUP_SIGNALS, ignore_signals
@@ -185,7 +185,7 @@ def watch_tap(asks: int, asked: str) -> None:
             for line in live.run_typed_lines(data):
                 _write_stderr(line)
             if not data:
-                way.send(RELEASE + b"\n")
+                way.send(RELEASE_LINE + b"\n")
 
     live = TapWatch(plan, _maker(plan, form, sys.stdout.write if is_shown else len), None, report, way.send)
     notes: list[str] = []

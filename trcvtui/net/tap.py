@@ -92,12 +92,12 @@ class TapEventKind(IntEnum):
     """What has happened; the comments say what `at` and the bytes after the head are."""
 
     OPEN = 1  # an end has come: `kind|near address|port|far address|port`; `at` 1: it came earlier
-    STANDS = 2  # the far end has answered
+    ANSWERED = 2  # the far end has answered
     BYTES = 3  # forwarded to the other end; `at`: how many were forwarded before
     FIN = 4
     RST = 5
-    OVER = 6  # nothing more comes of it
-    OURS = 7  # an intervention, in words
+    ENDED = 6  # nothing more comes of it
+    INTERVENTION = 7  # an intervention, in words
     REFUSED = 8  # an order that cannot be done: why
     NOW = 11  # the time, 20 times a second: it is the clock of shadows, and a sign of life
     HELD = 12  # a direction holds `at` bytes; the data: the first of them; no data: it holds nothing now
@@ -106,7 +106,7 @@ class TapEventKind(IntEnum):
     LOST = 9  # how many events and bytes the reader missed; the numbers of the open conversations
 
 
-ENDS: Final = (TapEventKind.FIN, TapEventKind.RST, TapEventKind.OVER)
+ENDS: Final = (TapEventKind.FIN, TapEventKind.RST, TapEventKind.ENDED)
 
 
 class TapEvent(NamedTuple):
@@ -165,7 +165,7 @@ class TapOrder(NamedTuple):
         return f"{self.route} {self.number} {self.way} {self.verb} {sizes};{self.data.hex()}\n".encode()
 
 
-RELEASE: Final = b"release"  # in place of an order: stop holding and delaying in all directions
+RELEASE_LINE: Final = b"release"  # in place of an order: stop holding and delaying in all directions
 USER_LINE: Final = b"! "  # begins a line that the process that serves observers has for the user
 MOST_NUMBER: Final = (1 << 32) - 1
 MOST_SIZE: Final = 3_600_000_000_000  # the ns of an hour

@@ -62,7 +62,7 @@ class Containment:
         if self.is_due is not None and self.is_due(part):
             raise RecordedException(())
 
-    def handle(self, part: RunPart, error: Exception) -> ExceptionNote:
+    def record_error(self, part: RunPart, error: Exception) -> ExceptionNote:
         if not isinstance(error, RecordedException):
             is_users = isinstance(error, UserError) and (self.is_due is not None or part == COMMAND)
             if is_users or self._raises:  # rules 2 and 3
@@ -97,7 +97,7 @@ class Containment:
             self.raise_recorded(part)
             return answer
         except Exception as error:
-            self.handle(part, error)
+            self.record_error(part, error)
             self.out.add(part)
             return None
 

@@ -52,12 +52,12 @@ class Instance:
         self._fading: list[str] = []  # TRUE in the last call, FALSE in the next
         self._blinking: list[str] = []
         self._snapshot: InstanceSnapshot | None = None  # the last one
-        self.reset()
+        self.restart_block()
 
-    def set_stream(self, stream: StreamFeed | StreamDrain | None) -> None:
+    def set_com_stream(self, stream: StreamFeed | StreamDrain | None) -> None:
         self._stream = stream
 
-    def reset(self) -> None:
+    def restart_block(self) -> None:
         """Begin anew, as after STOP and RUN or a download; inputs and DATA keep their values."""
         self._block: Block = new_block(self._row, self._bound)
         self._block_would_read: Callable[[Inputs, bool], bool] | None
@@ -109,8 +109,8 @@ class Instance:
         if self.has_failed:  # stopped by an internal error (16#8FFF)
             return False
         if self._fading or self._blinking:
-            self._update_pulses()
-        if self._stream is not None and self._stream.before_call(self._block.job):
+            self._apply_pulses()
+        if self._stream is not None and self._stream.update_inputs(self._block.job):
             self._frozen = None
         if self._frozen is None:
             self._frozen = self._freeze()
@@ -123,19 +123,21 @@ class Instance:
             self._blinking or self._fading
         )
         if self._stream is not None:
-            self._stream.after_call(outcome, bool(self.inputs["EN_R" if self._row.receives else "REQ"]))
+            self._stream.note_outcome(
+                outcome, bool(self.inputs["EN_R" if self._row.receives_on_net else "REQ"])
+            )
             stays_awake = stays_awake or self._stream.keeps_awake
         self.asleep = outcome.stable and not stays_awake
         first, self.called = not self.called, True
         if outcome is self.outcome and not first:  # the usual scan
             return False
-        return self.show(outcome) or first
+        return self.take_outcome(outcome) or first
 
     def fail(self, why: str) -> bool:
         """Show ERROR, and be called no more until `reset`; return whether any output differs."""
         self._block, self._block_would_read = StoppedBlock(), None
         self.has_failed = self.called = self.asleep = True
-        return self.show(
+        return self.take_outcome(
             Outcome(Condition.INTERNAL_FAULT, Cause(CauseKind.INTERNAL, INTERNAL_ERROR, detail=why))
         )
 
@@ -150,7 +152,7 @@ class Instance:
             values |= self._stream.input_overrides()
         return Inputs(**values)  # type: ignore[arg-type]
 
-    def _update_pulses(self) -> None:
+    def _apply_pulses(self) -> None:
         for pin in self._fading:
             self._write(pin, False)
         self._fading = []
@@ -158,7 +160,7 @@ class Instance:
             if pin not in self._pulsed:
                 self._write(pin, not self.inputs[pin])
 
-    def show(self, outcome: Outcome) -> bool:
+    def take_outcome(self, outcome: Outcome) -> bool:
         """Show an outcome; return whether any output differs from the scan before."""
         before, self.outcome = self.outputs, outcome
         self.edge = self.get_edge(outcome)
@@ -189,7 +191,7 @@ class Instance:
         self.since_scan = self._env.scan
         return self.outputs != before
 
-    def detach(self, reason: str) -> None:
+    def drop_job(self, reason: str) -> None:
         """Drop the running job; its lock on the connection may stay (rules)."""
         if isinstance(self._bound, ConnectBinding):
             self._bound.connection.readers.pop(self.name, None)

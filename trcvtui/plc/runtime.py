@@ -119,7 +119,7 @@ class Runtime:
         self._kernel = kernel
         self._resources = resources
         resources.work.set_interval(self.interval_ns)
-        resources.work.said = self._report_wait
+        resources.work.report_wait = self._report_wait
         self._env = Environment(project.rules, resources, self.ledger.write)
         self._commands: deque[Command] = deque()
         self._resolve_peer = resolve_peer
@@ -157,10 +157,10 @@ class Runtime:
         data = self._data[decl.data] if decl.data is not None else None
         priority = task.priority if task else 1
         row = block_row(decl.block)
-        if row.has_buffer:
+        if row.has_com_buffer:
             return self._lines.binding(self._env, decl, self._data, priority)
         common: dict[str, Any] = {"env": self._env, "data": data, "instance": decl.name, "priority": priority}
-        addr = self._addrs[decl.addr] if decl.addr is not None and (row.connects or row.speaks_udp) else None
+        addr = self._addrs[decl.addr] if decl.addr is not None and (row.owns_link or row.speaks_udp) else None
         if addr is not None and decl.on_config:
             return UdpBinding(**common, port=self._ports[decl.connect], address=addr)
         return ConnectBinding(**common, connection=self._connections[decl.connect], address=addr)
@@ -377,7 +377,9 @@ class Runtime:
                 self._stopped.append(instance)
 
     def _fail(self, instance: Instance, error: Exception) -> bool:
-        return self._stop_instance(instance, *self._containment.handle(("instance", instance.name), error))
+        return self._stop_instance(
+            instance, *self._containment.record_error(("instance", instance.name), error)
+        )
 
     def _stop_instance(self, instance: Instance, why: str, in_connection: bool = False) -> bool:
         """Let an instance show ERROR and hold no lock; close its connection if no other works on it.
@@ -385,7 +387,7 @@ class Runtime:
         A connection in no known state is closed for all: the others rebuild it.
         """
         name, connect = instance.name, instance.decl.connect
-        self._containment.clean_up(("instance", name), partial(instance.detach, INTERNAL_ERROR))
+        self._containment.clean_up(("instance", name), partial(instance.drop_job, INTERNAL_ERROR))
         is_changed = instance.fail(why)
         link = self._connections.get(connect) or self._ports.get(connect)
         if link is not None:
@@ -398,7 +400,7 @@ class Runtime:
     @staticmethod
     def _is_working(instance: Instance) -> bool:
         row, pins = block_row(instance.block_name), instance.inputs
-        always = row.moves_bytes or row.runs_as is Condition.ESTABLISHING  # no CONT: TSEND, TRCV, TCON
+        always = row.uses_network or row.runs_as is Condition.ESTABLISHING  # no CONT: TSEND, TRCV, TCON
         asks = pins.get("CONT", always) or pins.get("EN_R", False) or pins.get("REQ", False)
         return bool(asks) and not instance.has_failed
 
@@ -504,7 +506,7 @@ class Runtime:
             declared = dict(before.inputs)  # an input stays as it is unless its declaration changed
             kept |= {pin: value for pin, value in decl.inputs if declared.get(pin) != value}
         self._lines.detach(decl.name)
-        instance.detach("declared anew")
+        instance.drop_job("declared anew")
         fresh = self._instances[decl.name] = self._make_instance(decl)
         fresh.inputs.update({pin: value for pin, value in kept.items() if pin in fresh.inputs})
         self._instance_snapshots[decl.name] = fresh.snapshot()
@@ -534,14 +536,14 @@ class Runtime:
         self._call_order = self._new_call_order()
         self.ledger.write(BenchNote(name, "deleted"))
         self._lines.detach(name)
-        instance.detach("instance deleted")
+        instance.drop_job("instance deleted")
 
     def _download(self, name: str) -> None:
         self.ledger.write(BenchNote(name, "downloaded", "a new instance of the same name"))
         instance = self._instances[name]
         self._containment.restore_parts(("instance", name), ("CONNECT", instance.decl.connect))
-        self._containment.attempt(("instance", name), partial(instance.detach, "instance downloaded"))
-        instance.reset()
+        self._containment.attempt(("instance", name), partial(instance.drop_job, "instance downloaded"))
+        instance.restart_block()
 
     def _stop(self) -> None:
         if not self.running:
@@ -562,7 +564,7 @@ class Runtime:
         self._containment.out.clear()
         self.ledger.write(BenchNote("PLC", "RUN"))
         for instance in self._instances.values():
-            self._containment.attempt(("instance", instance.name), instance.reset)
+            self._containment.attempt(("instance", instance.name), instance.restart_block)
 
     def close(self) -> None:
         """Free every socket; the run is over."""
@@ -627,8 +629,8 @@ def _uses(instance: InstanceDecl, decl: PartDecl | InstanceDecl) -> bool:
     if instance.connect != decl.name:
         return False
     if isinstance(decl, ComBufferDecl):
-        return block_row(instance.block).has_buffer
-    return isinstance(decl, UdpConfig) == instance.on_config and not block_row(instance.block).has_buffer
+        return block_row(instance.block).has_com_buffer
+    return isinstance(decl, UdpConfig) == instance.on_config and not block_row(instance.block).has_com_buffer
 
 
 def _insert(entries: dict[str, T], name: str, entry: T, place: int | None) -> dict[str, T]:

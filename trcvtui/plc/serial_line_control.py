@@ -27,7 +27,7 @@ SLOW_OPEN_NOTE: Final = "port opens slowly"
 NO_ANSWER_FAULT: Final = Fault("open", "EINPROGRESS", words="there is no answer yet")
 
 
-class PortFeed:
+class PortExchange:
     """One port: received bytes go to `rx`, bytes in `tx` are sent. `note` writes to the ledger.
 
     `fault`: why it is not there, None while unknown.
@@ -49,7 +49,7 @@ class PortFeed:
         if not self._port.simulate_arrival(payload):
             self._rx.put(payload)
 
-    def poll_errors(self) -> None:
+    def sample_line_errors(self) -> None:
         """Ask the driver for its error counts: for a recording."""
         if self.is_open:
             self._port.line_errors()
@@ -143,7 +143,7 @@ class StreamDrain:
         self._size = 0  # of what REQ sends in this call
         self._ready = False
 
-    def before_call(self, job: Job) -> bool:
+    def update_inputs(self, job: Job) -> bool:
         """Put the next bytes into DATA if this call may send; return whether the inputs change."""
         was_asked, self._size = bool(self._size), 0
         self.check_connection()
@@ -159,7 +159,7 @@ class StreamDrain:
         """Return the inputs that replace those of the program."""
         return {"req": True, "len": self._size} if self._size else {}
 
-    def after_call(self, outcome: Outcome, asked: bool) -> None:
+    def note_outcome(self, outcome: Outcome, asked: bool) -> None:
         """Note whether the next call may send: not while the program's own REQ is 1."""
         self._ready = outcome.condition in READY_TO_SEND and not asked
 
@@ -168,12 +168,12 @@ class StreamDrain:
         if earlier._connection is self._connection:
             self._incarnation = earlier._incarnation
         else:
-            earlier.detach()
+            earlier.leave_connection()
 
     def note_deleted(self) -> None:
         """The TSEND_C is deleted; waiting bytes may still go over its connection."""
 
-    def detach(self) -> None:
+    def leave_connection(self) -> None:
         """Rule 3: leave this connection; the bytes that waited for it are dropped."""
         if self._incarnation is not None:
             self._buffer.discard_all("connection closed")
@@ -188,7 +188,7 @@ class StreamDrain:
         connection = self._connection
         is_up = connection.state is State.CONNECTED
         if not is_up or connection.incarnation != self._incarnation:
-            self.detach()
+            self.leave_connection()
         if is_up:
             self._incarnation = connection.incarnation
 
@@ -222,7 +222,7 @@ class StreamFeed:
         """Return whether the next call may differ although the outcome is stable."""
         return self.is_held
 
-    def before_call(self, job: Job) -> bool:
+    def update_inputs(self, job: Job) -> bool:
         """Decide whether the TRCV_C is held in this call; return whether that changed."""
         before, room = self.is_held, self._data.size if self._data is not None else 0
         is_full = self._holds and self._buffer.count > 0 and self._buffer.free < room
@@ -235,7 +235,7 @@ class StreamFeed:
         """Return the inputs that replace those of the program."""
         return {"en_r": False} if self.is_held else {}
 
-    def after_call(self, outcome: Outcome, asked: bool) -> None:
+    def note_outcome(self, outcome: Outcome, asked: bool) -> None:
         """Take the bytes of a DONE, and check that their connection is still the same."""
         connection = self._connection
         if self._follows_en_r and self._was_asked and not asked:
@@ -256,7 +256,7 @@ class StreamFeed:
         if earlier._connection is self._connection:
             self._incarnation, self._was_asked = earlier._incarnation, earlier._was_asked
         else:
-            earlier.detach()
+            earlier.leave_connection()
 
     def note_deleted(self) -> None:
         """The TRCV_C is deleted: the line is no longer held."""
@@ -269,7 +269,7 @@ class StreamFeed:
         if self._incarnation is not None and not self._is_same(self._connection):
             self._end_stream()
 
-    def detach(self) -> None:
+    def leave_connection(self) -> None:
         """Leave this connection: its stream has ended."""
         if self._incarnation is not None:
             self._end_stream()

@@ -1,6 +1,6 @@
 """The ComBuffers of a PLC and their other ends: what SerialLineControl does in a TwinCAT program.
 
-Source of a ComBuffer: `sim` (bench commands), `serial` (PortFeed; simulated as `sim`), a TRCV_C
+Source of a ComBuffer: `sim` (bench commands), `serial` (PortExchange; simulated as `sim`), a TRCV_C
 (StreamFeed), or another ComBuffer: a cable.
 """
 
@@ -22,7 +22,7 @@ from trcvtui.net.serial_line import TCP_URL_PREFIXES, SerialPortFactory
 from trcvtui.plc.containment import Containment, RunPart
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.plc.serial_line_control import PortFeed, StreamDrain, StreamFeed
+from trcvtui.plc.serial_line_control import PortExchange, StreamDrain, StreamFeed
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.project.project import ComBufferDecl, InstanceDecl
 
@@ -50,7 +50,7 @@ class SerialLines:
         self._buffers: dict[str, ComBuffer] = {}
         self._streams: dict[str, StreamEnd] = {}  # by instance, also one that is deleted
         self._orphans: set[str] = set()  # the deleted ones
-        self._ports: dict[str, PortFeed] = {}
+        self._ports: dict[str, PortExchange] = {}
         for decl in decls:
             self.declare(decl)
 
@@ -64,7 +64,7 @@ class SerialLines:
         self._decls[decl.name], self._buffers[decl.name] = decl, buffer
         if decl.serial is not None and self._new_port is not None:
             note = partial(_write_note, self._write, f"{decl.name} {decl.serial.port}")
-            self._ports[decl.name] = PortFeed(self._new_port(decl.name, decl.serial), buffer, note)
+            self._ports[decl.name] = PortExchange(self._new_port(decl.name, decl.serial), buffer, note)
         for other in self._decls.values():
             if other.line in self._ports:
                 self._ports[other.line].tx = self._buffers[other.name]
@@ -96,7 +96,7 @@ class SerialLines:
     def binding(
         self, env: Environment, decl: InstanceDecl, data: Mapping[str, DataArea], priority: int
     ) -> SerialBinding:
-        if block_row(decl.block).writes_buffer:
+        if block_row(decl.block).writes_tx_buffer:
             self._decls[decl.connect] = replace(self._decls[decl.connect], is_written=True)
         areas = [data[name] if name else None for name in (decl.data, *decl.pointers)]
         bound, prefix, suffix = (*areas, None, None)[:3]
@@ -110,7 +110,7 @@ class SerialLines:
                 assert connection is not None
                 stream = self._make_stream(buffer, instance, connection, rules)
                 self._continue_stream(instance.name, stream)
-                instance.set_stream(stream)
+                instance.set_com_stream(stream)
                 return
 
     def detach(self, name: str) -> None:
@@ -126,7 +126,7 @@ class SerialLines:
             case (StreamDrain() as before, StreamDrain()):
                 stream.continue_from(before)
             case (other, _) if other is not None:
-                other.detach()
+                other.leave_connection()
         self._streams[name] = stream
         self._orphans.discard(name)
 
@@ -158,7 +158,7 @@ class SerialLines:
     def poll_errors(self) -> None:
         """Ask the drivers of the open ports for their error counts: for a recording."""
         for feed in self._ports.values():
-            feed.poll_errors()
+            feed.sample_line_errors()
 
     def receive(self, now: int) -> None:
         for name, port in self._ports.items():

@@ -13,8 +13,8 @@ from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.serial.com_buffer import SerialBinding
 from trcvtui.blocks.serial.receiving import MILLISECOND_NS, FrameReceiveJob, string_bytes
 from trcvtui.blocks.table import block_row as block_row
-from trcvtui.blocks.table import buffer_pins as buffer_pins
-from trcvtui.blocks.table import is_time as is_time
+from trcvtui.blocks.table import com_buffer_pins as com_buffer_pins
+from trcvtui.blocks.table import is_time_pin as is_time_pin
 from trcvtui.net.connection.connection import Connection, State
 from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Fault
@@ -106,7 +106,7 @@ class InstanceSnapshot(Struct, frozen=True):
 
     @property
     def sends(self) -> bool:
-        return block_row(self.block).sends
+        return block_row(self.block).sends_on_net
 
     @property
     def data_pin(self) -> str:

@@ -140,7 +140,7 @@ def _convert(
         return _convert_to_plain_tcp(config, config.description, project, other, notes)
     if isinstance(config.session, IsoSettings):
         policy = other.rules.policy
-        own = replace(config.session, cap=other.rules.max_len, not_told=policy.tpdu_default)
+        own = replace(config.session, cap=other.rules.max_len, default_dt_bytes=policy.tpdu_default)
         flaw = check_narrow_tsap(config.session.local) if policy.narrow_tsaps else None
         config = replace(config, session=own, flaw=config.flaw or flaw)
     return _convert_structure(config, other.dialect, notes)

@@ -534,7 +534,7 @@ def _make_session(
     if spec.protocol is not Transport.ISO:
         return None
     own = spec.local_tsap, spec.remote_tsap
-    return IsoSettings(*own, cap=rules.max_len, not_told=rules.policy.tpdu_default)
+    return IsoSettings(*own, cap=rules.max_len, default_dt_bytes=rules.policy.tpdu_default)
 
 
 def keys_as_bytes(config: ConnectConfig) -> KeyPairs:

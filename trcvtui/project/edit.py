@@ -98,7 +98,7 @@ def _field(key: str, ask: Hint, project: Project, block: str) -> AddField:
 def default_block(project: Project) -> str:
     """Return the block that a form begins with: for the first instance one that connects and receives."""
     blocks = project.dialect.blocks
-    receivers = [block for block in blocks if (row := block_row(block)).connects and row.receives]
+    receivers = [block for block in blocks if (row := block_row(block)).owns_link and row.receives_on_net]
     return receivers[0] if receivers and not project.instances else blocks[0]
 
 

@@ -74,10 +74,10 @@ def all_names(
     `stream_out`: instances that can feed or empty a ComBuffer; `port`; `udp_end`: what may receive datagrams,
     also a CONNECT if it is a description, which can be of UDP.
     """
-    builders = [(name, row) for name, block in blocks if (row := block_row(block)).connects]
+    builders = [(name, row) for name, block in blocks if (row := block_row(block)).owns_link]
     found = {
-        "stream_in": tuple([name for name, row in builders if row.receives]),
-        "stream_out": tuple([name for name, row in builders if row.sends]),
+        "stream_in": tuple([name for name, row in builders if row.receives_on_net]),
+        "stream_out": tuple([name for name, row in builders if row.sends_on_net]),
     }
     ends = (*names["udp_config"], *(names["connect"] if describes else ()))
     found = {**names, **found, "port": ports, "udp_end": ends, "task": names["task"] or ("MAIN",)}
@@ -122,7 +122,7 @@ def find_shared_ends(tables: Sequence[Table]) -> None:
 def mark_buffer_users(
     buffers: Iterable[ComBufferDecl], instances: tuple[InstanceDecl, ...]
 ) -> tuple[ComBufferDecl, ...]:
-    written = {i.connect for i in instances if block_row(i.block).writes_buffer}
+    written = {i.connect for i in instances if block_row(i.block).writes_tx_buffer}
     names = {i.name for i in instances}
     return tuple([replace(b, is_written=b.name in written, is_fed=b.source in names) for b in buffers])
 

@@ -13,7 +13,7 @@ from typing import Any, Final
 from msgspec.structs import replace
 
 from trcvtui.blocks.pins import Direction, Pin
-from trcvtui.blocks.table import block_row, buffer_pins, is_time, pointer_pins
+from trcvtui.blocks.table import affix_pin_names, block_row, com_buffer_pins, is_time_pin
 from trcvtui.dialects.dialect import Dialect
 from trcvtui.errors import UserError, collect_problems
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
@@ -369,14 +369,14 @@ def _is_serial(table: Table, around: Context) -> bool | Refusal:
 
 def _sources(project: Project, block: str) -> tuple[str, ...]:
     rows = [(each.name, block_row(each.block)) for each in project.instances]
-    streams = [name for name, row in rows if row.connects and row.receives]
+    streams = [name for name, row in rows if row.owns_link and row.receives_on_net]
     return (SIMULATED, SERIAL, *streams, *names_of("combuffer", project))
 
 
 def _lines(project: Project, block: str) -> tuple[str, ...]:
     ports = [each.name for each in project.combuffers if each.serial is not None]
     rows = [(each.name, block_row(each.block)) for each in project.instances]
-    return ("", *ports, *(name for name, row in rows if row.connects and row.sends))
+    return ("", *ports, *(name for name, row in rows if row.owns_link and row.sends_on_net))
 
 
 _COMBUFFER: Final = TableRow(
@@ -526,7 +526,7 @@ def _buffer_key(pin: str) -> Key:
 
 def _asks_for_connect(project: Project, block: str) -> bool:
     row = block_row(block)
-    return not row.has_buffer and (bool(row.datagrams) or not row.speaks_udp)
+    return not row.has_com_buffer and (bool(row.datagrams) or not row.speaks_udp)
 
 
 def _connect_choices(project: Project, block: str) -> tuple[str, ...]:
@@ -545,7 +545,7 @@ def _pointer_key(pin: str) -> Key:
 
 
 def _inputs_hint(project: Project, block: str) -> str:
-    if not block_row(block).has_buffer:
+    if not block_row(block).has_com_buffer:
         return "such as CONT=1 EN_R=1"
     names = [pin.name for pin in project.pins(block) if pin.direction is not Direction.OUT]
     shown = [name for name in ("SizeReceiveData", "Length", "SendByte", "Timeout", "EN") if name in names]
@@ -606,17 +606,17 @@ _INSTANCE: Final = TableRow(
             ask=Hint("of a UDP block", _offer_new_or("udp_config"), propose_free("udp_config"),
                     lambda project, block: block_row(block).speaks_udp),
             refers=NameUse("UDP_CONFIG", ("udp_config",)), writes=_to_link("config")),
-        *map(_buffer_key, buffer_pins()),
+        *map(_buffer_key, com_buffer_pins()),
         replace(_INSTANCE_ADDR_KEY, is_needed=True,
                 only=lambda table, around: block_row(table.text("block")).speaks_udp),
         replace(_INSTANCE_ADDR_KEY, writes=lambda i: None, ask=Hint(
             "of a UDP block", _offer_new_or("addr"), propose_free("addr"), lambda project, block:
-            block_row(block).speaks_udp or (block_row(block).connects and bool(project.addrs)))),
+            block_row(block).speaks_udp or (block_row(block).owns_link and bool(project.addrs)))),
         Key("data", TEXT, "The variable at its DATA; without it the pin is open.", "data",
             ask=Hint("a DATA variable", _offer_new_or("data"), propose_free("data"),
                     lambda project, block: bool(block_row(block).data_pin)),
             refers=NameUse("DATA", ("data",))),
-        *map(_pointer_key, pointer_pins()),
+        *map(_pointer_key, affix_pin_names()),
         Key("task", TEXT, "The task that calls it; default: the first one.", is_said=True,
             ask=Hint("a task", lambda project, block: tuple([task.name for task in project.tasks]),
                     lambda project, block: project.tasks[0].name),
@@ -625,7 +625,7 @@ _INSTANCE: Final = TableRow(
             ask=Hint(_inputs_hint, is_bare=True)),
     ),
     "instance", "an instance", also=_make_instance_fields, finish=_read_inputs, shares=("data",),
-    tail=lambda i: [(pin, MILLISECONDS.write(value) if is_time(pin) else value) for pin, value in i.inputs],
+    tail=lambda i: [(pin, MILLISECONDS.write(v) if is_time_pin(pin) else v) for pin, v in i.inputs],
 )  # fmt: skip
 
 

@@ -301,7 +301,7 @@ class Project(Struct, frozen=True, eq=False):
         """Return the DATA that an instance receives into, None for a block that sends."""
         decl = self.instance(instance)
         row = block_row(decl.block) if decl is not None else None
-        if decl is None or row is None or not (row.receives or row.reads_buffer):
+        if decl is None or row is None or not (row.receives_on_net or row.reads_rx_buffer):
             return None
         return self.data_decl(decl.data or "")
 

@@ -20,7 +20,7 @@ def _find_free(kind: str, project: Project, row: BlockRow) -> str:
     is_for_one = kind in ("addr", "data")
     taken = {name for i in project.instances for name in (i.addr, i.data, *i.pointers) if is_for_one}
     on = [(i.connect, block_row(i.block)) for i in project.instances if not is_for_one]
-    fits = [c for c in project.connects if c.is_datagram == row.speaks_udp or not row.moves_bytes]
+    fits = [c for c in project.connects if c.is_datagram == row.speaks_udp or not row.uses_network]
     if (
         (kind == "connect" and row.speaks_udp and not fits)
         or (kind == "udp_config" and row.datagrams and fits)
@@ -39,12 +39,12 @@ def _competes(row: BlockRow, other: BlockRow) -> bool:
     """Return whether two blocks cannot share a part; a sender and a receiver can share a CONNECT."""
     if row.id_alone:
         return False  # it uses a connection that another block has established
-    if row.has_buffer:
-        is_user = row.reads_buffer or row.writes_buffer
-        return is_user and (other.reads_buffer or other.writes_buffer)
-    same_way = (row.receives and other.receives) or (row.sends and other.sends)
-    return same_way or (_opens(row) and _opens(other) and not (row.connects and other.connects))
+    if row.has_com_buffer:
+        is_user = row.reads_rx_buffer or row.writes_tx_buffer
+        return is_user and (other.reads_rx_buffer or other.writes_tx_buffer)
+    same_way = (row.receives_on_net and other.receives_on_net) or (row.sends_on_net and other.sends_on_net)
+    return same_way or (_opens(row) and _opens(other) and not (row.owns_link and other.owns_link))
 
 
 def _opens(row: BlockRow) -> bool:
-    return row.connects or (row.has_id and not row.id_alone)  # TCON
+    return row.owns_link or (row.has_id and not row.id_alone)  # TCON

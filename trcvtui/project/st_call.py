@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from trcvtui.blocks.pins import Direction, Pin, PinValue
-from trcvtui.blocks.table import BlockRow, block_row, is_time
+from trcvtui.blocks.table import BlockRow, block_row, is_time_pin
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import AddrParam, ConnectConfig
 from trcvtui.project.connect_view import REMARK, Setting, addr_declaration, declare, declare_connect
@@ -83,12 +83,12 @@ def _row(decl: InstanceDecl) -> BlockRow:
 
 def _guard_call(decl: InstanceDecl, call: str) -> str:
     inner = "\n".join(f"{INDENT}{line}" for line in call.splitlines())
-    does = "sends" if _row(decl).writes_buffer else "clears"
+    does = "sends" if _row(decl).writes_tx_buffer else "clears"
     return f"IF {decl.name}_EN THEN (* every call {does} *)\n{inner}\nEND_IF"
 
 
 def _has_en(project: Project, decl: InstanceDecl) -> bool:
-    return _row(decl).has_buffer and any(pin.name == EN for pin in project.pins(decl.block))
+    return _row(decl).has_com_buffer and any(pin.name == EN for pin in project.pins(decl.block))
 
 
 def st_variables(project: Project, names: Iterable[str], form: CallForm = WHOLE) -> str:
@@ -133,7 +133,7 @@ def _bind_pins(project: Project, decl: InstanceDecl, values: Inputs, form: CallF
 
 
 def _link_variable(project: Project, decl: InstanceDecl) -> str:
-    if not _row(decl).has_buffer:
+    if not _row(decl).has_com_buffer:
         return decl.connect
     others = [*(data.name for data in project.data), *(each.name for each in project.instances)]
     taken, name = {other.casefold() for other in others}, decl.connect
@@ -177,7 +177,7 @@ def _variable(decl: InstanceDecl, pin: Pin) -> str:
 
 
 def _literal(pin: Pin, value: PinValue) -> str:
-    if is_time(pin.name):
+    if is_time_pin(pin.name):
         return format_time(int(value) * 1_000_000)
     return str(bool(value)).upper() if pin.is_bool else str(int(value))
 
@@ -189,7 +189,7 @@ def _declarations(project: Project, decl: InstanceDecl, form: CallForm) -> Itera
     if not _has_db(project, form):
         yield f"{decl.name} : {decl.block};"
     yield from _connection_declarations(project, decl)
-    if _row(decl).has_buffer:
+    if _row(decl).has_com_buffer:
         yield f"{_link_variable(project, decl)} : ComBuffer;"
     for _, variable in _variables(decl):
         data = project.data_decl(variable)
@@ -206,7 +206,7 @@ def _declarations(project: Project, decl: InstanceDecl, form: CallForm) -> Itera
 
 def _type_of(decl: InstanceDecl, pin: Pin) -> str:
     """Return the type as the manual declares it: Error is an enumeration there, a number here."""
-    return "ComError_t" if _row(decl).has_buffer and pin.name == "Error" else pin.iec_type
+    return "ComError_t" if _row(decl).has_com_buffer and pin.name == "Error" else pin.iec_type
 
 
 def _connection_declarations(project: Project, decl: InstanceDecl) -> Iterator[str]:

@@ -14,7 +14,7 @@ from unicodedata import category
 from msgspec import Struct
 
 from trcvtui.errors import Problem, UserError, mistake, one_line
-from trcvtui.files import is_folder, read_bytes, reason_of
+from trcvtui.files import is_folder, read_bounded, reason_of
 from trcvtui.net.connection.config import parse_address
 from trcvtui.net.received_ring import LEAST_HISTORY, MOST_HISTORY
 from trcvtui.net.results import Endpoint, parse_end
@@ -118,7 +118,7 @@ def read_text(path: Path) -> str:
     if hidden:
         raise mistake(str(path), f"{hidden} in its name", EXPECTED_VISIBLE_NAME)
     try:
-        content = read_bytes(path, LARGEST_FILE)
+        content = read_bounded(path, LARGEST_FILE)
     except (OSError, ValueError) as failed:
         reason = reason_of(failed)
         if isinstance(failed, FileNotFoundError) and not is_folder(path.parent):

@@ -12,7 +12,7 @@ from typing import Protocol
 from trcvtui.net.kernel import Handle, Kernel
 from trcvtui.net.results import Endpoint, Unread
 
-ARRIVED, MESSAGE, ENDED, WAITING, DROPPED = "arrived", "message", "ended", "waiting", "dropped"
+BYTES_ARRIVED, MESSAGE, ENDED, WAITING, DROPPED = "arrived", "message", "ended", "waiting", "dropped"
 LATE, FULL, DISCARD_FLAG = 1, 2, 4  # flags: it came after this scan's reads; much is unread; a close loses it
 
 
@@ -129,8 +129,8 @@ class ArrivalRecorder:
         queue.whole = max(queue.whole, whole)
         queue.noted += len(found.data)
         if not found.has_session:  # else the wire has other bytes
-            self._log.note_wire(self._get_owner(handle), ARRIVED, handle, (whole,), None, found.data)
-        self._log_arrival(ARRIVED, handle, (handle, whole, found.size, flags), found.data)
+            self._log.note_wire(self._get_owner(handle), BYTES_ARRIVED, handle, (whole,), None, found.data)
+        self._log_arrival(BYTES_ARRIVED, handle, (handle, whole, found.size, flags), found.data)
 
     def _note_message(self, handle: Handle, source: Endpoint, data: bytes, whole: int, flags: int) -> None:
         """Note a message, at the wire only a datagram: a session has other bytes there."""

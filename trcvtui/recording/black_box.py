@@ -23,10 +23,10 @@ from trcvtui.recording.journal import (
     STEP,
     BlockWriter,
     CallRecord,
-    EntriesLost,
     Entry,
     Keyframe,
-    RunBegins,
+    LostEntries,
+    RunHeader,
     decode_value,
 )
 from trcvtui.recording.worker_process import PendingAnswer
@@ -50,7 +50,7 @@ class BlackBox:
         self._end_text, self._ended_at = "", 0  # how the last file has ended
         self.file_trouble = ""  # of the last file that could not be written
         self._most = MOST_KEPT_BYTES
-        self._begins: RunBegins | None = None
+        self._begins: RunHeader | None = None
         self._block = BlockWriter(0)
         self._entries = self._scans = 0  # of this block
         self._kept: deque[OldBlock] = deque()
@@ -79,7 +79,7 @@ class BlackBox:
 
     def add_entries(self, entries: Iterable[Entry]) -> None:
         for entry in entries:
-            if isinstance(entry, RunBegins):  # each file begins with it
+            if isinstance(entry, RunHeader):  # each file begins with it
                 self._begins = entry
             else:
                 self._block.add_entry(entry)
@@ -171,7 +171,7 @@ class BlackBox:
         if self._begins is not None:
             first.add_entry(self._begins)
         if self._passed:
-            first.add_entry(EntriesLost(self._passed, TRIMMED_REASON))
+            first.add_entry(LostEntries(self._passed, TRIMMED_REASON))
             for frame in self._frames:
                 if frame.scan > self._passed_scans:  # else its next scan is dropped
                     first.add_entry(frame._replace(steps=frame.steps - self._passed_scans))
@@ -184,7 +184,7 @@ class BlackBox:
 
     def _finish_file(self, writer: WriterProcess) -> None:
         last = BlockWriter(0)
-        last.add_entry(EntriesLost(0, ENDED_HERE))
+        last.add_entry(LostEntries(0, ENDED_HERE))
         writer.add_block(last.encode())
         writer.finish()
         self._ending.append(writer)

@@ -1,7 +1,7 @@
 """Where a recording is written: one file, or numbered ones: split, in a ring, or one for each trigger.
 
 Rule 1: a name is never used again; only files of this run are removed.
-Rule 2: each file begins with `RunBegins`. If scans are missing after it, `EntriesLost` is next: such a file
+Rule 2: each file begins with `RunHeader`. If scans are missing after it, `LostEntries` is next: such a file
 runs again from its first keyframe.
 Rule 3: while a run beside makes keyframes, a file that begins in the middle ends only after its first one.
 Rule 4: a file of a trigger has the journal from the beginning of the run, of at most MOST_OLD_BYTES: a
@@ -30,9 +30,9 @@ from trcvtui.recording.journal import (
     STEP,
     BlockWriter,
     CallRecord,
-    EntriesLost,
     Entry,
-    RunBegins,
+    LostEntries,
+    RunHeader,
     Secrets,
     WireCall,
     decode_entries,
@@ -118,7 +118,7 @@ class NumberedFiles:
         self._packets = packets
         self._beside = 0  # bytes of the file that are not of its own scans
         self._folder, self._stem, self._limits, self._new = folder, stem, limits, new
-        self._begins: RunBegins | None = None
+        self._begins: RunHeader | None = None
         self._file: NumberedFile | None = None
         self._path = Path()
         self._files: list[Path] = []
@@ -140,7 +140,7 @@ class NumberedFiles:
     def add_entries(self, entries: Iterable[Entry]) -> None:
         waits = self._limits.before_ns >= 0
         for entry in entries:
-            if isinstance(entry, RunBegins):
+            if isinstance(entry, RunHeader):
                 self._begins = entry
                 if not waits:
                     self._open_file()
@@ -181,14 +181,14 @@ class NumberedFiles:
             self._kept -= len(some)
             if some:  # no file has them: Rule 5
                 self._packets.skip_entries(some)
-                self._keep_old_entries(some)
+                self._pass_entries(some)
 
     def _is_large(self, file: NumberedFile) -> bool:
         """Return whether a file is full; keyframes and repeated bytes alone do not fill it."""
         split = self._limits.split
         return file.size >= max(split, self._beside + split // 4)
 
-    def _keep_old_entries(self, some: list[Entry]) -> None:
+    def _pass_entries(self, some: list[Entry]) -> None:
         scans = sum([isinstance(entry, CallRecord) and entry.call == STEP for entry in some])
         if self._limits.before_ns < 0:  # no trigger: a file has them
             self._passed += len(some)
@@ -233,7 +233,7 @@ class NumberedFiles:
         self._number += 1
         self._file = self._new(self._path)
         self._files.append(self._path)
-        lost = [EntriesLost(self._passed, IN_MIDDLE_REASON)] if self._passed else []  # Rule 2
+        lost = [LostEntries(self._passed, IN_MIDDLE_REASON)] if self._passed else []  # Rule 2
         self._file.add_entries([*([self._begins] if self._begins else []), *self._secrets, *lost])
         if self._in_block:
             self._end_block()
@@ -252,13 +252,13 @@ class NumberedFiles:
         assert self._file is not None
         for _, some in self._scans:
             self._file.add_entries(some)
-            self._keep_old_entries(some)
+            self._pass_entries(some)
         self._scans, self._kept = deque([(self._now, [])]), 0
 
     def _end_file(self) -> None:
         if self._file is not None:
             if not self._is_over:  # else CLOSE is the last entry
-                self._file.add_entries([EntriesLost(0, ENDED_HERE)])
+                self._file.add_entries([LostEntries(0, ENDED_HERE)])
             self._file.close()
             if self._file.lack:
                 self._lacking.append(self._path.name)
@@ -334,6 +334,6 @@ def next_number(folder: Path, stem: str) -> int:
     return max(found, default=0) + 1
 
 
-def find_newest_file(path: Path) -> list[str]:
+def list_newest_file(path: Path) -> list[str]:
     files = [path] if not path.is_dir() else sorted(path.glob(f"*{FILE_SUFFIX}"), key=os.path.getmtime)
     return [str(file) for file in files[-1:]]

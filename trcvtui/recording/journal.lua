@@ -5,7 +5,7 @@ local MOST_SHOWN = 2000
 local RECORDS = {
   [16] = {"Endpoint", 2}, [17] = {"Fault", 5}, [18] = {"Accepted", 2}, [19] = {"KernelLoss", 2},
   [20] = {"PathInfo", 4}, [21] = {"Datagram", 3}, [22] = {"LocalAddress", 5}, [23] = {"BenchNote", 5},
-  [24] = {"WorkWaits", 4}, [25] = {"RunBegins", 10}, [26] = {"EntriesLost", 2},
+  [24] = {"DeferredWork", 4}, [25] = {"RunHeader", 10}, [26] = {"LostEntries", 2},
 }
 local SINGLES = {[0] = "WOULD_BLOCK", "HELD_BACK", "OPENING"}
 

@@ -54,7 +54,7 @@ class CallRecord(NamedTuple):
     answer: object
 
 
-class WorkWaits(NamedTuple):
+class DeferredWork(NamedTuple):
     """A partner asked for more work than one scan does; `what` is an EventKind."""
 
     connect: str
@@ -63,7 +63,7 @@ class WorkWaits(NamedTuple):
     why: str
 
 
-class RunBegins(NamedTuple):
+class RunHeader(NamedTuple):
     """The first entry of a journal: what is needed to run again, without a disk.
 
     `path` and `options` (`PATH=VALUE` of `--set`) are those of the command line; `wall_ns` is UTC at time 0
@@ -86,7 +86,7 @@ class RunBegins(NamedTuple):
 ENDED_HERE: Final = "the recording was ended here"
 
 
-class EntriesLost(NamedTuple):
+class LostEntries(NamedTuple):
     """A gap in the journal: so many entries were not written, and why."""
 
     number: int
@@ -111,7 +111,7 @@ class WireCall(NamedTuple):
     data: bytes
 
 
-HOLDS_SECRETS: Final = "holds TLS secrets: whoever has the file reads what was sent"
+SECRETS_WARNING: Final = "holds TLS secrets: whoever has the file reads what was sent"
 
 
 class Secrets(NamedTuple):
@@ -154,9 +154,9 @@ class Keyframe(NamedTuple):
 
 # Calls at the wire whose first argument after the handle is a view of bytes.
 BUFFER_CALLS: Final = frozenset({"recv", "recv_from", "send", "send_to"})
-LedgerNote = BenchNote | WorkWaits | PeerSent
+LedgerNote = BenchNote | DeferredWork | PeerSent
 NonJournalEntry = WireCall | Secrets | Keyframe
-Entry = CallRecord | LedgerNote | RunBegins | EntriesLost | NonJournalEntry
+Entry = CallRecord | LedgerNote | RunHeader | LostEntries | NonJournalEntry
 
 
 # -- what may be answered ----------------------------------------------------------------------------------
@@ -232,8 +232,8 @@ _SINGLETONS: Final = (WOULD_BLOCK, HELD_BACK, OPENING)
 _WIRE_ANSWER_TYPES: Final = (NONE_TYPE, int, Fault, NewClient, Endpoint, Datagram, KernelLoss, tuple)
 # No new record or field without a new version.
 _RECORD_TYPES: Final[tuple[type, ...]] = (
-    *(Endpoint, Fault, NewClient, KernelLoss, PathInfo, Datagram, LocalAddress, BenchNote, WorkWaits),
-    *(RunBegins, EntriesLost, WireCall, Secrets, Keyframe, PeerSent),
+    *(Endpoint, Fault, NewClient, KernelLoss, PathInfo, Datagram, LocalAddress, BenchNote, DeferredWork),
+    *(RunHeader, LostEntries, WireCall, Secrets, Keyframe, PeerSent),
 )
 _EVENT_KINDS: Final = frozenset(map(str, EventKind))
 _FIRST_RECORD_TAG: Final = 16  # the tag of the first of them
@@ -407,11 +407,11 @@ class _BlockReader:
         match value:
             case BenchNote() | PeerSent():
                 return value
-            case WorkWaits(_, what) if what in _EVENT_KINDS:
+            case DeferredWork(_, what) if what in _EVENT_KINDS:
                 return value
-            case EntriesLost() | WireCall() | Secrets() | Keyframe():
+            case LostEntries() | WireCall() | Secrets() | Keyframe():
                 return value
-            case RunBegins() if _is_valid_header(value):
+            case RunHeader() if _is_valid_header(value):
                 return value
             case (str(owner), str(call), tuple(args), answer):
                 return self._check_call(CallRecord(owner, call, args, answer))
@@ -437,7 +437,7 @@ def decode_value(content: bytes, where: str) -> object:
     return _BlockReader(where, content, ()).read_value()
 
 
-def _is_valid_header(begins: RunBegins) -> bool:
+def _is_valid_header(begins: RunHeader) -> bool:
     pairs = (*((each, bytes) for each in begins.files), *((each, str) for each in begins.digests))
     return all(type(option) is str for option in begins.options) and all(
         type(pair) is tuple and [*map(type, pair)] == [str, kind] for pair, kind in pairs

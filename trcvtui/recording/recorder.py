@@ -18,12 +18,12 @@ from trcvtui.files import FilesRead, open_private_file
 from trcvtui.recording.files import EntrySink, RecordTarget
 from trcvtui.recording.journal import (
     FILE_READ,
-    HOLDS_SECRETS,
+    SECRETS_WARNING,
     SIM_WALL_NS,
     CallRecord,
-    EntriesLost,
     Entry,
-    RunBegins,
+    LostEntries,
+    RunHeader,
     Secrets,
 )
 from trcvtui.recording.seam import SeamRecorder
@@ -101,15 +101,15 @@ class RunRecorder:
         return self
 
     def add_header(self, bench: RecordedBench, path: Path, options: Iterable[str], is_scenario: bool) -> None:
-        """Write the first entry, RunBegins; time 0 of a live run is now."""
+        """Write the first entry, RunHeader; time 0 of a live run is now."""
         read, is_live = self.reads, bench.kernel_name == "live"
         if self.file.name:
             bench.reports = self.file.absolute().parent  # of internal errors: beside the recording
-        begins = RunBegins(
+        begins = RunHeader(
             __version__,
             bench.kernel_name,
             bench.project.sim.seed,
-            clock.wall_ns() if is_live else SIM_WALL_NS,
+            clock.utc_ns() if is_live else SIM_WALL_NS,
             is_scenario,
             str(path),
             tuple(options),
@@ -126,7 +126,7 @@ class RunRecorder:
             sessions += [(each.name, each.session) for each in project.peers]
             self._hidden = frozenset([name for name, one in sessions if isinstance(one, TlsSettings)])
         if self._hidden:
-            first.append(EntriesLost(0, "--no-secrets: it can be looked at, not replayed"))
+            first.append(LostEntries(0, "--no-secrets: it can be looked at, not replayed"))
         self._entries[:0] = first  # before the calls that made the bench
         if is_live:
             self.seam.clock = clock.now_ns
@@ -137,10 +137,10 @@ class RunRecorder:
     def finish_scan(self, bench: RecordedBench) -> None:
         """Record changed outputs and, once a second, samples of the stacks; hand the entries to the sinks."""
         if self.box is None:
-            self._collect_entries(bench)
+            self._record_scan(bench)
             return
         began = self._time_of()
-        self._collect_entries(bench)
+        self._record_scan(bench)
         self._spent += self._time_of() - began
         now = clock.now_ns()
         if now > self._looked_at + COST_CHECK_NS:
@@ -152,7 +152,7 @@ class RunRecorder:
             self._time_of = clock.thread_cpu_ns if is_costly else clock.now_ns
             self._spent, self._looked_at = 0, now
 
-    def _collect_entries(self, bench: RecordedBench) -> None:
+    def _record_scan(self, bench: RecordedBench) -> None:
         bench.record_outputs()
         if bench.now >= self._sample_at:
             bench.containment.attempt_unless_out(("reader", "samples"), bench.runtime.sample_stack)
@@ -182,11 +182,11 @@ class RunRecorder:
         if self._hidden:
             some = [self._blank_bytes(entry) for entry in some]
         self._entries.clear()
-        self._call_sink(lambda sink: sink.add_entries(some))
+        self._call_own_sink(lambda sink: sink.add_entries(some))
         if self._other is not None:
             self._other.add_entries(some)
 
-    def _call_sink(self, act: Callable[[EntrySink], None]) -> None:
+    def _call_own_sink(self, act: Callable[[EntrySink], None]) -> None:
         if self._sink is None:
             return
         try:
@@ -203,7 +203,7 @@ class RunRecorder:
         if self._key_log >= 0:
             self._log_secrets()
         self._flush_entries()
-        self._call_sink(lambda sink: sink.close())
+        self._call_own_sink(lambda sink: sink.close())
         if self._other is not None:
             self._other.close()
         self._sink = self._other = None
@@ -214,7 +214,7 @@ class RunRecorder:
         self.close()
 
     def list_remarks(self) -> list[str]:
-        secrets = f"{self.file} {HOLDS_SECRETS}" if self.holds_secrets and self.file.name else ""
+        secrets = f"{self.file} {SECRETS_WARNING}" if self.holds_secrets and self.file.name else ""
         return [one_line(line) for line in (secrets, self.trouble) if line]
 
     @property

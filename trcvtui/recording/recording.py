@@ -25,10 +25,10 @@ from trcvtui.recording.journal import (
     STEP,
     BlockWriter,
     CallRecord,
-    EntriesLost,
     Entry,
     Keyframe,
-    RunBegins,
+    LostEntries,
+    RunHeader,
     Secrets,
     WireCall,
     check_block,
@@ -37,7 +37,7 @@ from trcvtui.recording.journal import (
 )
 from trcvtui.recording.run_packets import JOURNAL_PACKET, RunPackets
 
-WIRE, JOURNAL, FIRST_LINE_ID = range(3)  # interfaces; a serial line each from the third on
+WIRE_ID, JOURNAL, FIRST_LINE_ID = range(3)  # interfaces; a serial line each from the third on
 JOURNAL_NAME: Final = "trcvtui journal"
 MOST_PIECE_BYTES: Final = 128 << 10  # bytes of a packet of the journal: Wireshark takes no larger ones
 LAST, MORE = b"\0", b"\1"  # the first byte of such a packet: does the next one continue its block?
@@ -117,9 +117,9 @@ class RecordingWriter:
             elif isinstance(entry, Keyframe):
                 self.add_keyframe(entry)
             else:
-                if isinstance(entry, EntriesLost) and entry.number and self._blocks + len(self._block) < 2:
+                if isinstance(entry, LostEntries) and entry.number and self._blocks + len(self._block) < 2:
                     self.lack = "no keyframe"  # entries are lost at the beginning: a replay needs one
-                if isinstance(entry, RunBegins):
+                if isinstance(entry, RunHeader):
                     self._wall_ns = self._packets.wire.wall_ns = entry.wall_ns
                 self._add_entry(entry)
 
@@ -147,7 +147,7 @@ class RecordingWriter:
             if packet.line and packet.line not in self._lines:
                 self._lines[packet.line] = FIRST_LINE_ID + len(self._lines)
                 written.append(pcap.interface_block(pcap.RTAC_SERIAL, packet.line))
-            interface = self._lines[packet.line] if packet.line else WIRE
+            interface = self._lines[packet.line] if packet.line else WIRE_ID
             comments = tuple(self._packets.comments.get(number, ()))
             block = pcap.packet_block(interface, packet.ns, packet.data, comments, sent=packet.sent)
             check = zlib.crc32(block[8 : AT_DATA + len(packet.data)], check)  # without options
@@ -419,13 +419,13 @@ class Recording:
         raise mistake(where, "no keyframe", "one, as the index says")
 
 
-def read_run_header(path: FileName) -> RunBegins | None:
+def read_run_header(path: FileName) -> RunHeader | None:
     """Return the first entry of a recording; None: the file is none."""
     try:
         first = next(iter(Recording(path).read_entries()), None)
     except UserError:
         return None
-    return first if isinstance(first, RunBegins) else None
+    return first if isinstance(first, RunHeader) else None
 
 
 def _add_checksum(magic: bytes, content: bytes) -> bytes:
@@ -452,7 +452,7 @@ def _parse_keyframe(block: bytes, path: str) -> Keyframe:
 
 
 def _get_payload(interface: int, data: bytes) -> bytes:
-    if interface == WIRE:
+    if interface == WIRE_ID:
         return data[_HEADER_BYTES[data[9:10] == bytes([TCP])] :]
     return data[SERIAL_HEADER_BYTES:]
 

@@ -20,11 +20,11 @@ from trcvtui.recording.journal import (
     IN_GAP,
     STEP,
     CallRecord,
-    EntriesLost,
     Entry,
     LedgerNote,
+    LostEntries,
     NonJournalEntry,
-    RunBegins,
+    RunHeader,
 )
 
 T = TypeVar("T")
@@ -35,7 +35,7 @@ COMPARED_ARGS: Final = {"set_options": 1, "set_user_timeout": 1}  # so many; lat
 class ReplaySeam:
     """Answers from entries that is_valid_answer let in; `write_note` writes recorded notes into the ledger.
 
-    `begins`: the RunBegins of the journal, if it has one; `files`: those that were read so far.
+    `begins`: the RunHeader of the journal, if it has one; `files`: those that were read so far.
     """
 
     has_answers = True
@@ -49,9 +49,9 @@ class ReplaySeam:
         self.write_note: Callable[[LedgerNote], None] = _drop_note
         self._known: dict[tuple[str, str, tuple[object, ...]], object] = {}  # answers of gaps
         self.front = next(entries, None)  # None: the journal is at its end
-        self.begins: RunBegins | None = None
+        self.begins: RunHeader | None = None
         self.files = FilesRead()
-        if isinstance(self.front, RunBegins):
+        if isinstance(self.front, RunHeader):
             self.begins = self.front
             self.files = FilesRead(self.begins.folder, self.begins.files, self.begins.digests)
             self.front = next(entries, None)
@@ -108,7 +108,7 @@ class ReplaySeam:
         """
         entry = self.front
         while not isinstance(entry, CallRecord) or entry.call.startswith(IN_GAP):
-            if entry is None or isinstance(entry, RunBegins | EntriesLost):
+            if entry is None or isinstance(entry, RunHeader | LostEntries):
                 self._raise_difference(entry, _describe_call(owner, call, args))
             self._skip_entry(entry)
             entry = self.front
@@ -157,7 +157,7 @@ class ReplaySeam:
 
     def peek_call(self) -> CallRecord | None:
         """Return the next call that is not in a gap; None: the journal ends here, or lacks entries."""
-        while (entry := self.front) is not None and not isinstance(entry, RunBegins | EntriesLost):
+        while (entry := self.front) is not None and not isinstance(entry, RunHeader | LostEntries):
             if isinstance(entry, CallRecord) and not entry.call.startswith(IN_GAP):
                 return entry
             self._skip_entry(entry)
@@ -166,17 +166,17 @@ class ReplaySeam:
     @property
     def gap_text(self) -> str:
         """Return which entries are missing here, "" if none are."""
-        return str(self.front) if isinstance(self.front, EntriesLost) else ""
+        return str(self.front) if isinstance(self.front, LostEntries) else ""
 
     @property
     def is_in_the_middle(self) -> bool:
         """Return whether entries before the next one were not recorded."""
-        return isinstance(self.front, EntriesLost) and self.front.number > 0
+        return isinstance(self.front, LostEntries) and self.front.number > 0
 
     @property
     def is_ended(self) -> bool:
         """Return whether the recording was ended here while the run continued."""
-        return isinstance(self.front, EntriesLost) and self.front.why == ENDED_HERE
+        return isinstance(self.front, LostEntries) and self.front.why == ENDED_HERE
 
     def count_scans_left(self) -> int:
         """Return how many scans come after a gap and cannot run; this reads the entries to their end."""
@@ -191,7 +191,7 @@ class ReplaySeam:
         match recorded:
             case CallRecord():
                 was = f"{_describe_call(*recorded[:3])}, which was recorded"
-            case EntriesLost(number, why):
+            case LostEntries(number, why):
                 was = f"{number} entries that were not recorded: {why}"
             case _:
                 was = "the end of the journal, which was recorded"

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Final
 
 from trcvtui.net.results import Datagram, Fault
-from trcvtui.recording.arrivals import ARRIVED, ENDED, MESSAGE
+from trcvtui.recording.arrivals import BYTES_ARRIVED, ENDED, MESSAGE
 from trcvtui.recording.journal import IN_GAP, RECV, SHOWS, STEP, CallRecord, Entry, PacketRuns, WireCall
 from trcvtui.recording.wire import NO_FLOWS, RST, Flow, WirePacket, WirePackets
 
@@ -35,7 +35,7 @@ class RunPackets:
             SHOWS: self._comment_job_end,
             "set_options": self._handle_options,
             **dict.fromkeys((RECV, "recv_from"), self._handle_read),
-            **dict.fromkeys((IN_GAP + ARRIVED, IN_GAP + MESSAGE), self._handle_arrival),
+            **dict.fromkeys((IN_GAP + BYTES_ARRIVED, IN_GAP + MESSAGE), self._handle_arrival),
             **dict.fromkeys(("send", "send_to"), self._handle_send),
             "probe": self._handle_probe,
             "discard": self._handle_discard,
@@ -111,7 +111,9 @@ class RunPackets:
         flows, data = self.wire.flows.get(_get_handle(entry)), entry.answer
         if flows is None or not isinstance(data, bytes):
             return entry
-        at = flows[1].told - len(data) - (entry.call == IN_GAP + MESSAGE)  # a datagram has one byte more
+        at = (
+            flows[1].in_packets - len(data) - (entry.call == IN_GAP + MESSAGE)
+        )  # a datagram has one byte more
         return entry._replace(answer=self._find_packets(flows[1], at, data))
 
     def _handle_send(self, entry: CallRecord) -> None:
@@ -119,7 +121,7 @@ class RunPackets:
         if flows is not None and isinstance(entry.answer, int):
             flow, is_whole = flows[0], entry.answer == entry.args[1]
             if is_whole:
-                end = flow.whole if flow.is_stream else flow.told - 1
+                end = flow.whole if flow.is_stream else flow.in_packets - 1
                 flow.ends.append((self.wire.scan + (not flow.is_part), end))  # of one call: a scan later
             flow.is_part = not is_whole
 
@@ -178,7 +180,7 @@ class RunPackets:
         else:
             place = flow.find_failed_job_end(scan) - 1
             if theirs.ended_in >= scan - LOSS_SCANS:  # the partner's FIN or RST is the reason
-                flow, place = theirs, theirs.told
+                flow, place = theirs, theirs.in_packets
         if place >= 0:
             self._add_comment(text, flow, place, theirs if flow is ours else ours)
         else:
@@ -192,7 +194,7 @@ class RunPackets:
         number = numbers[found] if found >= 0 else JOURNAL_PACKET
         if found < 0 or at >= places[found] + max(1, self.packets[number].payload):
             byte = f", sequence number {at + 1}" if flow.is_stream else ""
-            text += f", in a packet {'before' if at <= flow.told else 'to come'}{byte}"  # Rule 2
+            text += f", in a packet {'before' if at <= flow.in_packets else 'to come'}{byte}"  # Rule 2
             number = max([*numbers[-1:], *self._numbers.get(back, ([], []))[1][-1:]], default=JOURNAL_PACKET)
         self.comments.setdefault(number, []).append(text)
 
@@ -214,10 +216,10 @@ class RunPackets:
         notes: list[CallRecord] = []
         for owner, handle, flow, end in self.wire.list_open_streams():
             if handle not in self._layered:
-                unread = bytes(flow.tail[len(flow.tail) - max(0, flow.told - flow.taken) :])
-                place = self._find_packets(flow, flow.told - len(unread), unread)
+                unread = bytes(flow.tail[len(flow.tail) - max(0, flow.in_packets - flow.taken) :])
+                place = self._find_packets(flow, flow.in_packets - len(unread), unread)
                 args = handle, flow.whole, flow.whole - flow.taken, 0
-                notes.append(CallRecord(owner, IN_GAP + ARRIVED, args, place))
+                notes.append(CallRecord(owner, IN_GAP + BYTES_ARRIVED, args, place))
                 if end:
                     notes.append(
                         CallRecord(owner, IN_GAP + ENDED, (handle, 0), "rst" if end & RST else "fin")

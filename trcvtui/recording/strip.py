@@ -17,7 +17,7 @@ from trcvtui.capture.packets import TCP, UDP, IpPayload, parse_packet
 from trcvtui.errors import mistake
 from trcvtui.files import replace_file
 from trcvtui.net.results import is_loopback
-from trcvtui.recording.recording import JOURNAL, SERIAL_HEADER_BYTES, WIRE, Recording
+from trcvtui.recording.recording import JOURNAL, SERIAL_HEADER_BYTES, WIRE_ID, Recording
 from trcvtui.recording.wire import checksum
 
 DISSECTOR_FILE: Final = "journal.lua"  # beside this file
@@ -100,7 +100,7 @@ class _StrippedCopy:
             yield pcap.make_block(pcap.ENHANCED_PACKET, body)
             return
         data = bytearray(body[_PACKET_HEAD_BYTES : _PACKET_HEAD_BYTES + size])
-        if interface == WIRE:
+        if interface == WIRE_ID:
             self._clear_ip(data)
         elif self._out.payload:
             data[SERIAL_HEADER_BYTES:] = bytes(max(0, len(data) - SERIAL_HEADER_BYTES))

@@ -18,7 +18,7 @@ from trcvtui.net.kernel import KernelLoss, LocalAddress, NewClient
 from trcvtui.net.results import ANY_ADDRESS, Endpoint, Fault, is_loopback, parse_octets
 from trcvtui.recording.journal import WireCall
 
-MOST_PAYLOAD: Final = 1460
+MOST_SEGMENT: Final = 1460
 MOST_DATAGRAM_BYTES: Final = 65_507
 FIRST_MADE_UP_PORT: Final = 49_152  # of a connection whose local port was never asked of the stack
 FIN, SYN, RST, PSH, ACK = 1, 2, 4, 8, 16
@@ -63,7 +63,9 @@ class Flow:
 
     def __init__(self, is_stream: bool = False) -> None:
         self.is_stream = is_stream
-        self.told = self.whole = self.taken = 0  # bytes in packets, bytes that came, bytes that were read
+        self.in_packets = self.whole = self.taken = (
+            0  # bytes in packets, bytes that came, bytes that were read
+        )
         self.tail = bytearray()  # of a stream: bytes in packets since `job`, the newest MOST_TAIL_BYTES
         self.job = 0  # where the last job has ended
         self.ends: deque[tuple[int, int]] = deque(maxlen=MOST_MESSAGES)  # of jobs: from which scan on, place
@@ -73,8 +75,8 @@ class Flow:
         self.ended_in = -9  # the scan of its FIN or RST
 
     def add_bytes(self, data: bytes) -> None:
-        self.told += len(data)
-        self.whole = max(self.whole, self.told)
+        self.in_packets += len(data)
+        self.whole = max(self.whole, self.in_packets)
         self.tail += data
         del self.tail[: max(0, len(self.tail) - MOST_TAIL_BYTES)]
 
@@ -100,12 +102,12 @@ class Flow:
         while self.ends and self.ends[0][1] <= self.job:
             self.ends.popleft()
         self.read.clear()
-        del self.tail[: max(0, len(self.tail) - (self.told - self.job))]
+        del self.tail[: max(0, len(self.tail) - (self.in_packets - self.job))]
 
     def find_tsdu_end(self) -> int:
         """Return where the next message of ISO-on-TCP ends, after the last one that was read."""
         begin = self.ends[-1][1] if self.ends else self.job
-        first = self.told - len(self.tail)
+        first = self.in_packets - len(self.tail)
         at, is_last = begin - first, False
         while at >= 0 and not is_last and len(self.tail) >= at + 7:
             is_last = self.tail[at + 5] == DATA_TPDU and self.tail[at + 6] > 127  # EOT (RFC 905, 13.7)
@@ -252,7 +254,7 @@ class WirePackets:
 
     def _note_partner_end(self, call: WireCall, stream: _TcpStream, flags: int) -> Iterator[WirePacket]:
         stream.coming_end = max(stream.coming_end, flags)  # RST outweighs FIN
-        yield from self._add_partner_bytes(call, stream, stream.flows[1].told)
+        yield from self._add_partner_bytes(call, stream, stream.flows[1].in_packets)
 
     def _handle_recv(self, call: WireCall) -> Iterator[WirePacket]:
         stream, count = self._streams.get(call.handle), call.answer
@@ -274,7 +276,7 @@ class WirePackets:
         if stream is not None and isinstance(whole, int):
             flow = stream.flows[1]
             flow.whole = max(flow.whole, whole)
-            yield from self._add_partner_bytes(call, stream, max(flow.told, flow.taken))
+            yield from self._add_partner_bytes(call, stream, max(flow.in_packets, flow.taken))
 
     def _handle_partner_end(self, call: WireCall) -> Iterator[WirePacket]:
         stream = self._streams.get(call.handle)
@@ -284,11 +286,11 @@ class WirePackets:
     def _add_partner_bytes(self, call: WireCall, stream: _TcpStream, at: int) -> Iterator[WirePacket]:
         """Yield the new ones of the partner's bytes, which begin at `at`, and its end, if it is due."""
         flow = stream.flows[1]
-        new = call.data[max(0, flow.told - at) :] if call.data else b""
+        new = call.data[max(0, flow.in_packets - at) :] if call.data else b""
         if new:
-            flow.told = max(flow.told, at)  # discarded bytes are missing
+            flow.in_packets = max(flow.in_packets, at)  # discarded bytes are missing
             yield from self._add_data(call, stream, 1, new)
-        if stream.coming_end and flow.told >= flow.whole:  # Rule
+        if stream.coming_end and flow.in_packets >= flow.whole:  # Rule
             yield from self._make_end(call, stream, 1, stream.coming_end)
 
     def _handle_send(self, call: WireCall) -> Iterator[WirePacket]:
@@ -302,7 +304,7 @@ class WirePackets:
             yield from self._handle_fault(call, stream, call.answer)
 
     def _add_data(self, call: WireCall, stream: _TcpStream, side: int, data: bytes) -> Iterator[WirePacket]:
-        flow, at = stream.flows[side], stream.flows[side].told
+        flow, at = stream.flows[side], stream.flows[side].in_packets
         if not at and data[:2] == b"\x16\3" and data[5:6] == b"\1":  # ClientHello (RFC 8446, 4.1.2)
             stream.is_tls = True
         flow.add_bytes(data)
@@ -311,9 +313,9 @@ class WirePackets:
     def _split_data(
         self, call: WireCall, stream: _TcpStream, side: int, at: int, data: bytes, remark: str = ""
     ) -> Iterator[WirePacket]:
-        for skip in range(0, len(data), MOST_PAYLOAD):
-            part = data[skip : skip + MOST_PAYLOAD]
-            last = PSH if skip + MOST_PAYLOAD >= len(data) else 0
+        for skip in range(0, len(data), MOST_SEGMENT):
+            part = data[skip : skip + MOST_SEGMENT]
+            last = PSH if skip + MOST_SEGMENT >= len(data) else 0
             yield self._make_segment(call, stream, side, ACK | last, part, at + skip, remark)
             remark = ""
 
@@ -340,11 +342,11 @@ class WirePackets:
         if stream is None or not stream.is_open:
             return
         flow = stream.flows[1]
-        remark = f"{flow.whole - flow.told} bytes to the PLC are missing: they were never read"
-        if flow.told == flow.whole:
+        remark = f"{flow.whole - flow.in_packets} bytes to the PLC are missing: they were never read"
+        if flow.in_packets == flow.whole:
             remark = ""
         if stream.coming_end:
-            flow.told = flow.whole
+            flow.in_packets = flow.whole
             yield from self._make_end(call, stream, 1, stream.coming_end, remark)
             remark = ""
         yield from self._make_end(call, stream, 0, flags, remark)
@@ -384,9 +386,9 @@ class WirePackets:
         """Return one segment of a side, 0 is the PLC; its payload begins at `at`."""
         source, target = stream.ends[side], stream.ends[1 - side]
         flow, other = stream.flows[side], stream.flows[1 - side]
-        at = flow.told if at < 0 else at
+        at = flow.in_packets if at < 0 else at
         sequence = at + (1 if payload else stream.controls[side]) & 0xFFFFFFFF  # SYN has taken number 0
-        seen = other.told + stream.controls[1 - side] & 0xFFFFFFFF
+        seen = other.in_packets + stream.controls[1 - side] & 0xFFFFFFFF
         stream.controls[side] += 1 if flags & (SYN | FIN) else 0
         window = FULL_WINDOW if side else max(0, FULL_WINDOW - (other.whole - other.taken))
         head = _PACK_TCP(
@@ -416,7 +418,7 @@ class WirePackets:
             ours, theirs = stream.flows
             again = [bytes(ours.tail) if ours.is_part or ours.ends else b"", bytes(theirs.tail)]
             again = [b"", b""] if stream.is_tls else again  # without the handshake it cannot be decrypted
-            out, come = (flow.told - len(tail) for flow, tail in zip(stream.flows, again, strict=True))
+            out, come = (flow.in_packets - len(tail) for flow, tail in zip(stream.flows, again, strict=True))
             stream.first_remark = (
                 f"begins in the middle: {come} bytes to the PLC and {out} from it came before"
             )
@@ -429,9 +431,9 @@ class WirePackets:
                 remark = f"repeated: {len(again[side])} bytes of an unfinished job"
                 remark += f", {unread} of them unread" if unread else ""
                 remark += f", {missing} before them are missing" if missing else ""
-                flow.told = at
+                flow.in_packets = at
                 yield from self._split_data(call, stream, side, at, again[side], remark)
-                flow.told += len(again[side])
+                flow.in_packets += len(again[side])
         for _, flow in self.flows.values():
             for packet in (*flow.read, *flow.unread):
                 yield packet._replace(ns=self.wall_ns + now, remark="repeated: it came before")
@@ -460,7 +462,7 @@ class WirePackets:
         payload = call.data[:MOST_DATAGRAM_BYTES]
         head = _PACK_UDP(source.port, target.port, 8 + len(payload), 0)
         data = self._make_ip_packet(UDP, source, target, head, 6, payload)
-        at, flow.told = flow.told, flow.told + len(payload) + 1
+        at, flow.in_packets = flow.in_packets, flow.in_packets + len(payload) + 1
         return WirePacket((call.owner,), "", self.wall_ns + call.at, data, len(payload), sent, flow, at)
 
     def _make_ip_packet(
@@ -497,8 +499,8 @@ class WirePackets:
         if call.data:
             ns, comes = self.wall_ns + call.at, call.call == "port read"
             flow = self.newest.setdefault(call.owner, (Flow(), Flow()))[comes]
-            at, flow.told = flow.told, flow.told + len(call.data)
-            flow.ends.append((self.scan, flow.told))
+            at, flow.in_packets = flow.in_packets, flow.in_packets + len(call.data)
+            flow.ends.append((self.scan, flow.in_packets))
             head = _make_serial_head(ns, SERIAL_RECEIVED if comes else SERIAL_SENT)
             size = len(call.data)
             yield WirePacket((call.owner,), call.owner, ns, head + call.data, size, flow=flow, at=at)

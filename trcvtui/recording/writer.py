@@ -1,7 +1,7 @@
 """The writer of a recording is another process: fed through a pipe in the gaps, so that no scan waits for it.
 
 Rule 1: what the pipe does not take waits, at most MOST_WAITING_BYTES, of whole blocks twice as many; entries
-beyond that are left out, and the journal counts them (`EntriesLost`).
+beyond that are left out, and the journal counts them (`LostEntries`).
 Rule 2: without the writer the bench continues; `trouble` says in one line why nothing is recorded any more.
 Rule 3: the writer ends with its pipe, even if the run was killed: it writes what it has and ends the file.
 """
@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 from trcvtui import clock
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.recording.files import FileLimits, RecordTarget
-from trcvtui.recording.journal import BlockWriter, EntriesLost, Entry
+from trcvtui.recording.journal import BlockWriter, Entry, LostEntries
 from trcvtui.signals import GROUP_SIGNALS, ignore_signals
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ class WriterProcess:
         lost, self._lost = self._lost, 0
         self._left_out += lost
         if lost:
-            self._block.add_entry(EntriesLost(lost, "the writer could not follow"))  # Rule 1
+            self._block.add_entry(LostEntries(lost, "the writer could not follow"))  # Rule 1
         return lost > 0
 
     def _queue_block(self, block: bytes) -> None:

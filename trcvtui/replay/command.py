@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.recording.journal import HOLDS_SECRETS
+from trcvtui.recording.journal import SECRETS_WARNING
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.run_again import ReplayRun, guard_state
 from trcvtui.scenario.report import JsonLines
-from trcvtui.scenario.runner import ScenarioRunner, VirtualPace, deliveries
+from trcvtui.scenario.runner import ScenarioRunner, VirtualPace, find_deliveries
 
 EXIT_SAME: Final = 0
 EXIT_DIFFERS: Final = 1
@@ -38,7 +38,7 @@ def print_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
         while run.scan():
             if bench.runtime.changed:
                 changed = bench.runtime.changed
-                report.write_scan(bench.runtime.scans, changed, deliveries(bench, changed))
+                report.write_scan(bench.runtime.scans, changed, find_deliveries(bench, changed))
         if not run.is_whole:
             raise run.make_end_error()
         return True
@@ -97,7 +97,7 @@ def replay_file(path: Path, is_check: bool, form: str | None) -> int:
             scans = f"scans {keyframes.first + 1} to {run.bench.runtime.scans}"
         sys.stdout.write(f"{wrong or f'{path}: {scans}, the same again'}\n")
         if recording.has_secrets:
-            sys.stderr.write(f"{path} {HOLDS_SECRETS}\n")
+            sys.stderr.write(f"{path} {SECRETS_WARNING}\n")
         return EXIT_DIFFERS if wrong else EXIT_SAME
     try:
         with guard_state(run.is_restored, str(path)):

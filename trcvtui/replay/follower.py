@@ -22,7 +22,7 @@ from trcvtui.recording.journal import (
     Entry,
     Keyframe,
     NonJournalEntry,
-    RunBegins,
+    RunHeader,
     decode_entries,
     encode_value,
 )
@@ -43,7 +43,7 @@ class _IncomingEntries(JournalPosition):
         super().__init__()
         self._waiting: deque[Entry] = deque()
         self.steps_ahead = self.now = 0
-        self.begins: RunBegins | None = None
+        self.begins: RunHeader | None = None
         self._has_begun = False
         self.frame: Keyframe | None = None  # the start of a journal that begins in the middle
 
@@ -56,7 +56,7 @@ class _IncomingEntries(JournalPosition):
             elif isinstance(entry, NonJournalEntry) or self._is_before_frame(entry):
                 continue
             else:
-                if isinstance(entry, RunBegins):
+                if isinstance(entry, RunHeader):
                     self.begins = entry
                 self._waiting.append(entry)
                 if type(entry) is CallRecord and entry.call == STEP and isinstance(entry.answer, int):

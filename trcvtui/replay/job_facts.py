@@ -25,7 +25,7 @@ from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged, E
 from trcvtui.net.kernel import PathInfo
 from trcvtui.plc.ledger import InputEdge, StatusEdge
 from trcvtui.project.project import Project
-from trcvtui.recording.arrivals import ARRIVED
+from trcvtui.recording.arrivals import BYTES_ARRIVED
 from trcvtui.recording.journal import IN_GAP, STEP, CallRecord, Entry
 from trcvtui.recording.recording import Recording
 from trcvtui.recording.writer import run_writer
@@ -37,7 +37,7 @@ from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import times
 
 LARGER_REASON: Final = "larger than LEN or DATA"
-ARRIVED_CALL, PATH = IN_GAP + ARRIVED, IN_GAP + "path"
+ARRIVED_CALL, PATH = IN_GAP + BYTES_ARRIVED, IN_GAP + "path"
 SECOND: Final = 1_000_000_000
 LEAST_SECONDS: Final = 4  # seconds, one after the other
 RECENT_S: Final = 10
@@ -243,8 +243,8 @@ class _RunFacts:
         self._datagrams = {each.name for each in project.connects if each.is_datagram}
         self._connects = {each.name: each.connect for each in project.instances}
         rows = [(each, block_row(each.block)) for each in project.instances]
-        self._takers = {each.connect: each.name for each, row in rows if row.receives}
-        self._senders = {each.connect: each.name for each, row in rows if row.sends}
+        self._takers = {each.connect: each.name for each, row in rows if row.receives_on_net}
+        self._senders = {each.connect: each.name for each, row in rows if row.sends_on_net}
         for link in bench.runtime.snapshot().connections:  # of a run that was on its way already
             self._add_ends(link.name, link.local, link.remote)
 

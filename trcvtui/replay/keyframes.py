@@ -13,7 +13,7 @@ from typing import Final, Protocol, TypeVar, cast
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead
 from trcvtui.project.project import Project
-from trcvtui.recording.journal import STEP, CallRecord, Entry, Keyframe, RunBegins
+from trcvtui.recording.journal import STEP, CallRecord, Entry, Keyframe, RunHeader
 from trcvtui.recording.recording import BlockPlace
 from trcvtui.recording.replay import ReplaySeam
 from trcvtui.recording.state import NO_STAND_INS, SharedObjects, StandIns, decode_state, encode_state
@@ -177,7 +177,7 @@ def _decode_run(
     return run
 
 
-def restore_run(frame: Keyframe, begins: RunBegins, where: str) -> tuple[ReplayRun, SharedObjects]:
+def restore_run(frame: Keyframe, begins: RunHeader, where: str) -> tuple[ReplayRun, SharedObjects]:
     """Return the run of a keyframe, still without entries, and its shared objects; raise UserError."""
     files = FilesRead(begins.folder, begins.files, begins.digests)
     shared = SharedObjects(roots_of(begins, files))

@@ -22,7 +22,7 @@ from trcvtui.recording.replay import ReplaySeam
 from trcvtui.replay.recorded_run import (
     CLOSED,
     LASTING_CALLS,
-    MOST_UNREAD,
+    MOST_UNREAD_BYTES,
     NEVER_PLACE,
     OWN_CALLS,
     RESET,
@@ -32,8 +32,8 @@ from trcvtui.replay.recorded_run import (
     DatedMessage,
     DialledAttempt,
     InheritedSocket,
-    OwnAct,
     Partner,
+    PlcAct,
     RecordedRun,
 )
 
@@ -98,7 +98,7 @@ class ReplayedPartners(ReplaySeam):
             for name in dir(self)
             if name.startswith("_at_")
         }
-        for one in recorded.standing:
+        for one in recorded.inherited_sockets:
             self._sockets[one.handle] = self._make_inherited(one)
 
     def _make_inherited(self, one: InheritedSocket) -> _Socket:
@@ -107,8 +107,8 @@ class ReplayedPartners(ReplaySeam):
         socket.is_udp = one.use is SocketUse.DATAGRAMS
         socket.is_hearing = one.handle in self._recorded.hearing
         socket.is_polled = True
-        socket.partner = self._recorded.stands.get(one.handle)
-        socket.attempt = self._recorded.tried.get(one.handle)
+        socket.partner = self._recorded.inherited_partners.get(one.handle)
+        socket.attempt = self._recorded.inherited_attempts.get(one.handle)
         return socket
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
@@ -157,7 +157,7 @@ class ReplayedPartners(ReplaySeam):
         if self.intervals_ns is None:
             self.scan += 1
             if self.scan <= recorded.scan:
-                self._now = recorded.time_of(self.scan)
+                self._now = recorded.advance_time_to(self.scan)
         else:
             self._advance_to(self.due_ns)
             self._steps += 1
@@ -169,12 +169,14 @@ class ReplayedPartners(ReplaySeam):
 
     def _advance_to(self, due: int) -> None:
         recorded, latest = self._recorded, due + self.slack_ns
-        while self.scan < recorded.scan and recorded.time_of(self.scan + 1) <= latest:
+        while self.scan < recorded.scan and recorded.advance_time_to(self.scan + 1) <= latest:
             self.scan += 1
             if recorded.injected == self.scan:
                 self.note_guess(GuessReason.TIME)  # a planned fault counts calls
         self._now = due
-        self._is_on_time = self.scan > recorded.first and recorded.time_of(self.scan) >= due - self.slack_ns
+        self._is_on_time = (
+            self.scan > recorded.first and recorded.advance_time_to(self.scan) >= due - self.slack_ns
+        )
         if not self._is_on_time and recorded.came > self.scan:
             self.note_guess(GuessReason.TIME)  # something came between two recorded scans
 
@@ -184,11 +186,11 @@ class ReplayedPartners(ReplaySeam):
         for socket in self._sockets.values():
             partner = socket.partner
             if partner is not None:
-                self._compare_acts(partner.acts, before, partner.was_reset)
+                self._compare_acts(partner.acts, before, partner.ended_in_fault)
                 unread = self._arrivals(socket) - socket.read
-                if unread > max(partner.most_unread, MOST_UNREAD):
+                if unread > max(partner.most_unread, MOST_UNREAD_BYTES):
                     self.note_guess(GuessReason.PARTNER)  # the window closes
-                if partner.is_full and socket.read >= partner.whole:
+                if partner.may_hold_back and socket.read >= partner.whole:
                     self.note_guess(GuessReason.PARTNER)  # its window was closed: it would send more now
         for written in recorded.written.values():
             self._compare_acts(written, before)
@@ -203,7 +205,7 @@ class ReplayedPartners(ReplaySeam):
             if self._datagrams_read[owner] > read:
                 self.note_guess(GuessReason.PARTNER)  # there is room now
 
-    def _compare_acts(self, acts: deque[OwnAct], before: int, is_deaf: bool = False) -> None:
+    def _compare_acts(self, acts: deque[PlcAct], before: int, is_deaf: bool = False) -> None:
         while acts and acts[0].scan <= before:
             acts.popleft()
             if not is_deaf:  # a partner that has reset sees nothing more
@@ -217,7 +219,7 @@ class ReplayedPartners(ReplaySeam):
         if not listens and clients and clients[0].since.scan <= before:
             self.note_guess(GuessReason.PARTNER)
 
-    def _match(self, acts: deque[OwnAct], what: tuple[object, ...], is_deaf: bool = False) -> OwnAct | None:
+    def _match(self, acts: deque[PlcAct], what: tuple[object, ...], is_deaf: bool = False) -> PlcAct | None:
         """Do what a partner sees; return the same act of the recorded run; None: it did something else."""
         if acts and acts[0].scan == self.scan and acts[0].what == what and self._is_on_time:
             return acts.popleft()
@@ -342,7 +344,9 @@ class ReplayedPartners(ReplaySeam):
 
     def _arrivals(self, socket: _Socket) -> int:
         """Return how many bytes have come in all, known ones or not."""
-        return socket.partner.size_at(CallPlace(self.scan, self._calls)) if socket.partner is not None else 0
+        return (
+            socket.partner.advance_to(CallPlace(self.scan, self._calls)) if socket.partner is not None else 0
+        )
 
     def _peek(self, socket: _Socket) -> DatedMessage | None:
         if socket.is_udp:
@@ -376,7 +380,7 @@ class ReplayedPartners(ReplaySeam):
         return NewClient(Handle(made), partner.end)
 
     def _end_released(self, partner: Partner) -> None:
-        if partner.ended is NEVER_PLACE and partner.let_go <= (self.scan, self._calls):
+        if partner.ended is NEVER_PLACE and partner.released_at <= (self.scan, self._calls):
             partner.ended = CallPlace(self.scan)
 
     def _at_connect(self, owner: str, handle: int, end: Endpoint) -> object:
@@ -432,7 +436,7 @@ class ReplayedPartners(ReplaySeam):
         socket = self._sockets[handle]
         found = self._peek(socket)
         if owner in self.peers or found is None:
-            if not self._recorded.knows_messages(owner, socket.partner):
+            if not self._recorded.knows_earlier_messages(owner, socket.partner):
                 self.note_guess(GuessReason.BYTES)
             fault = socket.partner.fault if socket.partner is not None else None
             return (fault if fault is not None and self._is_over(socket) else WOULD_BLOCK), b""
@@ -478,7 +482,7 @@ class ReplayedPartners(ReplaySeam):
         partner = socket.partner
         if partner is None:
             return WOULD_BLOCK
-        is_deaf = partner.was_reset and self._is_over(socket)
+        is_deaf = partner.ended_in_fault and self._is_over(socket)
         same = self._match(partner.acts, (size, check), is_deaf)
         failed = self._get_recorded_answer(owner, "send")
         if isinstance(failed, Fault):
@@ -503,7 +507,7 @@ class ReplayedPartners(ReplaySeam):
     def _at_shutdown(self, owner: str, handle: int, both: bool) -> object:
         partner = self._sockets[handle].partner
         if partner is not None:
-            self._match(partner.acts, (SHUT,), partner.was_reset)
+            self._match(partner.acts, (SHUT,), partner.ended_in_fault)
         return self._get_recorded_answer(owner, "shutdown")
 
     def _at_close(self, owner: str, handle: int, call: str = CLOSED) -> object:
@@ -512,7 +516,7 @@ class ReplayedPartners(ReplaySeam):
         partner = socket.partner if socket is not None else None
         if socket is not None and partner is not None:  # a close with unread bytes sends RST (RFC 1122)
             how = RESET if call == RESET or self._arrivals(socket) > socket.read else CLOSED
-            self._match(partner.acts, (how,), partner.was_reset and self._is_over(socket))
+            self._match(partner.acts, (how,), partner.ended_in_fault and self._is_over(socket))
         failed = self._get_recorded_answer(owner, call)
         return failed if isinstance(failed, Fault) else None
 

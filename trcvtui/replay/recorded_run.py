@@ -15,11 +15,11 @@ from trcvtui.net.connection.connection import SocketUse
 from trcvtui.net.kernel import KernelLoss, NewClient
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault
 from trcvtui.plc.containment import EXCEPTION
-from trcvtui.recording.arrivals import ARRIVED, DROPPED, ENDED, FULL, LATE, MESSAGE, WAITING
-from trcvtui.recording.journal import CLOSE, DO, IN_GAP, REST, SKIP, STEP, CallRecord, Entry, RunBegins
+from trcvtui.recording.arrivals import BYTES_ARRIVED, DROPPED, ENDED, FULL, LATE, MESSAGE, WAITING
+from trcvtui.recording.journal import CLOSE, DO, IN_GAP, REST, SKIP, STEP, CallRecord, Entry, RunHeader
 
 MOST_PARTNER_BYTES: Final = 128 << 20  # of all partners together
-MOST_UNREAD: Final = 64 << 10  # bytes: what a stack keeps before it closes the window
+MOST_UNREAD_BYTES: Final = 64 << 10  # bytes: what a stack keeps before it closes the window
 UNKNOWN_END: Final = Endpoint("127.0.0.1", 0)
 OWN_CALLS: Final = ("grant", "wait", EXCEPTION)  # each bench has its own bound of work, and errors
 LASTING_CALLS: Final = (  # calls whose newest answer holds until another one comes
@@ -42,7 +42,7 @@ NEVER_PLACE: Final = CallPlace(1 << 62)
 DatedMessage = tuple[CallPlace, Datagram | Fault, bytes]
 
 
-class OwnAct(NamedTuple):
+class PlcAct(NamedTuple):
     """One thing of this end that a partner sees: bytes sent, or how it ended; `what` is compared."""
 
     scan: int
@@ -64,20 +64,20 @@ class Partner:
         self._come = 0
         self.messages: deque[DatedMessage] = deque()
         self.ended, self.fault = NEVER_PLACE, cast(Fault | None, None)
-        self.let_go = NEVER_PLACE  # by the PLC
-        self.most_unread = MOST_UNREAD
+        self.released_at = NEVER_PLACE  # by the PLC
+        self.most_unread = MOST_UNREAD_BYTES
         self.full_from = 1 << 62  # unread bytes from which on the window may be small
         self.refused: Fault | None = None  # what accept answered in its place
-        self.acts: deque[OwnAct] = deque()  # in order; those that the run that asks did are removed
+        self.acts: deque[PlcAct] = deque()  # in order; those that the run that asks did are removed
         self.taken, self.took_all = 0, True  # bytes of the PLC in all; of the newest call
 
     @property
-    def is_full(self) -> bool:
+    def may_hold_back(self) -> bool:
         """Return whether the recorded run leaves so much unread that the partner may be held back."""
         return self.whole - self.read >= self.full_from
 
     @property
-    def was_reset(self) -> bool:
+    def ended_in_fault(self) -> bool:
         """Return whether it ended with an error: it sees no more of this end."""
         return self.fault is not None
 
@@ -91,7 +91,7 @@ class Partner:
         self.fault = fault if is_told and fault is not None else self.fault or fault
         self.ended = min(self.ended, at)
 
-    def size_at(self, place: CallPlace) -> int:
+    def advance_to(self, place: CallPlace) -> int:
         """Return how many bytes came in all up to a place, known ones or not; places only increase."""
         while self._arrived and self._arrived[0][0] <= place:
             self._come = self._arrived.popleft()[1]
@@ -119,7 +119,7 @@ class DialledAttempt:
 
     def is_before(self, scan: int) -> bool:
         """Return whether it was over before this scan."""
-        over = self.gone if self.partner is None else self.partner.let_go
+        over = self.gone if self.partner is None else self.partner.released_at
         is_refused = self.answer is not None and self.answered.scan < scan
         return is_refused or over.scan < scan
 
@@ -141,7 +141,7 @@ class RecordedRun:
     def __init__(
         self, peers: Collection[str], standing: Iterable[InheritedSocket] = (), first: int = 0
     ) -> None:
-        self.first, self.standing = first, tuple(standing)
+        self.first, self.inherited_sockets = first, tuple(standing)
         self.scan = first
         self._times: deque[int] = deque()  # of the newest scans
         self.came = 0  # the newest scan in which something came
@@ -156,9 +156,9 @@ class RecordedRun:
         self._unknown: set[str] = set()  # UDP_CONFIGs that may have had datagrams at the start of the file
         self.dropped: list[tuple[int, str, int]] = []  # scan, owner, datagrams that were read by then
         self.serial: dict[str, deque[tuple[CallPlace, bytes]]] = {}
-        self.written: dict[str, deque[OwnAct]] = {}  # datagrams and serial bytes
+        self.written: dict[str, deque[PlcAct]] = {}  # datagrams and serial bytes
         self.listening: dict[str, list[tuple[int, frozenset[int]]]] = {}  # from a scan on, on which handles
-        self.begins: RunBegins | None = None
+        self.begins: RunHeader | None = None
         self.is_broken = False  # the journal does not fit: what comes is not known
         self.failures: dict[int, str] = {}  # scan -> what an internal error has stopped in it
         self.injected = 0  # the newest scan in which a planned fault answered
@@ -174,23 +174,23 @@ class RecordedRun:
         self._short: set[int] = set()
         self._nth = Counter[tuple[str, str]]()
         self._entries, self._next = cast(Iterator[Entry], iter(())), cast(Entry | None, None)
-        self.stands: dict[int, Partner] = {}  # connections at the beginning, by handle
-        self.tried: dict[int, DialledAttempt] = {}
-        for one in self.standing:
+        self.inherited_partners: dict[int, Partner] = {}  # connections at the beginning, by handle
+        self.inherited_attempts: dict[int, DialledAttempt] = {}
+        for one in self.inherited_sockets:
             self._add_inherited(one)
 
-    def time_of(self, scan: int) -> int:
+    def advance_time_to(self, scan: int) -> int:
         """Return when a scan began, and forget those before the one before it."""
         while len(self._times) > self.scan - scan + 2:
             self._times.popleft()
         return self._times[scan - self.scan - 1]
 
     def _add_inherited(self, one: InheritedSocket) -> None:
-        if one.use is SocketUse.STANDS:
+        if one.use is SocketUse.CONNECTED:
             partner = Partner(UNKNOWN_END, CallPlace(self.first), is_known=False)
-            self.stands[one.handle] = self._partners[one.handle] = partner
-        elif one.use is SocketUse.CALLS:
-            attempt = self.tried[one.handle] = DialledAttempt(self.first)
+            self.inherited_partners[one.handle] = self._partners[one.handle] = partner
+        elif one.use is SocketUse.CONNECTS:
+            attempt = self.inherited_attempts[one.handle] = DialledAttempt(self.first)
             self._dialled[one.handle] = UNKNOWN_END, attempt
         elif one.use is SocketUse.DATAGRAMS:
             if one.owner in self._unknown:  # its second one
@@ -232,7 +232,7 @@ class RecordedRun:
         self._next = next(self._entries, None)
 
     def add_entry(self, entry: Entry) -> None:
-        if isinstance(entry, RunBegins):
+        if isinstance(entry, RunHeader):
             self.begins = entry
         elif isinstance(entry, CallRecord) and not self.is_broken:
             try:
@@ -272,30 +272,30 @@ class RecordedRun:
             place = CallPlace(self.scan, self._nth[key])
             self.answers.setdefault(key, deque()).append((place, answer))
 
-    def _current_place(self, handle: int) -> CallPlace:
+    def _earliest_place(self, handle: int) -> CallPlace:
         was_seen = handle in self._polled and handle not in self._short
         return CallPlace(self.scan, 0 if was_seen else self._calls)
 
-    def _polled_place(self, handle: int) -> CallPlace:
+    def _ready_place(self, handle: int) -> CallPlace:
         return CallPlace(self.scan, 0 if handle in self._polled else self._calls)
 
     # -- unread bytes --------------------------------------------------------------------------------------
 
-    def _arrival_place(self, flags: int, handle: int) -> CallPlace:
-        there = CallPlace(self.scan + 1) if flags & LATE else self._current_place(handle)
+    def _date_arrival(self, flags: int, handle: int) -> CallPlace:
+        there = CallPlace(self.scan + 1) if flags & LATE else self._earliest_place(handle)
         self.came = max(self.came, there.scan)
         return there
 
-    def _note_arrived(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_unread_bytes(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         _, unread, flags = cast(tuple[int, int, int], args[1:])
         partner = self._partners.get(handle)
         if partner is None:
             return
-        data, there, whole = cast(bytes, answer), self._arrival_place(flags, handle), partner.read + unread
+        data, there, whole = cast(bytes, answer), self._date_arrival(flags, handle), partner.read + unread
         start = max(partner.known, partner.read)
         if not partner.is_known and partner.known == partner.read:
             start = partner.hole = whole - len(data)  # the bytes before came before the file
-        self._add_bytes(partner, start, data)
+        self._add_new_bytes(partner, start, data)
         partner.note_bytes(there, whole)
         partner.most_unread = max(partner.most_unread, unread)
         if flags & FULL:
@@ -303,7 +303,7 @@ class RecordedRun:
         if self.scan == self.first:
             partner.is_known = len(data) == unread  # the file repeats what was unread
 
-    def _add_bytes(self, partner: Partner, start: int, data: bytes) -> None:
+    def _add_new_bytes(self, partner: Partner, start: int, data: bytes) -> None:
         """Take bytes of a stream from a position on; those between the known ones and it are lost."""
         if start < partner.hole:
             self._keep_bytes(partner, start, data[: partner.hole - start])
@@ -337,17 +337,17 @@ class RecordedRun:
         got = Datagram(len(data), source, whole)
         is_kept = self.kept + len(data) <= MOST_PARTNER_BYTES
         self.kept += len(data) * is_kept
-        queue.append((self._arrival_place(flags, handle), got, data if is_kept else b""))
+        queue.append((self._date_arrival(flags, handle), got, data if is_kept else b""))
 
     def _note_end(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if (partner := self._partners.get(handle)) is not None:
             fault = Fault("recv", "ECONNRESET") if answer == "rst" else None
-            partner.note_end(self._polled_place(handle), fault, is_told=False)
+            partner.note_end(self._ready_place(handle), fault, is_told=False)
 
     def _note_clients(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         waiting = self._waiting.setdefault(owner, deque())
         while len(waiting) < cast(int, answer):
-            waiting.append(Partner(UNKNOWN_END, self._arrival_place(cast(int, args[1]), handle)))
+            waiting.append(Partner(UNKNOWN_END, self._date_arrival(cast(int, args[1]), handle)))
             waiting[-1].accepted = NEVER_PLACE
             self.clients.setdefault(owner, deque()).append(waiting[-1])
 
@@ -377,9 +377,9 @@ class RecordedRun:
         if waiting:
             partner = waiting.popleft()
         else:
-            partner = Partner(UNKNOWN_END, self._current_place(handle))
+            partner = Partner(UNKNOWN_END, self._earliest_place(handle))
             self.clients.setdefault(owner, deque()).append(partner)
-        partner.accepted = self._current_place(handle)
+        partner.accepted = self._earliest_place(handle)
         self.came = max(self.came, self.scan)
         if isinstance(answer, Fault):
             partner.refused = answer
@@ -406,7 +406,7 @@ class RecordedRun:
 
     def _note_recv(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
         got, data = answer
-        partner, at = self._partners.get(handle), self._current_place(handle)
+        partner, at = self._partners.get(handle), self._earliest_place(handle)
         if len(data) < cast(int, args[1]):
             self._short.add(handle)  # what comes now was not there before
         if partner is None:
@@ -416,21 +416,21 @@ class RecordedRun:
         elif isinstance(got, Fault) and not got.injected:
             partner.is_known = True
         if data:
-            self._add_bytes(partner, partner.read, data)
+            self._add_new_bytes(partner, partner.read, data)
             partner.read += len(data)
             partner.note_bytes(at, partner.read)
             self.bytes_read += len(data)
             self.came = max(self.came, self.scan)
         elif got == 0 or isinstance(got, Fault):
-            partner.note_end(self._polled_place(handle), got or None)
+            partner.note_end(self._ready_place(handle), got or None)
 
     def _note_discard(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if (partner := self._partners.get(handle)) is not None:
             partner.read += cast(int, answer)
 
-    def _note_recv_from(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
+    def _note_datagram_read(self, owner: str, handle: int, args: tuple[object, ...], answer: Any) -> None:
         got, data = answer
-        partner, at = self._partners.get(handle), self._current_place(handle)
+        partner, at = self._partners.get(handle), self._earliest_place(handle)
         if isinstance(got, Datagram):
             if not self._unread[handle]:  # noted in a file before this
                 self._unread[handle] = 1
@@ -449,7 +449,7 @@ class RecordedRun:
         elif got is WOULD_BLOCK:
             self._unknown.discard(owner)
         if isinstance(got, Fault) and partner is not None:
-            partner.note_end(self._polled_place(handle), got)
+            partner.note_end(self._ready_place(handle), got)
         elif isinstance(got, Fault):
             self._get_message_queue(owner, handle, None).append((at, got, data))
 
@@ -465,7 +465,7 @@ class RecordedRun:
         is_hearing = cast(Endpoint, args[1]).address in self.broadcasts
         (self.hearing.add if is_hearing else self.hearing.discard)(handle)
 
-    def knows_messages(self, owner: str, partner: Partner | None) -> bool:
+    def knows_earlier_messages(self, owner: str, partner: Partner | None) -> bool:
         """Return whether the unread messages are known: not those from before the file."""
         return owner not in self._unknown if partner is None else partner.is_known
 
@@ -474,25 +474,27 @@ class RecordedRun:
         if partner is None:
             return
         if isinstance(answer, Fault) and answer.error != "EAGAIN":
-            partner.note_end(self._polled_place(handle), answer)
-        partner.acts.append(OwnAct(self.scan, args[1:], answer))
+            partner.note_end(self._ready_place(handle), answer)
+        partner.acts.append(PlcAct(self.scan, args[1:], answer))
         size = answer if isinstance(answer, int) else 0
         partner.taken, partner.took_all = partner.taken + size, size == args[1]
 
     def _note_write(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
-        self.written.setdefault(owner, deque()).append(OwnAct(self.scan, args[-3:], answer))
+        self.written.setdefault(owner, deque()).append(PlcAct(self.scan, args[-3:], answer))
 
-    def _note_loss(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_connection_loss(
+        self, owner: str, handle: int, args: tuple[object, ...], answer: object
+    ) -> None:
         if isinstance(answer, KernelLoss) and (partner := self._partners.get(handle)):
-            partner.note_end(self._polled_place(handle), answer.fault)
+            partner.note_end(self._ready_place(handle), answer.fault)
 
-    def _note_renew(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
+    def _note_end_check(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if answer is True and (partner := self._partners.get(handle)):
-            partner.note_end(self._polled_place(handle), None)
+            partner.note_end(self._ready_place(handle), None)
 
     def _note_shutdown(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if (partner := self._partners.get(handle)) is not None:
-            partner.acts.append(OwnAct(self.scan, (SHUT,)))
+            partner.acts.append(PlcAct(self.scan, (SHUT,)))
 
     def _note_close(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         partner = self._partners.get(handle)
@@ -512,8 +514,8 @@ class RecordedRun:
             self._update_listening(owner, frozenset(), frozenset((handle,)))
         partner = self._partners.pop(handle, None)
         if partner is not None:
-            partner.let_go = now
-            partner.acts.append(OwnAct(self.scan, (how,)))
+            partner.released_at = now
+            partner.acts.append(PlcAct(self.scan, (how,)))
 
     def _note_serial_read(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
         if isinstance(answer, bytes) and answer:
@@ -524,7 +526,7 @@ class RecordedRun:
 
 CallHandler = Callable[[RecordedRun, str, int, tuple[object, ...], Any], None]
 _CALL_HANDLERS: Final[dict[str, CallHandler]] = {
-    IN_GAP + ARRIVED: RecordedRun._note_arrived,
+    IN_GAP + BYTES_ARRIVED: RecordedRun._note_unread_bytes,
     IN_GAP + MESSAGE: RecordedRun._note_message,
     IN_GAP + ENDED: RecordedRun._note_end,
     IN_GAP + WAITING: RecordedRun._note_clients,
@@ -539,12 +541,12 @@ _CALL_HANDLERS: Final[dict[str, CallHandler]] = {
     "connect_result": RecordedRun._note_connect_result,
     "recv": RecordedRun._note_recv,
     "discard": RecordedRun._note_discard,
-    "recv_from": RecordedRun._note_recv_from,
+    "recv_from": RecordedRun._note_datagram_read,
     "send": RecordedRun._note_send,
     "send_to": RecordedRun._note_write,
     "port write": RecordedRun._note_write,
-    "loss": RecordedRun._note_loss,
-    "renew": RecordedRun._note_renew,
+    "loss": RecordedRun._note_connection_loss,
+    "renew": RecordedRun._note_end_check,
     "shutdown": RecordedRun._note_shutdown,
     "close": RecordedRun._note_close,
     "abort": RecordedRun._note_abort,

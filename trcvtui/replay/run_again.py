@@ -19,11 +19,11 @@ from trcvtui.commands.words import BenchCommand
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead, read_from
 from trcvtui.project.project import Project
-from trcvtui.recording.journal import CLOSE, DO, REST, SKIP, Entry, RunBegins
+from trcvtui.recording.journal import CLOSE, DO, REST, SKIP, Entry, RunHeader
 from trcvtui.recording.replay import ReplaySeam, make_early_end_error
 from trcvtui.scenario.scenario import Scenario, load_bench, load_scenario
 
-Roots = tuple[RunBegins, Scenario | None, Project]
+RunRoots = tuple[RunHeader, Scenario | None, Project]
 NO_LIMIT: Final = 1 << 62
 MOST_LINES: Final = 10_000  # that wait for take_lines
 REST_LINE: Final = ""  # REST among lines
@@ -34,7 +34,7 @@ def _do_nothing() -> None:
     """Do nothing."""
 
 
-def roots_of(begins: RunBegins, files: FilesRead, sets: Sequence[str] = ()) -> Roots:
+def roots_of(begins: RunHeader, files: FilesRead, sets: Sequence[str] = ()) -> RunRoots:
     """Return what a run is made of; raise UserError."""
     path, options = Path(begins.path), (*begins.options, *sets)
     with read_from(files):
@@ -65,7 +65,7 @@ class ReplayRun:
         entries: Iterator[Entry],
         where: str,
         replay: ReplaySeam | None = None,
-        roots: Roots | None = None,
+        roots: RunRoots | None = None,
     ) -> None:
         self.replay = replay or ReplaySeam(entries, where)
         self._lines: deque[str] = deque(maxlen=MOST_LINES)

@@ -11,7 +11,7 @@ from typing import Final, cast
 from trcvtui import clock
 from trcvtui.errors import mistake
 from trcvtui.project.tables import quote
-from trcvtui.recording.journal import CLOSE, DO, ENDED_HERE, SHOWS, SKIP, STEP, CallRecord, EntriesLost, Entry
+from trcvtui.recording.journal import CLOSE, DO, ENDED_HERE, SHOWS, SKIP, STEP, CallRecord, Entry, LostEntries
 from trcvtui.recording.replay import make_early_end_error
 from trcvtui.udt.literals import parse_time
 
@@ -112,7 +112,7 @@ class Survey:
         if self._lost:
             self._left += isinstance(entry, CallRecord) and entry.call == STEP
             return False
-        if isinstance(entry, EntriesLost) and (self.times or not self.first):
+        if isinstance(entry, LostEntries) and (self.times or not self.first):
             self._is_whole = entry.why == ENDED_HERE
             if not self._is_whole:
                 self._lost = str(entry)

@@ -125,7 +125,7 @@ class ReplayController(Controller):
         verb, _, rest = line.partition(" ")
         if verb in MOVE_VERBS:
             try:
-                self._told = self._move(line)
+                self._message = self._move(line)
             except UserError as wrong:
                 return wrong.lines()[0]
             return ""
@@ -283,7 +283,7 @@ class TimeLine:
         if self._move(until):
             return True
         if self._beside is not None and not self._beside.is_over:
-            self._advance_what_if(self._beside, until)
+            self._run_to_parting(self._beside, until)
             return True
         if not self.survey.is_over:
             self.survey.advance(until)
@@ -293,7 +293,7 @@ class TimeLine:
             return True
         return self._goal_scan() != self.controller.scans  # the doctor is another process
 
-    def _advance_what_if(self, beside: WhatIfRun, until: int) -> None:
+    def _run_to_parting(self, beside: WhatIfRun, until: int) -> None:
         beside.advance(until)
         if beside.is_over and beside.run.parts_at is not None:
             self._go_to(beside.run.parts_at)

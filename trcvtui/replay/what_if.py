@@ -25,7 +25,7 @@ from trcvtui.project.project import Project
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.partners import GuessReason, ReplayedPartners
 from trcvtui.replay.recorded_run import InheritedSocket, RecordedRun
-from trcvtui.replay.run_again import REST_LINE, ReplayRun, Roots, roots_of
+from trcvtui.replay.run_again import REST_LINE, ReplayRun, RunRoots, roots_of
 from trcvtui.scenario.report import JsonLines, outputs_record
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.values import decode_leaves
@@ -179,7 +179,7 @@ class WhatIf:
                 expected += f"; for this, a new run: trcvtui scenario {begins.path} --set {text}"
             raise mistake(self._where, f"--set {text}: a recording cannot answer this", expected)
 
-    def _change_roots(self, dialect: str | None, change: Change | None) -> tuple[Roots, list[str]]:
+    def _change_roots(self, dialect: str | None, change: Change | None) -> tuple[RunRoots, list[str]]:
         begins, scenario, project = self._keyframes.roots
         if change is not None:
             made, remarks = change(self._sets, dialect)

@@ -19,7 +19,7 @@ from trcvtui.diagnosis.lint import list_receivers
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.files import FilesRead, open_to_read, reason_of, replace_file
 from trcvtui.history.records import ScanStamp
-from trcvtui.recording.journal import DO, HOLDS_SECRETS, SHOWS, STEP, CallRecord, Entry
+from trcvtui.recording.journal import DO, SECRETS_WARNING, SHOWS, STEP, CallRecord, Entry
 from trcvtui.recording.recording import Recording
 from trcvtui.replay.job_facts import collect_recorded_facts
 from trcvtui.replay.keyframes import Journal, Keyframes
@@ -162,7 +162,7 @@ def write_report(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice
         lines, folders = [recording.find_damage() or stopped], _folders(run.replay.files, run.begins.path)
         seen = lines[0].replace(str(path), path.name)  # no folder of this machine on the page
         source = recording_source(run, notes, verdict, seen, named, digest.hexdigest())
-        lines += [f"{path} {HOLDS_SECRETS}"] * recording.has_secrets
+        lines += [f"{path} {SECRETS_WARNING}"] * recording.has_secrets
     source = source._replace(findings=findings)
     is_restored = recording is not None and run.is_restored
     with guard_state(is_restored, str(path)), replace_file(out, where, is_own=True, mode=0o600) as file:

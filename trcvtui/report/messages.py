@@ -216,7 +216,7 @@ def _run(rows: _FilteredRows, kernel: str, time_ns: int) -> None:
     from trcvtui.scenario.scenario import load_bench
 
     project = load_bench(Path(rows.asked.files[0]))
-    rows.begin_table(project, clock.wall_ns() if kernel == "live" else SIM_WALL_NS)
+    rows.begin_table(project, clock.utc_ns() if kernel == "live" else SIM_WALL_NS)
     bench = fresh_bench(project, kernel)
     found, pace = _BenchMessages(bench, rows), LivePace() if kernel == "live" else VirtualPace()
     try:

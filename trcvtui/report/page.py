@@ -39,7 +39,7 @@ from trcvtui.scenario.runner import Verdict
 from trcvtui.snapshots.doctor import Finding
 from trcvtui.udt.byte_text import hexdump
 from trcvtui.udt.report import member_rows
-from trcvtui.wording import count, last_part, stamp, times, utc_text
+from trcvtui.wording import count, last_part, stamp_text, times, utc_text
 
 T = TypeVar("T")
 Row = TypeVar("Row")
@@ -111,7 +111,7 @@ def generate_page(source: ReportSource, notes: RunNotes, verdict: Verdict | None
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    templates.filters.update(counted=count, seconds=stamp)
+    templates.filters.update(counted=count, seconds=stamp_text)
     yield REPORT_MARK.decode()
     yield from templates.get_template("page.html").generate(page=_PageParts(source, notes, verdict))
 
@@ -179,7 +179,7 @@ class _PageParts:
         source, notes, late = self.source, self.notes, self.notes.late
         yield "begin", utc_text(source.begin_ns)
         each, scans = notes.bench.runtime.interval_ns / 1e6, count(notes.until.scan, "scan")
-        yield "length", f"{stamp(notes.until.t_ns)} s, {scans}, one each {each:g} ms"
+        yield "length", f"{stamp_text(notes.until.t_ns)} s, {scans}, one each {each:g} ms"
         if late.count:
             which = ", ".join(text for _, text in late) + " and others" * (late.count > 2 * MOST_LATE)
             yield "late", f"{count(late.count, 'scan')} by more than half an interval: {which}"
@@ -243,7 +243,9 @@ class _PageParts:
             often = f", {times(card.times)} up to scan {card.last.scan}" if card.times > 1 else ""
             if card.times > 1 and not edge.outputs.error:
                 often = f", seen up to scan {card.last.scan}"
-            head = f"{self._status(edge.outputs.status, edge.block)} in scan {at.scan}, {stamp(at.t_ns)} s"
+            head = (
+                f"{self._status(edge.outputs.status, edge.block)} in scan {at.scan}, {stamp_text(at.t_ns)} s"
+            )
             yield _Card(head + often, card.advice, edge.outputs.error)
 
     def edges(self, notes: InstanceNotes) -> Iterator[Sequence[str]]:
@@ -255,7 +257,7 @@ class _PageParts:
         size = "" if shown.rcvd_len is None or not shown.done else str(shown.rcvd_len)
         status = f"16#{shown.status:04X} {self._project.dialect.label(edge.condition)}"
         why = describe_cause(edge.cause, edge.block)
-        return str(note.at.scan), stamp(note.at.t_ns), status, shown.lit_lamp.upper(), size, why
+        return str(note.at.scan), stamp_text(note.at.t_ns), status, shown.lit_lamp.upper(), size, why
 
     def frames(self, name: str) -> Iterator[_FrameView | tuple[str]]:
         """Yield the frames, and between them tuples of one text: how many are left out."""
@@ -266,7 +268,7 @@ class _PageParts:
 
     def _frame(self, frame: FrameNote, data: DataDecl | None) -> _FrameView:
         job, way = f"job {frame.job}, " if frame.job else "", "sent" if frame.is_sent else "received"
-        head = f"{job}{way} {frame.size} B, scan {frame.at.scan}, {stamp(frame.at.t_ns)} s"
+        head = f"{job}{way} {frame.size} B, scan {frame.at.scan}, {stamp_text(frame.at.t_ns)} s"
         shown = frame.content[:MOST_HEX] if self._has_payload else b""
         if not shown:
             return _FrameView(head, frame.reason, [], 0, None, ())
@@ -285,7 +287,7 @@ class _PageParts:
 
     def _event(self, note: EventNote) -> Sequence[str]:
         what = note.what if note.subject else self._format_command(note.what)
-        return str(note.at.scan), stamp(note.at.t_ns), note.subject or "command", what, note.detail
+        return str(note.at.scan), stamp_text(note.at.t_ns), note.subject or "command", what, note.detail
 
     def _format_command(self, line: str) -> str:
         """Return a command; without payload, only its words before any bytes."""

@@ -164,7 +164,7 @@ class RunNotes:
         missed, self._seq = ledger.last_seq - self._seq - len(news), ledger.last_seq
         if missed:
             self.lost += missed
-            self._index.forget_unread()
+            self._index.forget_streams()
             self._statistics.forget_all(self._seq, ledger.scan, ledger.t_ns)
         self._index.add_lines(news)
         for scan, t_ns, event in news:

@@ -30,7 +30,7 @@ from trcvtui.wording import format_columns
 MOST_CHANGES: Final = 100_000  # kept for an instance in a dialect
 FORMAT_NAMES: Final = ("text", "jsonl")
 DIFFERS_MARK, NOTHING_MARK = "≠", "-"
-TRAFFIC_COMMANDS: Final = (words.PeerSend, words.PeerPlay, words.ReplyOn)
+TRAFFIC_COMMANDS: Final = (words.PeerSend, words.PeerPlaySequence, words.AddReply)
 
 
 def convert_scenario(names: Sequence[str], scenario: Scenario, path: Path) -> list[Scenario]:

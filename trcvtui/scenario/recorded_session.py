@@ -203,9 +203,9 @@ class RecordedSession:
         self.commands = 0
         self.marked_at = 0
         self._catch_up = reader.catch_up
-        reader.index.listen({BenchNote: self._handle_note})
+        reader.index.add_listeners({BenchNote: self._handle_note})
         if bench.kernel_name == SIM_KERNEL:
-            reader.index.listen({StatusEdge: self._expect_frame})
+            reader.index.add_listeners({StatusEdge: self._expect_frame})
         reader.lost.append(self._note_gap)
         for name in waves.records:
             self._begin_instance(name)
@@ -343,7 +343,7 @@ class RecordedSession:
 
     def _expect_frame(self, seq: int, scan: int, t_ns: int, edge: StatusEdge) -> None:
         """Expect outputs and first bytes of a frame in this scan: called only if time is virtual (rule 4)."""
-        if not edge.outputs.done or not block_row(edge.block).has_buffer or self._frames >= MOST_FRAMES:
+        if not edge.outputs.done or not block_row(edge.block).has_com_buffer or self._frames >= MOST_FRAMES:
             return
         decl = self._bench.project.instance(edge.instance)
         if decl is None:
@@ -405,7 +405,7 @@ def _acts_by_clock(command: words.BenchCommand) -> bool:
     match command:
         case words.PeerSend():
             return command.repeat > 1 or bool(command.gap_ns or command.gaps_ns)
-        case words.PeerPlay() | words.CheckOn():
+        case words.PeerPlaySequence() | words.NumberedFramesOn():
             return True
         case _:
             return False

@@ -96,7 +96,7 @@ class Junit(Report):
     def write_verdict(self, verdict: Verdict) -> None:
         steps = (*self._scenario.start, *self._scenario.steps)
         cases = (*_make_cases(verdict.taken), *_make_skipped_cases(steps[len(verdict.taken) :]))
-        answers = (f"{one.step.line}\n{one.told}" for one in verdict.taken if one.told)
+        answers = (f"{one.step.line}\n{one.answer}" for one in verdict.taken if one.answer)
         output = (self._scenario.about, *(f"{name}: {trace}" for name, trace in verdict.traces), *answers)
         suite = JunitSuite(str(self._path), verdict.scenario, _add_rest_case(cases, verdict), output)
         self._suites.append(suite)
@@ -231,9 +231,9 @@ class JsonLines(Report):
 
     def write_verdict(self, verdict: Verdict) -> None:
         answers = [
-            {"step": one.step.number, "line": one.step.line, "told": one.told.splitlines()}
+            {"step": one.step.number, "line": one.step.line, "told": one.answer.splitlines()}
             for one in verdict.taken
-            if one.told
+            if one.answer
         ]
         self.write_record(
             {
@@ -283,9 +283,9 @@ class Text(Report):
         for error in verdict.errors:
             self._write(f"    ERROR {one_line(str(error))}\n")
         for taken in verdict.taken:
-            if taken.told:
+            if taken.answer:
                 self._write(f"    step {taken.step.number}: {one_line(taken.step.line)}\n")
-                self._write("".join(f"        {one_line(text)}\n" for text in taken.told.splitlines()))
+                self._write("".join(f"        {one_line(text)}\n" for text in taken.answer.splitlines()))
         for failure in verdict.failures:
             self._write(f"    step {failure.step}: {one_line(failure.line)}\n")
             self._write(f"        found: {one_line(failure.found)}\n")

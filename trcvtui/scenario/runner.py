@@ -93,7 +93,7 @@ class Delivery(NamedTuple):
 NO_DELIVERIES: Final[Mapping[str, Delivery]] = {}
 
 
-def deliveries(bench: Bench, changed: Iterable[StatusEdge]) -> Mapping[str, Delivery]:
+def find_deliveries(bench: Bench, changed: Iterable[StatusEdge]) -> Mapping[str, Delivery]:
     """Return the delivery of each instance that shows a sent frame in this scan."""
     return {
         edge.instance: found
@@ -124,7 +124,7 @@ class StepResult(Struct, frozen=True):
     until_ns: int
     failure: Failure | None
     errors: tuple[ErrorSummary, ...] = ()  # if it failed: the newest ones before that
-    told: str = ""  # the answer of the doctor
+    answer: str = ""  # the answer of the doctor
 
 
 class Verdict(Struct, frozen=True):
@@ -186,7 +186,7 @@ class ScenarioRunner:
                 self._scan()
             failure = self._stage.failure or self._find_internal_error(step)
             errors = self._errors.list_newest() if failure is not None else ()
-            self._taken.append(StepResult(step, self._stage.elapsed_ns, failure, errors, self._stage.told))
+            self._taken.append(StepResult(step, self._stage.elapsed_ns, failure, errors, self._stage.answer))
             if self._stage.is_over:
                 break
         return Verdict(
@@ -209,7 +209,7 @@ class ScenarioRunner:
         self._stage.note_scan()
         if runtime.changed:
             self._errors.add_errors(runtime.scans, runtime.changed)
-            self._on_scan(runtime.scans, runtime.changed, deliveries(self._bench, runtime.changed))
+            self._on_scan(runtime.scans, runtime.changed, find_deliveries(self._bench, runtime.changed))
 
 
 def _explain(cause: Cause, block: str) -> str:

@@ -27,7 +27,7 @@ from trcvtui.commands.words import (
     Wait,
 )
 from trcvtui.errors import Problem, UserError, collect_problems, raise_all_problems
-from trcvtui.files import read_bytes
+from trcvtui.files import read_bounded
 from trcvtui.paths import configs_path
 from trcvtui.project.file import load_project, load_scenario_document
 from trcvtui.project.project import Project
@@ -214,7 +214,7 @@ class _Search:
 def read_scenario_file(path: Path) -> ScenarioFile | None:
     """Return a file's row of the list, None if it has no scenario."""
     try:
-        content = read_bytes(path, MOST_BYTES)
+        content = read_bounded(path, MOST_BYTES)
     except OSError as failed:
         return ScenarioFile(path, path.stem, "", (), f"{path}: found {failed.strerror}, expected a file")
     if b"scenario" not in content:

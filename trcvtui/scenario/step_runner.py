@@ -108,7 +108,7 @@ class StepRunner:
         self.bench = bench
         self.failure: Failure | None = None
         self.is_over = False
-        self.told = ""
+        self.answer = ""
         self.judge: Judge | None = None  # of the run, if it is kept
         self.trial: SplitTest | None = None  # the last one
         self.traces: dict[str, Trace] = defaultdict(Trace)  # an instance may be created on the way
@@ -117,7 +117,7 @@ class StepRunner:
 
     def run_step(self, step: words.Step) -> Iterator[None]:
         """Run one step; each time this yields, the caller lets one scan pass and calls `note_scan`."""
-        self.failure, self.told = None, ""
+        self.failure, self.answer = None, ""
         match step.command:
             case words.RunScans(scans):
                 yield from repeat(None, scans)
@@ -187,7 +187,7 @@ class StepRunner:
                 yield
             else:
                 clock.sleep_until(clock.now_ns() + DOCTOR_CHECK_NS)
-        self.told = answers[0].told
+        self.answer = answers[0].message
         if answers[0].error:
             self._fail(step, answers[0].error)
 

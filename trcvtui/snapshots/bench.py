@@ -14,7 +14,7 @@ class LineAnswer(Struct, frozen=True):
     number: int
     line: str
     error: str
-    told: str = ""
+    message: str = ""
     edit: str = ""
 
 

@@ -34,7 +34,7 @@ from trcvtui.wording import count
 
 if TYPE_CHECKING:
     from trcvtui.tui.curve import CurveScreen
-    from trcvtui.tui.doctor import DoctorScreen, EvidencePlace
+    from trcvtui.tui.doctor import DoctorScreen, DoctorTarget
     from trcvtui.tui.framings import FramingScreen
     from trcvtui.tui.lab.lab import Lab
     from trcvtui.tui.lab.screen import LabScreen
@@ -172,7 +172,9 @@ class BenchApp(TerminalApp):
             if unsaved and not self.view_model.unsaved:  # a new engine reads them in the saved file
                 self._edits = [line for line in self._edits if line.startswith(UNSAVED_COMMANDS)]
             if asks:
-                self._engine.request(self.view_model.request())  # the engine packs it while this one is drawn
+                self._engine.request(
+                    self.view_model.make_request()
+                )  # the engine packs it while this one is drawn
             if picture is not None:
                 if self._starts:
                     self.main.prompt.inform(f"engine {self._engines} runs")
@@ -397,7 +399,7 @@ class BenchApp(TerminalApp):
             self.card = DoctorScreen(self.view_model)
             self.push_screen(self.card, self._handle_card_result)
 
-    def _handle_card_result(self, place: EvidencePlace | None) -> None:
+    def _handle_card_result(self, place: DoctorTarget | None) -> None:
         self.card = None
         if place is not None and place.line:
             self.main.action_prompt(place.line)
@@ -495,13 +497,13 @@ class BenchApp(TerminalApp):
         self.notify(plain(text), markup=False)
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
-        from trcvtui.tui.palette import PaletteContext, commands  # read when first asked for
+        from trcvtui.tui.palette import PaletteContext, list_commands  # read when first asked for
 
         above = self.scenarios or self.lab
         if above is not None:
             yield from above.commands()
         else:
-            for command in commands(
+            for command in list_commands(
                 PaletteContext(self.view_model, self.main, self.submit, self.action_add, self.action_lab)
             ):
                 yield self._with_the_users_key(command)

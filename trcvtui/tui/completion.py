@@ -28,13 +28,13 @@ def complete(line: str, project: Project) -> str | None:
     return None
 
 
-def verbs() -> tuple[str, ...]:
+def list_verbs() -> tuple[str, ...]:
     return (*(row.verb for row in COMMANDS.values() if row.at_prompt), *SCREEN_COMMANDS)
 
 
 def _next_words(words: list[str], project: Project) -> Iterable[str]:
     if not words:
-        return verbs()
+        return list_verbs()
     row = COMMANDS.get(words[0])
     candidates = row.next_words if row is not None else SCREEN_NEXT_WORDS.get(words[0], offer_none)
     return candidates(words, project)

@@ -17,7 +17,7 @@ from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.line_view import ARROW_KEYS, LineView, Row, row
 from trcvtui.udt.byte_text import hex_lines, iec_list
 from trcvtui.udt.report import csv_lines, decode_json, member_rows
-from trcvtui.wording import count, format_columns, stamp
+from trcvtui.wording import count, format_columns, stamp_text
 
 if TYPE_CHECKING:
     from trcvtui.tui.view_model.view_model import ViewModel
@@ -86,7 +86,7 @@ def _format_history(of: CopySource) -> str:
             condition = describe_condition(of.project, line.event.instance, line.event)
             word = f"{status_word(line.event.outputs.status)} {condition}"
             reason = plain(explain_status(line.event))
-            rows.append((str(line.scan), stamp(line.t_ns), word, _lamp_names(line.event), reason))
+            rows.append((str(line.scan), stamp_text(line.t_ns), word, _lamp_names(line.event), reason))
     return "\n".join(format_columns(rows, "l" * len(rows[0]))) if len(rows) > 1 else ""
 
 

@@ -17,7 +17,7 @@ from trcvtui.tui.widgets.line_view import Part, Row, TextView, hidden_keys, row
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.layout.value_text import value_text
-from trcvtui.wording import count, stamp, utc_text
+from trcvtui.wording import count, stamp_text, utc_text
 
 AXIS_WIDTH: Final = 11  # columns beside a curve
 ROWS_BELOW: Final = 3  # rows: time axis, marks, times; then one for each member
@@ -87,7 +87,7 @@ class CurveView(TextView, inherit_bindings=False):
     def show(self) -> None:
         view, known = self._view_model, self._view_model.known_messages
         of = view.selected, view.instance is None, view.message_type, view.frozen_at
-        state = known, known.stop, known.oldest, known.gaps, known.errors
+        state = known, known.stop, known.first_full, known.gaps, known.errors
         look = self.line_width, self.container_size.height, self.window.span, self.window.end, self.other
         drawn = *of, *state, *look
         if drawn != self._drawn and self.container_size.height:
@@ -101,7 +101,7 @@ class CurveView(TextView, inherit_bindings=False):
 
     def _describe_messages(self) -> str:
         known, frozen = self._view_model.known_messages, self._view_model.frozen_at
-        words = self.instance, count(known.count, "message"), *known.describe_rows()
+        words = self.instance, count(known.count, "message"), *known.list_remarks()
         state = f"frozen in scan {frozen}" if frozen is not None else ""
         window = "paused: end follows again" if self.window.end is not None else ""
         return " · ".join(filter(None, (*words, state, window)))
@@ -132,7 +132,7 @@ class CurveView(TextView, inherit_bindings=False):
         if self._numbers_of != (known, declared):
             self._numbers_of, self._numbers = (known, declared), {}
         times = list(accumulate((each.t_ns for each in known.rows), max))  # a capture may go back in time
-        gone = known.oldest - known.first
+        gone = known.first_full - known.first
         self.window.whole = min(times[min(gone, len(times) - 1)], times[-1] - SHORTEST_WINDOW_NS), times[-1]
         found = [_leaf_at(declared.layout, path) for path in (self.path, self.other) if path is not None]
         leaves = [leaf for leaf in found if leaf is not None]
@@ -170,8 +170,8 @@ class CurveView(TextView, inherit_bindings=False):
     def _format_time(self, t_ns: int) -> str:
         begun_ns = self._view_model.live.begun_ns if self._view_model.live is not None else None
         if begun_ns is None or self.line_width < LEAST_UTC_WIDTH:
-            return f"{stamp(t_ns)} s"
-        return f"{stamp(t_ns)} s · {utc_text(begun_ns + t_ns)[:-4]}"
+            return f"{stamp_text(t_ns)} s"
+        return f"{stamp_text(t_ns)} s · {utc_text(begun_ns + t_ns)[:-4]}"
 
     # -- keys -----------------------------------------------------------------------------------------------
 

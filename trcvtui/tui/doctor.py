@@ -10,14 +10,14 @@ from trcvtui.tui.formatting import clip, measure, pad
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.dialogs import CardText, ListDialog
 from trcvtui.tui.widgets.line_view import Part, Row, hidden_keys, row, rule
-from trcvtui.wording import count, stamp
+from trcvtui.wording import count, stamp_text
 
 SURE_CONFIDENCE: Final = 0.85
 MOST_PACKETS: Final = 8
 DIRECTION_NAMES: Final = {"to-plc": "to the PLC", "from-plc": "from the PLC", "": ""}
 
 
-class EvidencePlace(NamedTuple):
+class DoctorTarget(NamedTuple):
     """Where the card leads: to the prompt with `line`, or to a scan or a byte of an instance's stream."""
 
     line: str = ""
@@ -57,7 +57,7 @@ class FindingList(CardText):
         seen, found, chosen = self.snapshot, self.findings, self.chosen_finding
         since, _, step = seen.progress.partition(": ")
         again = f" · again, {since}: {step.rpartition(': ')[2]}".rstrip(": ") if seen.looks and since else ""
-        head = clip(clip(self._describe_progress(), self._width - measure(again)) + again, self._width)
+        head = clip(clip(self._describe_state(), self._width - measure(again)) + again, self._width)
         rows = [row((head, "warn" if seen.trouble else "dim"))]
         if seen.qualities:
             rows.append(row((clip(" · ".join(seen.qualities), self._width), "dim")))
@@ -72,7 +72,7 @@ class FindingList(CardText):
         text = ": ".join(filter(None, (whose, one.title or one.cause, *one.evidence[:1])))
         return row((clip(text, self._width), "dim"))
 
-    def _describe_progress(self) -> str:
+    def _describe_state(self) -> str:
         seen = self.snapshot
         if not seen.looks:
             return f"the doctor looks, {seen.progress}" if seen.progress else "the doctor looks …"
@@ -112,7 +112,7 @@ class FindingList(CardText):
         rows += self._labelled("packets", [shown], "dim") if shown else []
         place, stream = self.place(), self.place(of_byte=True)
         if place is not None:
-            when = "" if one.t_ns is None else f", {stamp(one.t_ns)} s"
+            when = "" if one.t_ns is None else f", {stamp_text(one.t_ns)} s"
             rows += self._labelled("s", [f"scan {place.scan}{when}"], "key")
         if stream is not None:
             rows += self._labelled("b", [f"byte {stream.byte} of the received bytes"], "key")
@@ -120,7 +120,7 @@ class FindingList(CardText):
         for is_tried, label, style in ((True, "", "strong"), (False, "advice", "")):
             texts = [mend.text for mend in one.mend if mend.tried is is_tried]
             rows += self._labelled(label, texts, style) if texts else []
-        remedy = self.remedy()
+        remedy = self.remedy_line()
         rows += self._labelled("enter", [f"types `{remedy}`"], "key") if remedy else []
         return rows
 
@@ -134,7 +134,7 @@ class FindingList(CardText):
         on_it = [each.name for each in self._view_model.instances if each.connect == one.connect]
         return next(iter(on_it), self._view_model.selected)
 
-    def place(self, of_byte: bool = False) -> EvidencePlace | None:
+    def place(self, of_byte: bool = False) -> DoctorTarget | None:
         """Return the place of the chosen finding: its scan, or its byte in the stream; None if unknown."""
         one, snapshot = self.chosen_finding, self._view_model.snapshot
         if one is None or snapshot is None:
@@ -144,15 +144,15 @@ class FindingList(CardText):
             is_first = bool(links) and links[0].incarnation <= 1  # a later one starts anywhere in the stream
             if one.byte is None or one.way != "to-plc" or not is_first:
                 return None
-            return EvidencePlace(instance=self._finding_instance, byte=one.byte)
+            return DoctorTarget(instance=self._finding_instance, byte=one.byte)
         scan = one.scan
         if scan is None and one.t_ns is not None and one.t_ns >= 0:  # by the ledger, or else by the interval
             t_ns = one.t_ns
             known = (line.scan for line in self._view_model.lines if line.t_ns >= t_ns)
             scan = next(known, max(1, snapshot.scan - (snapshot.t_ns - t_ns) // max(snapshot.interval_ns, 1)))
-        return None if scan is None else EvidencePlace(instance=self._finding_instance, scan=scan)
+        return None if scan is None else DoctorTarget(instance=self._finding_instance, scan=scan)
 
-    def remedy(self) -> str:
+    def remedy_line(self) -> str:
         """Return the line that applies the remedy: a bench command, in a recording a what-if; "" for none."""
         one, picture = self.chosen_finding, self._view_model.live
         if one is None or picture is None:
@@ -170,7 +170,7 @@ class FindingList(CardText):
         self.draw()
 
 
-class DoctorScreen(ListDialog[EvidencePlace | None]):
+class DoctorScreen(ListDialog[DoctorTarget | None]):
     """Answers with the place to go to; while it is open, the doctor keeps checking."""
 
     BINDINGS: ClassVar = hidden_keys({
@@ -201,7 +201,7 @@ class DoctorScreen(ListDialog[EvidencePlace | None]):
             "↑↓ choose": len(shown.findings) > 1,
             "s scan": shown.place() is not None,
             "b byte": shown.place(of_byte=True) is not None,
-            "enter remedy": bool(shown.remedy()),
+            "enter remedy": bool(shown.remedy_line()),
             "a one" if shown.of_all else "a all": True,
             "esc": True,
         }
@@ -209,9 +209,9 @@ class DoctorScreen(ListDialog[EvidencePlace | None]):
         shown.draw()
 
     def action_remedy(self) -> None:
-        remedy = self.list.remedy()
+        remedy = self.list.remedy_line()
         if remedy:
-            self.dismiss(EvidencePlace(remedy))
+            self.dismiss(DoctorTarget(remedy))
 
     def action_place(self, of_byte: bool) -> None:
         place = self.list.place(of_byte)

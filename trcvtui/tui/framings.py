@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import ClassVar, Final
 
 from trcvtui.commands.table import parse_script
-from trcvtui.diagnosis.readings.framing_advice import advise
+from trcvtui.diagnosis.readings.framing_advice import advise_framings
 from trcvtui.diagnosis.readings.framing_command import make_commands
 from trcvtui.diagnosis.readings.proposal import FramingAdvice, PreviewFrame, Proposal
 from trcvtui.errors import UserError
@@ -35,7 +35,7 @@ def buffer_for(view_model: ViewModel) -> str:
 def find_framed_block(buffer: str, view_model: ViewModel) -> str:
     """Return the instance to set: the selected one if it cuts this ComBuffer's bytes, else the first."""
     readers = [
-        i.name for i in view_model.project.instances if i.connect == buffer and block_row(i.block).mark_pins
+        i.name for i in view_model.project.instances if i.connect == buffer and block_row(i.block).affix_pins
     ]
     return view_model.selected if view_model.selected in readers else next(iter(readers), "")
 
@@ -159,7 +159,7 @@ class FramingScreen(ListDialog[tuple[str, ...]]):
         if found is None or not self._view_model.recordings_wanted:
             return
         self._view_model.recordings_wanted = ()
-        self.list.advice, self.list.cursor, self.list.problem = advise(found), 0, ""
+        self.list.advice, self.list.cursor, self.list.problem = advise_framings(found), 0, ""
         self.list.draw()
 
     def action_apply(self) -> None:

@@ -64,7 +64,7 @@ def size_classes(width: int, height: int, instances: int, block: int = ROWS) -> 
     }
 
 
-def grid_rows(
+def row_heights(
     holds: Mapping[str, bool], height: int, timing: bool, block: int = ROWS, peers: int = 1
 ) -> tuple[int, ...]:
     """Return the heights of the rows of panes; they never depend on what the panes show.
@@ -117,7 +117,7 @@ def _find_status(words: list[str], pane: Timing) -> str:
 
 if TYPE_CHECKING:
     from trcvtui.tui.copy_formats import CopyFormat, CopySource
-    from trcvtui.tui.doctor import EvidencePlace
+    from trcvtui.tui.doctor import DoctorTarget
     from trcvtui.tui.forms.fields import ProjectPart
 
 ZOOM, LIST, FROZEN_CLASS, WITHIN_CLASS = "-zoom", "-list", "-frozen", "-within"
@@ -404,7 +404,7 @@ class MainScreen(FullScreen[None]):
                 pane.set_class(pane.has_focus_within, WITHIN_CLASS, update=False)
                 self.app.stylesheet.apply(pane)
 
-    def go_to_place(self, place: EvidencePlace) -> None:
+    def go_to_place(self, place: DoctorTarget) -> None:
         """Show a scan of an instance in the timing pane, or a byte of its received stream."""
         if place.instance != self._view_model.selected:
             self._view_model.selected = place.instance
@@ -439,7 +439,7 @@ class MainScreen(FullScreen[None]):
 
     def _heights(self) -> tuple[int, ...]:
         peers = len(self._view_model.project.peers)
-        return grid_rows(self._sizes, self._pane_rows, self._past == 8, self._block_rows, peers)
+        return row_heights(self._sizes, self._pane_rows, self._past == 8, self._block_rows, peers)
 
     def _format_grid_rows(self) -> str:
         return " ".join("1fr" if each == REST_ROW else str(each) for each in self._heights())
@@ -465,13 +465,13 @@ class MainScreen(FullScreen[None]):
         self._arrange()
 
     async def action_pin(self, letter: str) -> None:
-        place = "" if self._takes_pins() else self.block.place_of_pin(letter)
+        place = "" if self._takes_pin_keys() else self.block.place_of_pin(letter)
         if place:
             self.prompt.show_error(place)
         elif missing := self.block.press(letter):
             await self.run_action(f"app.press_from_afar({letter!r}, {missing!r})")
 
-    def _takes_pins(self) -> bool:
+    def _takes_pin_keys(self) -> bool:
         return self.focused in (self.instances, self.block, self.status)
 
     async def on_key(self, event: events.Key) -> None:
@@ -487,10 +487,10 @@ class MainScreen(FullScreen[None]):
 
     def action_theirs(self) -> None:
         """View DATA in the layout that fits the received bytes, or in the PLC's own layout again."""
-        from trcvtui.diagnosis.data_view import view_command  # read when first asked for
+        from trcvtui.diagnosis.data_view import make_view_command  # read when first asked for
 
         decl, offer = self._view_model.declaration, self.status.offer()
-        line = view_command(decl, offer.choice if offer else NO_CHOICE) if decl is not None else ""
+        line = make_view_command(decl, offer.choice if offer else NO_CHOICE) if decl is not None else ""
         if line:
             self._submit(line)
         else:

@@ -177,7 +177,7 @@ class OrderedCommands(SystemCommandsProvider):
                 yield Hit(score, matcher.highlight(escape(title)), callback, title, escape(about))
 
 
-def commands(bench: PaletteContext) -> list[SystemCommand]:
+def list_commands(bench: PaletteContext) -> list[SystemCommand]:
     """Return the commands that make sense now, the most useful first."""
     return sorted(_all(bench), key=lambda one: FIRST.index(one.title) if one.title in FIRST else len(FIRST))
 

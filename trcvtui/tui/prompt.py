@@ -234,7 +234,7 @@ class Prompt(Vertical):
     def show_answers(self, answers: dict[int, LineAnswer]) -> None:
         for number, answer in answers.items():
             if answer.error or number == self._last:
-                self._echo.show_answer(answer.line, answer.error, text=answer.told)
+                self._echo.show_answer(answer.line, answer.error, text=answer.message)
             if number == self._after and not answer.error:
                 self._submit(self._steps[0])
 

@@ -11,7 +11,7 @@ from typing import Final
 
 from trcvtui import paths
 from trcvtui.errors import UserError, mistake
-from trcvtui.files import read_bytes, reason_of, write_file
+from trcvtui.files import read_bounded, reason_of, write_file
 
 FILE: Final = "recent.json"
 MOST_PROJECTS: Final = 10
@@ -22,7 +22,7 @@ def recent_projects() -> list[str]:
     """Return their paths, the newest first; raise UserError."""
     path, expected = paths.state_folder() / FILE, "a JSON list of paths; delete the file for a new list"
     try:
-        found = json.loads(read_bytes(path, MOST_BYTES))
+        found = json.loads(read_bounded(path, MOST_BYTES))
     except FileNotFoundError:
         return []
     except OSError as failed:

@@ -20,7 +20,7 @@ from trcvtui.udt.literals import format_time
 from trcvtui.wording import count, utc_text
 
 if TYPE_CHECKING:
-    from trcvtui.tui.doctor import EvidencePlace
+    from trcvtui.tui.doctor import DoctorTarget
 
 REPLAY_KEYS: Final = (
     ("space", "stop"), ("←→", "scan"), ("shift", "edge"), ("!", "error"), ('"', "error before"),
@@ -206,14 +206,14 @@ class ReplayScreen(MainScreen):
         is_of_table = (action, *parameters) in PRIORITY_ACTIONS and self.focused is self.received.table.first
         return not (is_typed or is_of_table) and super().check_action(action, parameters)
 
-    def _takes_pins(self) -> bool:
+    def _takes_pin_keys(self) -> bool:
         return True  # a pin key then gets the replay's refusal
 
     def action_at(self, where: str) -> None:
         self.received.table.messages.follow()
         self._submit(f"at {where}")
 
-    def go_to_place(self, place: EvidencePlace) -> None:
+    def go_to_place(self, place: DoctorTarget) -> None:
         if place.scan is not None:
             self.action_at(str(place.scan))
         super().go_to_place(place)

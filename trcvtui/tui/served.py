@@ -42,7 +42,7 @@ SHUTDOWN_S: Final = 0.5  # for pages to close; a tab ends with its engine
 MOST_TYPED_CHARACTERS: Final = 1 << 16  # of one message
 # textual-serve's page loads a font from another host, although it has the font itself.
 OUTSIDE_LINK: Final = re.compile(r"<link[^>]*https?://(?!127\.0\.0\.1)[^>]*>")
-FONT: Final = """<style>@font-face {
+FONT_STYLE: Final = """<style>@font-face {
       font-family: "Roboto Mono"; src: url("/static/fonts/RobotoMono-VariableFont_wght.ttf");
     }</style>"""
 QUIET_HEADERS: Final = {"Referrer-Policy": "no-referrer", "Cache-Control": "no-store"}
@@ -81,7 +81,7 @@ class AccessControl:
     def url(self) -> str:
         return f"{self.address}/?{TOKEN_PARAMETER}={self.token}"
 
-    def refusal(self, host: str, origin: str | None, is_socket: bool) -> str:
+    def find_refusal(self, host: str, origin: str | None, is_socket: bool) -> str:
         """Return why a request is refused, whatever token it shows; "" if it is not.
 
         A browser always names the Origin of a websocket: a request without it is not from our page.
@@ -170,7 +170,7 @@ async def application(
             """Send the page with our own head, and without links to other hosts."""
             page = await super().handle_index(request)
             if isinstance(page, web.Response):
-                page.text = OUTSIDE_LINK.sub(FONT, page.text or "").replace(
+                page.text = OUTSIDE_LINK.sub(FONT_STYLE, page.text or "").replace(
                     "<head>", PAGE_HEAD % escape(title), 1
                 )
                 page.headers.update(QUIET_HEADERS)
@@ -186,7 +186,9 @@ async def application(
 
     @web.middleware
     async def _check_access(request, handler):  # type: ignore[no-untyped-def]
-        refused = entrance.refusal(request.host, request.headers.get("Origin"), request.path == SOCKET_PATH)
+        refused = entrance.find_refusal(
+            request.host, request.headers.get("Origin"), request.path == SOCKET_PATH
+        )
         if refused:  # rule 1
             return web.Response(status=403, text=refused)
         if request.path == "/" and entrance.is_token(request.query.get(TOKEN_PARAMETER)):

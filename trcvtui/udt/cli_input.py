@@ -12,7 +12,7 @@ from functools import partial
 from typing import Final
 
 from trcvtui.errors import mistake
-from trcvtui.files import read_bytes, reason_of
+from trcvtui.files import read_bounded, reason_of
 from trcvtui.udt.ast import Declarations
 
 STDIN: Final = "-"
@@ -109,7 +109,7 @@ def where_of(name: str) -> str:
 
 def _read_input(name: str) -> bytes:
     try:
-        data = _read_stdin() if name == STDIN else read_bytes(name, LARGEST_INPUT)
+        data = _read_stdin() if name == STDIN else read_bounded(name, LARGEST_INPUT)
     except (OSError, ValueError) as failed:
         raise mistake(where_of(name), reason_of(failed), "text that can be read") from None
     if len(data) > LARGEST_INPUT:

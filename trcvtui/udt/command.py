@@ -59,7 +59,7 @@ def list_types(args: SimpleNamespace) -> tuple[str, bool]:
 
     `sender` is the layout of the type's sender, if the source suggests one.
     """
-    from trcvtui.udt.report import json_lines
+    from trcvtui.udt.report import indented_json
     from trcvtui.wording import format_columns
 
     choice = parse_layout_choice(args)
@@ -82,7 +82,7 @@ def list_types(args: SimpleNamespace) -> tuple[str, bool]:
     write_notes([str(problem) for file in own for problem in file.problems])
     write_notes([] if is_good else [f"{where_of(args.file)}: no type that can be laid out"])
     if args.format == "json":
-        return json_lines(rows), is_good
+        return indented_json(rows), is_good
     table = [("type", "size", "layout", "where, or what is wrong")]
     for row in rows:
         sender = f" (sender: {row['sender']})" if row["sender"] not in (None, row["layout"]) else ""
@@ -164,9 +164,9 @@ def fit(args: SimpleNamespace) -> tuple[str, bool]:
     write_notes([*notes, *notes_of(ours.types, ours.name, ours.type, rules)])
     is_sure = bool(fits) and fits[0].fits_best
     if args.format == "json":
-        from trcvtui.udt.report import json_lines
+        from trcvtui.udt.report import indented_json
 
-        return json_lines(fit_json(fits, list(map(len, messages)))), is_sure
+        return indented_json(fit_json(fits, list(map(len, messages)))), is_sure
     sizes = " + ".join([*(str(len(message)) for message in messages[:8]), "..."][: len(messages)])
     return fit_text(fits, f"{name}, {sizes} bytes"), is_sure
 

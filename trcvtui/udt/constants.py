@@ -103,14 +103,14 @@ class _Evaluation:
         if sign == "/":
             if right == 0:
                 raise self.refusal("no division by zero")
-            return quotient(left, right)
+            return divide(left, right)
         value = left * right if sign == "*" else left + right if sign == "+" else left - right
         if abs(value) > LARGEST_NUMBER:
             raise self.refusal("a number of at most 64 bits")
         return value
 
 
-def quotient(left: int, right: int) -> int:
+def divide(left: int, right: int) -> int:
     """Return the quotient, rounded towards zero as in IEC 61131-3 and C."""
     whole = abs(left) // abs(right)
     return whole if (left < 0) == (right < 0) else -whole

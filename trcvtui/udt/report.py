@@ -36,7 +36,7 @@ def show_json(layout: Layout) -> str:
         "members": members,
         "padding": [{"offset": offset, "size": size} for offset, size in layout.padding()],
     }
-    return json_lines(record)
+    return indented_json(record)
 
 
 def show_text(layout: Layout) -> str:
@@ -71,7 +71,7 @@ def decode_json(layout: Layout, data: Data, name: str = "", most: int | None = N
     named = [(leaf.path or name, leaf) for leaf in leaves]
     head = {"type": layout.name, "size": layout.size, "complete": len(data) >= layout.size}
     texts, odd = json_members(named, decode_leaves(layout, data, 0, len(leaves)), data)
-    return json_lines({**head, "values": texts, **odd})
+    return indented_json({**head, "values": texts, **odd})
 
 
 def json_members(
@@ -160,7 +160,7 @@ def _unverified_notes(layout: Layout) -> list[str]:
     return [f"unverified for this layout: {', '.join(names)}"] if names else []
 
 
-def json_lines(record: object) -> str:
+def indented_json(record: object) -> str:
     """Return an object as `json.dumps(..., indent=2)` does, which is slow for many members."""
     import msgspec  # here, since the tables that shell loops ask for do not need it
 

@@ -26,7 +26,7 @@ from trcvtui.udt.types import (
     Type,
     Union,
     all_members,
-    parts_of,
+    direct_parts,
     type_text,
 )
 
@@ -271,7 +271,7 @@ def named_types(type_: Type) -> list[Type]:
         if id(one) in seen:
             return
         seen.add(id(one))
-        for part in parts_of(one):
+        for part in direct_parts(one):
             collect(part)
         if isinstance(one, Struct | Union) and one.bit_fields:
             raise mistake(one.name or "STRUCT", "bit-fields or an open array of C", "a type without")

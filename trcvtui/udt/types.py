@@ -229,7 +229,7 @@ def all_members(type_: Struct | Union | None) -> list[Member]:
     return [*all_members(type_.base), *type_.members] if type_ else []
 
 
-def parts_of(type_: Type) -> list[Type]:
+def direct_parts(type_: Type) -> list[Type]:
     """Return the direct parts of a type: its element, or its base and the types of its members."""
     match type_:
         case Array():
@@ -248,7 +248,7 @@ def all_parts(type_: Type) -> Iterator[Type]:
         if id(one) not in seen:
             seen.add(id(one))
             yield one
-            waiting += reversed(parts_of(one))
+            waiting += reversed(direct_parts(one))
 
 
 def type_text(type_: Type) -> str:

@@ -17,7 +17,7 @@ from trcvtui.bench.peers.queues import ReplyRules
 from trcvtui.commands.counters_and_checksums import fill_message
 from trcvtui.commands.peer import read_replies
 from trcvtui.commands.table import parse_line, rule_text
-from trcvtui.commands.words import ReplyOn
+from trcvtui.commands.words import AddReply
 from trcvtui.errors import UserError
 from trcvtui.project.file import read_project
 from trcvtui.project.project import Project
@@ -30,9 +30,9 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
     return bench_project(tmp_path_factory.mktemp("bench"))
 
 
-def rule(text: str, project: Project) -> ReplyOn:
+def rule(text: str, project: Project) -> AddReply:
     command = parse_line(f"peer P1 reply on {text}", project, "w")
-    assert isinstance(command, ReplyOn)
+    assert isinstance(command, AddReply)
     return command
 
 

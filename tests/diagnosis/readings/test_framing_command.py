@@ -76,7 +76,7 @@ def feed(console: Controller, buffer: str, numbers: range) -> None:
 def test_the_advice_is_told_of_a_combuffer_and_of_its_reader(name: str) -> None:
     console = desk(CONFIGS / "twincat-line.toml")
     feed(console, "RX", range(8))
-    told = say(console, f"framing {name}").told.splitlines()
+    told = say(console, f"framing {name}").message.splitlines()
     assert told[:3] == [
         "84 bytes in 8 chunks of a simulated line",
         "1. prefix 02 (STX), suffix 0D 0A (CR LF)",
@@ -87,7 +87,7 @@ def test_the_advice_is_told_of_a_combuffer_and_of_its_reader(name: str) -> None:
 def test_a_proposal_that_is_applied_writes_the_marks_and_the_next_frame_comes_so() -> None:
     console = desk(CONFIGS / "twincat-line.toml")
     feed(console, "RX", range(8))
-    assert say(console, "framing RD apply 1").told == (
+    assert say(console, "framing RD apply 1").message == (
         "write prefix hex 02; write suffix hex 0D 0A; pulse RD Reset; "
         "set RD LenPrefix=1 LenSuffix=2 SizeReceiveData=16 Timeout=T#0ms"
     )
@@ -100,7 +100,7 @@ def test_a_proposal_that_is_applied_writes_the_marks_and_the_next_frame_comes_so
 
 def test_where_no_variable_holds_the_marks_new_ones_do_and_a_larger_data_the_frame(plain: Controller) -> None:
     feed(plain, "RX", range(10, 20))
-    assert say(plain, "framing RD apply 1").told.split("; ") == [
+    assert say(plain, "framing RD apply 1").message.split("; ") == [
         "resize rx ARRAY[0..10] OF BYTE",
         "add data RD_prefix ARRAY[0..3] OF BYTE",
         "write RD_prefix hex 02",
@@ -119,7 +119,7 @@ def test_where_no_variable_holds_the_marks_new_ones_do_and_a_larger_data_the_fra
 
 def test_a_receivestring_gets_its_marks_as_texts(plain: Controller) -> None:
     feed(plain, "RX2", range(10, 20))
-    assert say(plain, "framing RS apply 2").told.split("; ") == [
+    assert say(plain, "framing RS apply 2").message.split("; ") == [
         "add data RS_suffix ARRAY[0..3] OF BYTE",
         "write RS_suffix hex 0D 0A 00",
         "delete RS",
@@ -190,7 +190,7 @@ def test_a_mark_that_another_instance_has_too_is_left_as_it_is(tmp_path: Path) -
         say(console, f'feed RX text "\x02code {number * 37}\x03"')
         for _ in range(20):
             console.scan()
-    assert say(console, "framing R1 apply 1").told.split("; ") == [
+    assert say(console, "framing R1 apply 1").message.split("; ") == [
         "add data R1_prefix ARRAY[0..3] OF BYTE",
         "write R1_prefix hex 02 00",
         "add data R1_suffix ARRAY[0..3] OF BYTE",
@@ -204,7 +204,7 @@ def test_a_mark_that_another_instance_has_too_is_left_as_it_is(tmp_path: Path) -
     say(console, 'feed RX2 text "left alone\r\n"')
     console.scan()
     assert console.bench.runtime.data("two", 12) == b"left alone\r\n"
-    again = say(console, "framing R1 apply 1").told.split("; ")
+    again = say(console, "framing R1 apply 1").message.split("; ")
     assert again[:2] == ["write R1_prefix hex 02 00", "write R1_suffix hex 03 00"]  # these are its own
 
 
@@ -219,7 +219,7 @@ def test_one_variable_at_both_pins_holds_a_mark_that_both_begins_and_ends(plain:
         plain,
         "create ReceiveData RD RxBuffer=RX data=rx pPrefix=flag pSuffix=flag task=MAIN SizeReceiveData=8",
     )
-    assert say(plain, "framing RD apply 1").told.split("; ") == [
+    assert say(plain, "framing RD apply 1").message.split("; ") == [
         "resize rx ARRAY[0..9] OF BYTE",
         "write flag hex 7E",
         "write flag hex 7E",
@@ -234,7 +234,7 @@ def test_what_receivedata_cannot_do_is_not_applied(plain: Controller) -> None:
         say(plain, f"feed RX hex 00 07 00 00 00 {size:02X} {body.hex(' ')}")
         for _ in range(20):
             plain.scan()
-    assert say(plain, "framing RX").told.splitlines()[1].startswith("1. length field: 2 bytes")
+    assert say(plain, "framing RX").message.splitlines()[1].startswith("1. length field: 2 bytes")
     answer = say(plain, "framing RD apply 1")
     assert "cannot be set: ReceiveData has no length field" in answer.error
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trcvtui.net.connection.resources import EPISODE_REST_NS, LEAST_SHARE, BudgetShare, ScanBudget
+from trcvtui.net.connection.resources import EPISODE_REST_NS, LEAST_SHARE_UNITS, BudgetShare, ScanBudget
 from trcvtui.net.events import EventKind
 
 MS = 1_000_000
@@ -17,7 +17,7 @@ class Told:
         self.said: list[tuple[str, EventKind]] = []
         self.words: list[str] = []
         self.work = ScanBudget(lambda: self.time, interval_ns)
-        self.work.said = self._hear
+        self.work.report_wait = self._hear
         self.scan()
 
     def _hear(self, owner: str, what: EventKind, partner: str, why: str) -> None:
@@ -83,7 +83,7 @@ def test_more_parties_than_there_are_shares_take_turns() -> None:
         assert sum(used) <= bench.work.units
         got = {party: got[party] + one for party, one in zip(parties, used, strict=True)}
         bench.scan()
-    assert min(got.values()) >= LEAST_SHARE
+    assert min(got.values()) >= LEAST_SHARE_UNITS
 
 
 def test_one_step_may_be_dearer_than_what_is_left_and_is_the_last() -> None:

@@ -85,11 +85,11 @@ def test_both_ends_keep_to_the_smaller_size(proposed: int, taken: int, agreed: i
 
 @pytest.mark.parametrize(("told", "sent"), [(128, 128), (512, 512), (65531, 1024)])
 def test_a_partner_who_tells_no_size_gets_the_default_but_no_more_than_our_own(told: int, sent: int) -> None:
-    own = IsoSettings(E002, E001, 8192, not_told=told)
+    own = IsoSettings(E002, E001, 8192, default_dt_bytes=told)
     passive = own.make_session(is_active=False)
     fed(passive, encode_tpdu(ConnectTpdu(Code.CR, 0, 7, E001, E002)))
     passive.accept_for(own)
-    active = IsoSettings(E001, E002, 8192, not_told=told).make_session(is_active=True)
+    active = IsoSettings(E001, E002, 8192, default_dt_bytes=told).make_session(is_active=True)
     fed(active, encode_tpdu(ConnectTpdu(Code.CC, 1, 5, E001, E002)))
     for end in (passive, active):
         end.take_output()

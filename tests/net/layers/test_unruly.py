@@ -26,7 +26,7 @@ from trcvtui.net.layers.iso_on_tcp import (
     IsoSettings,
     encode_tpdu,
 )
-from trcvtui.net.layers.layered_stream import CLIENTS_WAITING, GAVE_WAY_TEXT, SESSION_ENDED, TPDU_IGNORED
+from trcvtui.net.layers.layered_stream import GAVE_WAY_TEXT, MOST_WAITING_CLIENTS, SESSION_ENDED, TPDU_IGNORED
 from trcvtui.net.results import WOULD_BLOCK, Fault
 
 
@@ -106,7 +106,7 @@ def test_forty_silent_clients_do_not_delay_a_good_one(b: IsoBench) -> None:
     assert b.verdict(last) is None
     assert b.net.now == 0  # nobody had to wait for a time limit
     assert b.net.told == [("C1", GAVE_WAY_TEXT)] * len(b.net.told)
-    assert len(b.net.told) in (40 - CLIENTS_WAITING, 41 - CLIENTS_WAITING)
+    assert len(b.net.told) in (40 - MOST_WAITING_CLIENTS, 41 - MOST_WAITING_CLIENTS)
 
 
 def test_a_client_in_the_middle_of_its_cr_keeps_its_place_before_silent_ones(b: IsoBench) -> None:
@@ -115,7 +115,7 @@ def test_a_client_in_the_middle_of_its_cr_keeps_its_place_before_silent_ones(b: 
     request = encode_tpdu(ConnectTpdu(Code.CR, 0, 9, E001, E002, 10))
     slow = raw_client(b, end, request[:5])
     b.settle()
-    for _ in range(2 * CLIENTS_WAITING):
+    for _ in range(2 * MOST_WAITING_CLIENTS):
         raw_client(b, end)
     b.settle()
     assert b.net.told
@@ -128,7 +128,7 @@ def test_clients_that_nobody_takes_are_refused_from_a_number_on(b: IsoBench) -> 
     end = b.end(listener)
     request = encode_tpdu(ConnectTpdu(Code.CR, 0, 9, E001, E002, 10))
     clients = []
-    for _ in range(CLIENTS_WAITING):
+    for _ in range(MOST_WAITING_CLIENTS):
         clients.append(raw_client(b, end, request))
         b.settle()
     assert b.net.told == []

@@ -106,7 +106,7 @@ class Stand:
         answers: list[TapEvent] = []
 
         def is_told() -> bool:
-            kinds = TapEventKind.OURS, TapEventKind.REFUSED
+            kinds = TapEventKind.INTERVENTION, TapEventKind.REFUSED
             answers.extend(event for event in self.events() if event.kind in kinds)
             return bool(answers)
 
@@ -145,7 +145,7 @@ def test_what_passes_is_told_with_its_direction_and_its_place_in_the_stream(stan
     stand.until(lambda: select.select((far,), (), (), 0)[0])
     told = [(event.kind, event.way, event.at, event.data) for event in stand.events()]
     assert told[1:] == [
-        (TapEventKind.STANDS, WAY_BACK, 0, b""),
+        (TapEventKind.ANSWERED, WAY_BACK, 0, b""),
         (TapEventKind.BYTES, WAY_TO, 0, b"one"),
         (TapEventKind.BYTES, WAY_TO, 3, b"three"),
         (TapEventKind.BYTES, WAY_BACK, 0, b"back"),
@@ -246,7 +246,7 @@ def test_our_own_end_passes_and_is_marked_as_ours(stand: Stand, verb: str, ends:
     near.send(b"before")
     assert stand.read(far, 6) == b"before"
     answer = stand.order(WAY_TO, verb)
-    assert (answer.kind, answer.data, answer.at) == (TapEventKind.OURS, verb.encode(), 6)
+    assert (answer.kind, answer.data, answer.at) == (TapEventKind.INTERVENTION, verb.encode(), 6)
     stand.until(lambda: select.select((far,), (), (), 0)[0])
     if verb == "rst":
         with pytest.raises(ConnectionResetError):
@@ -326,7 +326,7 @@ def test_a_reader_that_is_slow_delays_nothing_and_is_told_what_it_missed_and_wha
     got = sum(len(event.data) for event in told if event.kind == TapEventKind.BYTES)
     [lost] = [n for n, event in enumerate(told) if event.kind == TapEventKind.LOST]
     ends = [(event.kind, event.number) for event in told[lost + 1 : -1]]
-    assert ends == [(kind, 2) for kind in (TapEventKind.FIN, TapEventKind.FIN, TapEventKind.OVER)]
+    assert ends == [(kind, 2) for kind in (TapEventKind.FIN, TapEventKind.FIN, TapEventKind.ENDED)]
     lost_bytes = int.from_bytes(told[lost].data[8:16], "little")
     assert (lost_bytes > 0, got + lost_bytes) == (True, stand.loop.routes[0].talks[1].lanes[WAY_TO].at)
     assert (told[-1].number, told[-1].at) == (1, 1)
@@ -479,7 +479,7 @@ def test_held_datagrams_beyond_the_bound_are_lost_and_told(datagrams: Datagrams)
         with suppress(BlockingIOError):
             datagrams.near.send(bytes(60_000))
         datagrams.loop.run_once(0.01)
-        told = [each for each in datagrams.events() if each.kind == TapEventKind.OURS]
+        told = [each for each in datagrams.events() if each.kind == TapEventKind.INTERVENTION]
     assert told[0].data.startswith(b"drop 60000 bytes: the tap holds no more than 1 MiB")
     assert len(lane.held or b"") <= 1 << 20
 

@@ -41,7 +41,7 @@ def only_select(patch: pytest.MonkeyPatch) -> None:
         patch.setattr(module, "RDHUP", 0)
     patch.setattr(os_poll, "HAS_POLL", False)
     patch.setattr(os_kernel, "GONE_MASK", os_poll.ERR | os_poll.HUP)
-    patch.setattr(os_kernel, "VERDICT", os_poll.OUT | os_poll.ERR)
+    patch.setattr(os_kernel, "VERDICT_MASK", os_poll.OUT | os_poll.ERR)
 
 
 @pytest.mark.slow

@@ -27,7 +27,7 @@ SIZES = pytest.mark.parametrize("size", [SMALL, MIDDLE, WIDE], ids=lambda size: 
 def frames_and_times_of_the_test(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(fleet_app, "FRAME_S", 3600.0)
     monkeypatch.setattr(fleet_app, "ORDER_INTERVAL_NS", 0)
-    monkeypatch.setattr(clock, "wall_ns", lambda: int(NOW) * SECOND)
+    monkeypatch.setattr(clock, "utc_ns", lambda: int(NOW) * SECOND)
     monkeypatch.setenv("TZ", "UTC")
     if hasattr(time, "tzset"):
         time.tzset()

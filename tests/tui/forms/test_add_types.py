@@ -16,7 +16,7 @@ from trcvtui.paths import demo_path
 from trcvtui.project.file import load_project
 from trcvtui.tui.completion import complete
 from trcvtui.tui.forms.add_screen import AddScreen
-from trcvtui.tui.forms.pasted_type import MOST
+from trcvtui.tui.forms.pasted_type import MOST_CHARS
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (100, 30)], ids=["80x24", "100x30"])
 PROJECT = """dialect = "baosky"
@@ -113,7 +113,7 @@ async def test_a_struct_that_is_pasted_becomes_a_file_beside_the_project_with_en
     [
         (ORDER.replace("REAL", "NOBODY"), "found 'NOBODY'"),
         (ORDER.replace("id", "\x1b[31m"), r"found \x1b in it"),
-        (ORDER + " " * MOST, f"at most {MOST} characters"),
+        (ORDER + " " * MOST_CHARS, f"at most {MOST_CHARS} characters"),
         ("STRUCT\nhello", "✗"),
     ],
 )

@@ -103,7 +103,7 @@ async def test_new_rows_are_followed_until_one_is_chosen_and_the_other_panes_go_
         await press(looker, "D", "up")
         looker.bench.do(f"peer P1 send hex {telegram(5, 9).hex()}", scans=4)
         await looker.pictures()
-        chosen = rows.find_chosen_row()
+        chosen = rows.find_current_row()
         assert chosen is not None and (chosen.number, numbers(looker)[-1]) == (4, 6)
         assert main.timing.view.cursor == chosen.scan and f"scan {chosen.scan}, in" in looker.pane("status")
         assert "end follows" in title(looker)
@@ -113,7 +113,7 @@ async def test_new_rows_are_followed_until_one_is_chosen_and_the_other_panes_go_
         await looker.pictures()
         assert numbers(looker)[-1] == 6
         await press(looker, "F")
-        chosen = rows.find_chosen_row()
+        chosen = rows.find_current_row()
         assert chosen is not None and chosen.number == 7
 
 
@@ -174,7 +174,7 @@ async def test_a_filter_acts_as_it_is_typed_and_what_cannot_be_read_leaves_the_l
         looker.bench.do(f"peer P1 send hex {telegram(1, 50).hex()}", scans=4)
         await looker.pictures()
         await press(looker, "up", "N", "n")
-        shown = looker.app.main.received.table.messages.find_chosen_row()
+        shown = looker.app.main.received.table.messages.find_current_row()
         assert numbers(looker) == [6, 7, 8, 10] and shown is not None and shown.number == 8
         assert looker.lines == [], "n is not EN_R here"
         await press(looker, "y")
@@ -205,7 +205,7 @@ async def test_another_instance_and_another_type_are_never_read_by_the_old_one()
         assert numbers(looker) == [2, 3]
         looker.app.view_model.known_messages.make_request("TRCV_C_2")
         rows = looker.app.main.received.table.messages
-        assert (rows.row_at(0), rows.rows(), rows.find_chosen_row()) == (EMPTY, [], None), (
+        assert (rows.row_at(0), rows.rows(), rows.find_current_row()) == (EMPTY, [], None), (
             "between two pictures"
         )
         looker.app.view_model.selected = "TRCV_C_2"

@@ -6,7 +6,7 @@ import pytest
 
 from tests.tui.looking import SMALL, WIDE, Looker, follow, looking
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
-from trcvtui.tui.main import LEAST_HEIGHT, LEAST_WIDTH, REST_ROW, TABS_CLASS, grid_rows, size_classes
+from trcvtui.tui.main import LEAST_HEIGHT, LEAST_WIDTH, REST_ROW, TABS_CLASS, row_heights, size_classes
 from trcvtui.tui.panes.function_block import FRAMER_ROWS, ROWS
 
 PAIRED = pytest.mark.parametrize("size", [(100, 30), (120, 36), (127, 60)], ids=str)
@@ -114,7 +114,7 @@ def test_bytes_keep_their_rows_at_every_size(block: int, timing: bool) -> None:
         for height, instances in ((h, n) for h in range(LEAST_HEIGHT, 80) for n in (1, 3, 20)):
             holds = size_classes(width, height, instances, block)
             panes = height - min(10, instances + 2) - 3
-            rows = grid_rows(holds, panes, timing, block, peers=3)
+            rows = row_heights(holds, panes, timing, block, peers=3)
             left = panes - sum(rows)
             assert holds[TABS_CLASS] or (left >= OF_BYTES and rows.count(REST_ROW) == 1), (
                 width,

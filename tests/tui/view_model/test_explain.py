@@ -144,8 +144,8 @@ async def test_what_comes_along_for_a_frozen_view_is_bounded() -> None:
     large = replace(receiving(), name="L", data="small")
     async with looking(WIDE, picture(receiving(), large, *many)) as looker:
         looker.app.view_model._sizes["small"] = 65_535
-        assert looker.app.view_model.request().data == ("rx",)
-        assert looker.app.view_model.request().partial_of == ("TRCV_C_1", *(f"R{n}" for n in range(16)))
+        assert looker.app.view_model.make_request().data == ("rx",)
+        assert looker.app.view_model.make_request().partial_of == ("TRCV_C_1", *(f"R{n}" for n in range(16)))
 
 
 async def test_no_edge_of_a_frozen_time_is_lost() -> None:

@@ -6,23 +6,23 @@ import pytest
 
 from tests.tui.fakes import MS, SECOND, bench_project
 from trcvtui.commands.table import COMMANDS
-from trcvtui.tui.completion import complete, verbs
+from trcvtui.tui.completion import complete, list_verbs
 from trcvtui.tui.formatting import bar, clip, wrap_text
 from trcvtui.tui.peer_commands import make_send_line
 from trcvtui.tui.widgets.help import letters_of
 from trcvtui.tui.widgets.hex_view import CHARACTER_OF, CLASS_OF
-from trcvtui.wording import age, format_ns, stamp
+from trcvtui.wording import age_text, format_ns, stamp_text
 
 
 def test_times_are_written_with_their_unit() -> None:
-    assert stamp(12_330 * MS) == "12.330"
+    assert stamp_text(12_330 * MS) == "12.330"
     for ns, text in ((80_000, "0.08 ms"), (310_000, "0.31 ms"), (12 * MS, "12 ms"), (2_500 * MS, "2.5 s"),
                      (1_000 * SECOND, "16 min 40 s"), (7_200 * SECOND, "2 h 0 min")):  # fmt: skip
         assert format_ns(ns) == text
     for ns, text in ((0, "0.0 s"), (1_190 * MS, "1.1 s"), (9_999 * MS, "9.9 s"), (99 * SECOND, "99 s"),
                      (117 * SECOND, "117 s"), (720 * SECOND, "12 min"), (3 * 3600 * SECOND, "3 h"),
                      (-5, "0.0 s")):  # fmt: skip
-        assert age(ns) == text
+        assert age_text(ns) == text
 
 
 def test_what_is_cut_is_shown_to_be_cut() -> None:
@@ -107,7 +107,7 @@ def test_the_last_word_of_a_command_is_completed(line: str, completed: str | Non
 
 
 def test_every_verb_that_a_prompt_takes_is_completed() -> None:
-    assert set(COMMANDS) - {"wait"} <= set(verbs()), "a prompt does not wait"
+    assert set(COMMANDS) - {"wait"} <= set(list_verbs()), "a prompt does not wait"
 
 
 def test_empty_options_are_left_out_of_a_send() -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trcvtui.tui.view_model.member_numbers import Number
-from trcvtui.tui.widgets.curves import BRAILLE_DOTS, Curve, Numbers, curve, scale, sparkline
+from trcvtui.tui.widgets.curves import BRAILLE_DOTS, Curve, Numbers, curve, place_between, sparkline
 
 HUGE = 1.7976931348623157e308
 NUMBERS = st.one_of(st.integers(-(2**63), 2**64), st.floats(), st.sampled_from([HUGE, -HUGE]), st.booleans())
@@ -56,7 +56,7 @@ def test_each_number_of_the_window_is_drawn_in_its_column_and_height(
     for t, number in shown:
         ends = [until * column // (2 * width) for column in range(1, 2 * width)]
         column = sum(end <= t for end in ends)
-        assert (column, round(scale(number, *drawn.axis) * top)) in rows
+        assert (column, round(place_between(number, *drawn.axis) * top)) in rows
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from trcvtui.bench.peers.queues import PeerQueues, ReplyRules
 from trcvtui.bench.peers.transports import DatagramTransport, StreamTransport
 from trcvtui.commands.peer import PeerRoutine
-from trcvtui.commands.words import PeerPlay, PeerSend
+from trcvtui.commands.words import PeerPlaySequence, PeerSend
 from trcvtui.net.connection.config import ConnectionPolicy
 from trcvtui.net.kernel import Kernel, SocketOptions
 from trcvtui.net.results import Endpoint
@@ -122,7 +122,7 @@ class Peer:
         self.queues.outbox.put(send, now, number)
         return self.transport.send_due(now)
 
-    def play(self, sequence: PeerPlay, now: int) -> str:
+    def play(self, sequence: PeerPlaySequence, now: int) -> str:
         """Send the messages of a sequence one after the other, each after its pause."""
         wrong = self.transport.obstacle()
         if wrong:

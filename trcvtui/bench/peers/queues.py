@@ -19,7 +19,7 @@ from trcvtui.commands.counters_and_checksums import FrameChecker, fill_message
 from trcvtui.commands.peer import MOST_RULES
 from trcvtui.commands.table import rule_text
 from trcvtui.commands.tokens import KEPT_BYTES, chunks
-from trcvtui.commands.words import Contains, FieldIs, Match, PeerSend, ReplyOn, Starts
+from trcvtui.commands.words import AddReply, Contains, FieldIs, Match, PeerSend, Starts
 from trcvtui.plc.ledger import BenchNote, Event, PeerSent
 from trcvtui.snapshots.bench import ReplySnapshot, SentMessage
 from trcvtui.udt.layout.values import decode_leaves
@@ -270,7 +270,7 @@ def _make_matcher(match: Match) -> _ContentMatcher | _StartMatcher | _FieldMatch
 
 
 class _ReplyRule(Struct):
-    command: ReplyOn
+    command: AddReply
     looking: _ContentMatcher | _StartMatcher | _FieldMatcher
     text: str
     hits: int = 0
@@ -283,7 +283,7 @@ class ReplyRules:
     def __init__(self) -> None:
         self._rules: list[_ReplyRule] = []
 
-    def add(self, command: ReplyOn) -> str:
+    def add(self, command: AddReply) -> str:
         """Add a rule for bytes that arrive from now on; return what is wrong, or ""."""
         if len(self._rules) == MOST_RULES:
             return f"{command.peer} has {MOST_RULES} rules already; `reply off` removes them"

@@ -26,7 +26,7 @@ class TransferJob:
         self._env = bound.env
         self._connect = connection.config.name
         self._instance = bound.instance
-        self._asked: tuple[int, tuple[str, int]] | None = None  # LEN and DATA of the job that runs
+        self._latched: tuple[int, tuple[str, int]] | None = None  # LEN and DATA of the job that runs
         self._incarnation = 0  # of the connection that the running job works on
         self.first_offset = 0  # in the stream
 
@@ -42,9 +42,9 @@ class TransferJob:
 
     def _end_if_changed(self, length: int | None = None) -> Outcome | None:
         """End the job if DATA has another type or size, or LEN (if given) another value."""
-        assert self._asked is not None and self.data is not None
-        same_len = length in (None, self._asked[0])
-        if same_len and self._asked[1] == self.data.shape:
+        assert self._latched is not None and self.data is not None
+        same_len = length in (None, self._latched[0])
+        if same_len and self._latched[1] == self.data.shape:
             return None
         outcome = changed_outcome("DATA" if same_len else "LEN")
         self.abandon(outcome.cause.name)

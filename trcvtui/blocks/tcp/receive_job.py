@@ -72,7 +72,7 @@ class ReceiveJob(IncomingJob):
             has_to_wait = refused.condition is Condition.NO_BUFFER and self._whole_frame_waits(request)
             return refused if has_to_wait else self.check_loss() or refused
         assert self.data is not None
-        self._asked = length, self.data.shape
+        self._latched = length, self.data.shape
         self._start(request.length or self.data.size, request.adhoc)
         return self._collect() or self.receiving_outcome()  # rule 3, even if all bytes are here
 

@@ -67,7 +67,7 @@ class SendJob(OutgoingJob):
             self.release_direction()  # the lock lasts from the edge to DONE or ERROR: this is an ERROR
             return refused
         assert self.data is not None
-        self._asked = inputs.len, self.data.shape
+        self._latched = inputs.len, self.data.shape
         self._start(bytes(self.data.content[: inputs.len or self.data.size]))
         ended = self._send_rest()
         if ended is not None:

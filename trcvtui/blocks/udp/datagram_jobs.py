@@ -43,7 +43,7 @@ class DatagramSendJob(OutgoingJob):
             self.release_direction()  # the lock lasts from the edge to DONE or ERROR
             return refused
         assert self.data is not None
-        self._asked = length, self.data.shape
+        self._latched = length, self.data.shape
         payload = bytes(self.data.content[: length or self.data.size])
         self._start(payload)
         got = self._port.send_to(memoryview(payload), self._address, self._instance)
@@ -105,7 +105,7 @@ class DatagramReceiveJob(IncomingJob):
         if refused is not None:
             return refused
         assert self.data is not None
-        self._asked = length, self.data.shape
+        self._latched = length, self.data.shape
         self._start(length or self.data.size)
         return self._collect() or self._receiving_outcome()
 

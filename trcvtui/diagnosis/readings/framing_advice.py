@@ -36,10 +36,10 @@ from trcvtui.diagnosis.readings.proposal import (
     FramingAdvice,
     Proposal,
     describe_workaround,
-    evidence_of,
     list_doubts,
+    list_evidence,
     make_preview,
-    title_of,
+    make_title,
 )
 from trcvtui.diagnosis.readings.trial import (
     KNOWN_ENDS,
@@ -91,7 +91,7 @@ class FramingTrial:
     bits: float
 
 
-def advise(recording: LineRecording) -> FramingAdvice:
+def advise_framings(recording: LineRecording) -> FramingAdvice:
     """Return the proposals how to cut the bytes of a recording, the best first."""
     total = recording.size
     if total < LEAST_BYTES:
@@ -354,10 +354,10 @@ def _proposal(
     return Proposal(
         rank=rank,
         kind=guess.kind,
-        title=title_of(guess.kind, framing, guess.field),
+        title=make_title(guess.kind, framing, guess.field),
         framing=framing if guess.field is None else None,
         field=guess.field,
-        evidence=evidence_of(guess.kind, framing, guess.field, made, recording),
+        evidence=list_evidence(guess.kind, framing, guess.field, made, recording),
         doubt=(*list_doubts(guess.kind, framing, made, recording), *_describe_noise_doubt(good, *best)),
         instead=describe_workaround(guess.field),
         frames=len(good),
@@ -376,5 +376,5 @@ def _describe_noise_doubt(good: Sequence[LocatedFrame], best: Guess, clean: Cut)
     number = count_noisy_frames(good, clean.good) if best.kind is CutKind.PREFIX_SUFFIX and clean.noise else 0
     if not number:
         return ()
-    left_out = title_of(best.kind, best.framing, None)
+    left_out = make_title(best.kind, best.framing, None)
     return (f"{number} of {count(len(good), 'frame')} have noise in them, which {left_out} leaves out",)

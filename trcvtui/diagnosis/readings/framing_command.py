@@ -17,7 +17,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.commands.table import format_command
 from trcvtui.commands.tokens import Words
 from trcvtui.commands.words import Create
-from trcvtui.diagnosis.readings.framing_advice import advise
+from trcvtui.diagnosis.readings.framing_advice import advise_framings
 from trcvtui.diagnosis.readings.proposal import Proposal
 from trcvtui.errors import mistake
 from trcvtui.project.project import InstanceDecl, Project
@@ -105,7 +105,7 @@ def find_buffer(name: str, project: Project, where: str) -> str:
     """Return the ComBuffer of that name, or the one that an instance of that name reads."""
     buffers = {each.name: each.name for each in project.combuffers}
     known = buffers | {
-        each.name: each.connect for each in project.instances if block_row(each.block).reads_buffer
+        each.name: each.connect for each in project.instances if block_row(each.block).reads_rx_buffer
     }
     if name not in known:
         raise mistake(where, quote(name), expected_name(name, known, "ComBuffer, or instance that reads one"))
@@ -131,14 +131,14 @@ def parse_framing(rest: str, project: Project, where: str) -> tuple[str, str, in
 
 
 def describe_framings(recording: LineRecording) -> str:
-    return advise(recording).text()
+    return advise_framings(recording).text()
 
 
 def make_proposal_commands(
     recording: LineRecording, project: Project, name: str, number: int, where: str
 ) -> tuple[str, ...]:
     """Return the lines that apply a proposal; raise UserError if there is none of that number."""
-    advice = advise(recording)
+    advice = advise_framings(recording)
     numbers = [str(each) for each in range(1, len(advice.proposals) + 1)]
     if not numbers:
         raise mistake(where, f"no proposal ({advice.said})", "a recording that splits into frames")

@@ -106,7 +106,7 @@ FEW_FRAMES: Final = 5
 BYTE_ORDER_TEXTS: Final = {"big": "high byte first", "little": "low byte first"}
 
 
-def title_of(kind: CutKind, framing: Framing, field: LengthField | None) -> str:
+def make_title(kind: CutKind, framing: Framing, field: LengthField | None) -> str:
     if field is not None:
         width = "byte" if field.width == 1 else f"bytes, {BYTE_ORDER_TEXTS[field.order]}"
         return f"length field: {field.width} {width}, at byte {field.position}; {_length_meaning(field)}"
@@ -131,7 +131,7 @@ def _length_meaning(field: LengthField) -> str:
     return f"a frame has {field.more} bytes more than it says"
 
 
-def evidence_of(
+def list_evidence(
     kind: CutKind, framing: Framing, field: LengthField | None, made: Cut, recording: LineRecording
 ) -> tuple[str, ...]:
     """Return the evidence for a cut, the most telling first."""

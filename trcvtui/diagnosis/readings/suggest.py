@@ -17,9 +17,9 @@ from trcvtui.capture.plc_end import parse_plc
 from trcvtui.diagnosis.frame_causes import is_session, measure_sizes, select_whole_messages
 from trcvtui.diagnosis.line_facts import PAUSE_NS, LineFacts, LineMessage, collect_facts
 from trcvtui.diagnosis.message_joints import find_length_field
-from trcvtui.diagnosis.readings.framing_advice import MOST_FRAMES, advise
+from trcvtui.diagnosis.readings.framing_advice import MOST_FRAMES, advise_framings
 from trcvtui.diagnosis.readings.members import FoundType, find_members
-from trcvtui.diagnosis.readings.proposal import CutKind, describe_workaround, evidence_of, title_of
+from trcvtui.diagnosis.readings.proposal import CutKind, describe_workaround, list_evidence, make_title
 from trcvtui.diagnosis.readings.trial import LengthField, cut_by_length, join_chunks
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import mistake
@@ -47,7 +47,7 @@ class Suggestion(NamedTuple):
     proof: tuple[str, ...]
 
 
-def suggest(paths: Sequence[str], plc: str | None, project: Path) -> tuple[str, ...]:
+def suggest_project(paths: Sequence[str], plc: str | None, project: Path) -> tuple[str, ...]:
     """Write a project, and beside it its types; return a line of proof per PLC end. Raise UserError."""
     given = None if plc is None else parse_plc(plc)
     lines = [line for path in paths for line in collect_facts([path], given, receives=True).lines]
@@ -125,7 +125,7 @@ def _suggest_framing(line: LineFacts, takes_gap: bool) -> Suggestion | None:
     if source == "tcp" and (by_length := _suggest_length_field(line, recording)) is not None:
         return by_length
     against, rank = list[str](), 1
-    for each in advise(recording).proposals:
+    for each in advise_framings(recording).proposals:
         if each.rank > rank:
             break
         whole = (
@@ -160,7 +160,10 @@ def _suggest_length_field(line: LineFacts, recording: LineRecording) -> Suggesti
         return None
     framing, kind = Framing(field.head), CutKind.LENGTH
     frames = f"{len(made.good)} of {len(made.frames)} frames, {explained} of {made.total} bytes"
-    proof = f"{title_of(kind, framing, field)}: {frames}", *evidence_of(kind, framing, field, made, recording)
+    proof = (
+        f"{make_title(kind, framing, field)}: {frames}",
+        *list_evidence(kind, framing, field, made, recording),
+    )
     longest = max(len(frame.content) for frame in made.good)
     return Suggestion(line, longest, True, False, None, None, (*proof, describe_workaround(field)))
 
@@ -270,13 +273,13 @@ def _choose_block(dialect: str, is_it: Callable[[BlockRow], object]) -> BlockRow
 def _format_receiver(n: int, one: Suggestion, dialect: str) -> Iterator[str]:
     framing, is_serial = one.framing, one.line.protocol == "serial"
     if one.is_datagram:
-        row = _choose_block(dialect, lambda row: row.receives and row.speaks_udp)
+        row = _choose_block(dialect, lambda row: row.receives_on_net and row.speaks_udp)
         yield from _table(
             "instance", name=f"{row.name}_{n}", block=row.name, config=f"C{n}", addr=f"from_{n}",
             data=f"data_{n}", EN_R=True,
         )  # fmt: skip
         return
-    row = _choose_block(dialect, lambda row: row.receives and row.connects)
+    row = _choose_block(dialect, lambda row: row.receives_on_net and row.owns_link)
     if not is_serial:
         data = f"data_{n}" if framing is None else f"chunk_{n}"
         yield from _table(

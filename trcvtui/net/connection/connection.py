@@ -117,8 +117,8 @@ class SentState(Enum):
 
 class SocketUse(Enum):
     LISTENS = auto()
-    CALLS = auto()
-    STANDS = auto()
+    CONNECTS = auto()
+    CONNECTED = auto()
     DATAGRAMS = auto()
 
 
@@ -204,7 +204,7 @@ class Connection:
 
     @property
     def sockets(self) -> Iterator[tuple[Handle, SocketUse]]:
-        of = SocketUse.STANDS, SocketUse.CALLS if self.config.active else SocketUse.LISTENS
+        of = SocketUse.CONNECTED, SocketUse.CONNECTS if self.config.active else SocketUse.LISTENS
         found = zip(
             (self.handle, self.set_up.attempt, self.set_up.listener), (*of, SocketUse.LISTENS), strict=True
         )

@@ -32,7 +32,7 @@ from trcvtui.wording import format_ns
 NS_PER_UNIT: Final = 20_000  # of the interval: 5 us of work, a quarter of it
 LEAST_UNITS: Final = 32  # units of a scan, however short
 DEFAULT_INTERVAL_NS: Final = 10_000_000  # ns
-LEAST_SHARE: Final = 16  # units; if so many parties wait that shares would be smaller, they take turns
+LEAST_SHARE_UNITS: Final = 16  # units; if so many parties wait that shares would be smaller, they take turns
 EPISODE_REST_NS: Final = 10_000_000_000  # ns without a wait, after which the next wait is a new episode
 HANDSHAKE_DIVISOR: Final = 10  # the part of the interval for handshakes
 FADE_SHIFT: Final = 6  # the longest step is forgotten by 1 / 2**FADE_SHIFT a scan
@@ -86,7 +86,7 @@ class ScanBudget:
 
     def __init__(self, clock: Callable[[], int] = int, interval_ns: int = DEFAULT_INTERVAL_NS) -> None:
         self.clock = clock
-        self.said: WaitReport = ignore_wait
+        self.report_wait: WaitReport = ignore_wait
         self.scan = 0
         self.set_interval(interval_ns)
         self._now = 0
@@ -111,7 +111,7 @@ class ScanBudget:
         self._reserved.clear()
         self._rest = self.units
         if self._waiting:
-            turn = list(self._waiting)[: max(1, self.units // LEAST_SHARE - 1)]
+            turn = list(self._waiting)[: max(1, self.units // LEAST_SHARE_UNITS - 1)]
             share = self.units // (len(turn) + 1)  # Rule 2; one share more is the rest for all others
             self._rest -= share * len(turn)
             for party in turn:
@@ -140,7 +140,7 @@ class ScanBudget:
 
     def _report_once(self, owner: str, what: EventKind, partner: str, why: str) -> None:
         if self._episodes.pop((owner, what), None) is None:  # Rule 3: else an attacker fills the ledger
-            self.said(owner, what, partner, why)
+            self.report_wait(owner, what, partner, why)
         self._episodes[owner, what] = self._now  # last again: the oldest are first
 
     # -- handshakes ------------------------------------------------------------------------------------

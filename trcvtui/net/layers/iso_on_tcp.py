@@ -306,7 +306,7 @@ class IsoPhase(Enum):
 class IsoSettings(Struct, frozen=True):
     """Settings of a CONNECT: both TSAPs and the longest message in bytes; an empty `remote` is any partner.
 
-    `size_code` n: TPDUs of at most 2**n bytes are proposed, and accepted. `not_told`: bytes of a DT to a
+    `size_code` n: TPDUs of at most 2**n bytes are proposed, and accepted. `default_dt_bytes`: of a DT to a
     partner that names no size.
     """
 
@@ -314,7 +314,7 @@ class IsoSettings(Struct, frozen=True):
     remote: bytes
     cap: int
     size_code: int = OWN_SIZE_CODE
-    not_told: int = DEFAULT_DT_BYTES
+    default_dt_bytes: int = DEFAULT_DT_BYTES
     is_message_oriented: bool = True
     shares_port: bool = True
 
@@ -334,7 +334,7 @@ class IsoSession:
         self.can_take_back = True
         self.request: ConnectTpdu | None = None  # the partner's CR, until it is answered
         self._settings = settings
-        self._most = settings.not_told - DATA_HEADER
+        self._most = settings.default_dt_bytes - DATA_HEADER
         self._reader = TpktReader()
         self._output = bytearray()
         self._collected = bytearray()
@@ -510,7 +510,7 @@ class IsoSession:
         self.phase = IsoPhase.UP
         agreed = self._reader.agreed = 1 << size_code if size_code is not None else None
         own = 1 << self._settings.size_code
-        self._most = (agreed or min(self._settings.not_told, own)) - DATA_HEADER
+        self._most = (agreed or min(self._settings.default_dt_bytes, own)) - DATA_HEADER
 
     def _handle_data(self, piece: DataTpdu) -> None:
         size, agreed = len(piece.payload) + DATA_HEADER, self._reader.agreed

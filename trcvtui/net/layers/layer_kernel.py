@@ -361,7 +361,7 @@ class LayerKernel(KernelProxy):
         if stream is not None and choice is not None:
             choice.refuse(is_known=True)
             stream.flush()
-            stream.is_told = True  # the caller reports why it refused this client
+            stream.is_end_reported = True  # the caller reports why it refused this client
         says_goodbye = choice is None and self._send_goodbye(handle) and handle not in self._fixed
         stays = self._forget(handle)
         if stays:

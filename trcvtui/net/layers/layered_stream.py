@@ -45,7 +45,7 @@ class LayeredStream:
         self.fault: Fault | None = None
         self.is_over = False
         self.has_spoken = False
-        self.is_told = False  # whether the reason of its end was reported
+        self.is_end_reported = False  # whether the reason of its end was reported
         self.has_failed = False
         self._kernel = kernel
         self._unfinished = 0  # the number of the message whose time is checked
@@ -156,9 +156,9 @@ class LayeredStream:
 
     def take_end_text(self) -> str:
         """Return, once, why the session has ended by itself; "" while it has not."""
-        if self.is_told or self.session.ended is None:
+        if self.is_end_reported or self.session.ended is None:
             return ""
-        self.is_told = True
+        self.is_end_reported = True
         return self.session.ended.detail
 
     # -- out ----------------------------------------------------------------------------------------------
@@ -230,12 +230,12 @@ _NO_BYTES = memoryview(b"")
 
 # -- several CONNECTs at one port: the client's first message says which of them it wants -----------------
 #
-# Rule 1: at most CLIENTS_WAITING clients are in a handshake at a time, each for HANDSHAKE_LIMIT_NS at most;
-# at most CLIENTS_WAITING finished ones wait for each CONNECT.
+# Rule 1: at most MOST_WAITING_CLIENTS clients are in a handshake at a time, each for HANDSHAKE_LIMIT_NS at
+# most; at most MOST_WAITING_CLIENTS finished ones wait for each CONNECT.
 # Rule 2: the work of a scan is bounded (ScanBudget): clients that are not accepted yet wait in the stack.
 # Rule 3: a silent client delays no other one: the newest client takes the place of the oldest silent one.
 
-CLIENTS_WAITING: Final = 16
+MOST_WAITING_CLIENTS: Final = 16
 CLIENTS_QUEUED: Final = 64  # in the stack, between two polls
 HANDSHAKE_LIMIT_NS: Final = 5_000_000_000  # ns
 
@@ -262,9 +262,9 @@ CLIENT_DROPPED: Final = "client dropped"
 TPDU_IGNORED: Final = "TPDU ignored"
 SESSION_ENDED: Final = "session ended"
 GAVE_WAY_TEXT: Final = (
-    f"{CLIENTS_WAITING} clients were there before it was done, and a newer one takes its place"
+    f"{MOST_WAITING_CLIENTS} clients were there before it was done, and a newer one takes its place"
 )
-QUEUE_FULL_TEXT: Final = f"the queue is full: {CLIENTS_WAITING} clients wait and none was accepted"
+QUEUE_FULL_TEXT: Final = f"the queue is full: {MOST_WAITING_CLIENTS} clients wait and none was accepted"
 
 
 class ChoiceSession(Protocol):
@@ -346,7 +346,7 @@ class SharedListener:
         return not member.settings.shares_port and self._is_full(member)
 
     def _make_room(self) -> None:
-        if len(self.clients) >= CLIENTS_WAITING:  # Rules 1 and 3
+        if len(self.clients) >= MOST_WAITING_CLIENTS:  # Rules 1 and 3
             oldest = next((one for one in self.clients if not one.has_spoken), self.clients[0])
             self._drop_client(oldest, GAVE_WAY_TEXT)
 
@@ -410,7 +410,7 @@ class SharedListener:
 
     @staticmethod
     def _is_full(member: PortMember) -> bool:
-        return len(member.ready) >= CLIENTS_WAITING
+        return len(member.ready) >= MOST_WAITING_CLIENTS
 
     def _fail(self, client: LayeredStream, why: str) -> None:
         session: LayerSession = client.session

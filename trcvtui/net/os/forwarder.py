@@ -18,7 +18,7 @@ from typing import Any, Final
 
 from trcvtui.errors import one_line
 from trcvtui.net.os.lossy_pipe import LossyPipe
-from trcvtui.net.os.system_calls import HAS_POLL, IN, OUT, new_poll_set, read_end_figures
+from trcvtui.net.os.system_calls import HAS_POLL, IN, OUT, new_poll_set, read_path_figures
 from trcvtui.net.os.tapped_ends import TapSerialConversation, TcpRoute, UdpRoute
 from trcvtui.net.os.tapped_lane import TapLane, TapLoop, apply_order, describe_order, find_refusal
 from trcvtui.net.tap import (
@@ -27,7 +27,7 @@ from trcvtui.net.tap import (
     FIGURES_DATA,
     LOSS,
     NEWEST,
-    RELEASE,
+    RELEASE_LINE,
     USER_LINE,
     WAY_TO,
     Route,
@@ -84,7 +84,7 @@ class Forwarder(TapLoop):
             self._report_time()
 
     def _handle_line(self, line: bytes) -> None:
-        if line == RELEASE:
+        if line == RELEASE_LINE:
             self.release_all()
         elif line.startswith(USER_LINE):
             self.say(line[len(USER_LINE) :].decode(errors="replace"))
@@ -110,7 +110,7 @@ class Forwarder(TapLoop):
             talks = islice(reversed(route.talks.items()), MOST_FIGURES) if route.has_stack else ()
             for number, talk in talks:
                 for lane in talk.lanes:
-                    found = read_end_figures(lane.target.port)
+                    found = read_path_figures(lane.target.port)
                     if found is not None and found != lane.figures:
                         lane.figures = found
                         self.report(
@@ -180,7 +180,7 @@ class Forwarder(TapLoop):
             return
         lane = talk.lanes[order.way]
         why = find_refusal(lane, order)
-        kind = TapEventKind.REFUSED if why else TapEventKind.OURS
+        kind = TapEventKind.REFUSED if why else TapEventKind.INTERVENTION
         self.report(kind, order.way, order.route, number, lane.at, (why or describe_order(order)).encode())
         if not why:
             apply_order(lane, order)

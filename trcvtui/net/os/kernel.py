@@ -22,7 +22,7 @@ from trcvtui.net.os.system_calls import (
     RDHUP,
     RESET_ON_CLOSE,
     REUSE_OPTION,
-    VERDICT,
+    VERDICT_MASK,
     CutLinks,
     PollList,
     PollSet,
@@ -212,7 +212,7 @@ class OsKernel:
         sock = self._sockets.get(handle)
         if sock is None:
             return Fault("connect", "EBADF")
-        if not self._poll_socket(handle, OUT) & VERDICT:
+        if not self._poll_socket(handle, OUT) & VERDICT_MASK:
             return WOULD_BLOCK
         error = self._take_error(handle, sock)
         fault = Fault("connect", error) if error else self._call("connect", handle, Socket.getpeername)

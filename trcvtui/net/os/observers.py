@@ -22,7 +22,7 @@ from trcvtui.net.os.lossy_pipe import LossyPipe
 from trcvtui.net.os.system_calls import IN, new_poll_set, poll_once
 from trcvtui.net.os.tap_ways import ORDERS, RECORDER, SCREEN
 from trcvtui.net.os.tapped_lane import TapLoop
-from trcvtui.net.tap import ENDS, LOSS, RELEASE, USER_LINE, TapEvent, TapEventKind, read_events
+from trcvtui.net.tap import ENDS, LOSS, RELEASE_LINE, USER_LINE, TapEvent, TapEventKind, read_events
 
 PEER_CREDENTIALS: Final = struct.Struct("iII")  # of SO_PEERCRED: process, user, group
 MOST_PATH_BYTES: Final = 107  # bytes of `sun_path`
@@ -33,7 +33,7 @@ LISTENER_CHECK_NS: Final = 5_000_000_000  # between two checks whether the socke
 FIRST_PAUSE_NS, MOST_PAUSE_NS = 1_000_000_000, 60_000_000_000  # before the next attempt to listen
 
 
-def _check_socket_path(path: Path) -> str:
+def _require_private_path(path: Path) -> str:
     with suppress(OSError):  # without a folder there is no socket either
         folder = os.lstat(path.parent)
         is_ours = stat.S_ISDIR(folder.st_mode) and folder.st_uid == os.geteuid()
@@ -57,7 +57,7 @@ def is_trusted(peer: socket.socket) -> bool:
 
 def connect_to_tap(path: Path, expected: str) -> int:
     """Return the descriptor of a connection to the tap at a path; raise UserError without one."""
-    name, made = _check_socket_path(path), socket.socket(socket.AF_UNIX)
+    name, made = _require_private_path(path), socket.socket(socket.AF_UNIX)
     made.settimeout(CONNECT_TIMEOUT_S)
     found = "no tap"
     try:
@@ -82,7 +82,7 @@ def listen_at(path: Path) -> socket.socket:
         # Only a socket that refuses a connection is that of a dead program.
         with socket.socket(socket.AF_UNIX) as rival, suppress(FileNotFoundError, ConnectionRefusedError):
             rival.settimeout(CONNECT_TIMEOUT_S)
-            rival.connect(_check_socket_path(path))
+            rival.connect(_require_private_path(path))
             raise mistake(str(path), "a tap that listens there already", "one tap of a project")
         with suppress(FileNotFoundError):
             if not stat.S_ISSOCK(os.lstat(path).st_mode):
@@ -110,7 +110,7 @@ class Encoder(Protocol):
 
     def encode_event(self, event: TapEvent) -> bytes: ...
 
-    def encode_lines(self, since: int) -> list[bytes]:
+    def encode_interfaces(self, since: int) -> list[bytes]:
         """Return the interface blocks of serial lines, without the first `since`."""
 
     def encode_loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
@@ -147,7 +147,7 @@ class Observer:
         self.kind = kind
         self._server, self._capture = server, server.capture
         self._has_ordered, self._is_refused = kind.holds, False
-        lines = self._capture.encode_lines(0)
+        lines = self._capture.encode_interfaces(0)
         self._lines, self._newest = len(lines), server.newest  # the newest conversation that it knows
         self._dropped = 0  # events that it missed
         self.pipe = LossyPipe(server.loop, sock, kind.most, self._report_missed, self._on_order, self._on_end)
@@ -168,7 +168,7 @@ class Observer:
             )
 
     def _write_blocks(self, blocks: bytes, events: int = 0, size: int = 0, ends: bytes = b"") -> None:
-        for line in self._capture.encode_lines(self._lines):  # an interface comes before its packets
+        for line in self._capture.encode_interfaces(self._lines):  # an interface comes before its packets
             self.pipe.put(line, events=0)
             self._lines += not self.pipe.is_behind
         self.pipe.put(blocks, events=events, size=size, ends=ends)
@@ -191,7 +191,7 @@ class Observer:
     def _on_end(self) -> None:
         self._server.remove_observer(self)
         if self._has_ordered:  # held bytes must not wait for an observer that is gone
-            self._server.send_to_tap(RELEASE)
+            self._server.send_to_tap(RELEASE_LINE)
 
 
 class ObserverServer:

@@ -42,11 +42,11 @@ class PacketPipe:
         self._stops_at = time.monotonic() + STOP_WAIT_S
 
     @property
-    def is_stopped(self) -> bool:
+    def is_stopping(self) -> bool:
         return self._stops_at is not None
 
     @property
-    def busy_ns(self) -> int:
+    def since_empty_ns(self) -> int:
         """Return for how long the pipe was never empty."""
         return time.monotonic_ns() - self.empty_at
 

@@ -25,7 +25,7 @@ HAS_POLL: Final = hasattr(select, "poll")
 GONE_MASK: Final = ERR | HUP | RDHUP
 # While an attempt to connect is running, an ICMP message raises ERR alone: that is no verdict.
 # select has no HUP: there a refusal shows as ERR.
-VERDICT: Final = OUT | HUP if HAS_POLL else OUT | ERR
+VERDICT_MASK: Final = OUT | HUP if HAS_POLL else OUT | ERR
 
 
 class PollSet(Protocol):
@@ -139,7 +139,7 @@ def limit_unacknowledged(sock: socket.socket, milliseconds: int) -> bool:
     return _set_option(sock, TCP_LEVEL, option, -(-milliseconds // unit))  # rounded up: 0 would be no limit
 
 
-def probes_often(sock: socket.socket) -> bool:
+def retransmits_often(sock: socket.socket) -> bool:
     """Return whether retransmissions and window probes are at most a second apart."""
     try:
         return TCP_RTO_MAX_MS is not None and sock.getsockopt(TCP_LEVEL, TCP_RTO_MAX_MS) <= RTO_MAX_MS
@@ -283,7 +283,7 @@ def tcp_info(sock: socket.socket | None) -> PathInfo | None:
     try:
         info = sock.getsockopt(TCP_LEVEL, socket.TCP_INFO, TCP_INFO_BYTES).ljust(TCP_INFO_BYTES, b"\0")
         queued = _ioctl_int(sock, termios.TIOCOUTQ)
-        often = probes_often(sock)
+        often = retransmits_often(sock)
     except (OSError, ValueError):
         return None
     (last_ack_ms,) = struct.unpack_from("=I", info, LAST_ACK_AT)
@@ -291,7 +291,7 @@ def tcp_info(sock: socket.socket | None) -> PathInfo | None:
     return PathInfo(max(0, queued - unsent), unsent, last_ack_ms, often)  # two calls: they can disagree
 
 
-def read_end_figures(sock: socket.socket) -> tuple[int, int, int] | None:
+def read_path_figures(sock: socket.socket) -> tuple[int, int, int] | None:
     """Return the round trip in us, the other end's window, bytes retransmitted to it; None if unknown."""
     if sys.platform != "linux":
         return None

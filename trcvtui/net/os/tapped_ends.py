@@ -80,7 +80,7 @@ class TapTcpConversation(TapConversation):
             self.report(TapEventKind.RST, WAY_BACK)
             self._report_over()
             return
-        self.report(TapEventKind.STANDS, WAY_BACK)
+        self.report(TapEventKind.ANSWERED, WAY_BACK)
         near, far = TapEnd(self.loop, self._near), TapEnd(self.loop, self._far)
         self.lanes = TapLane(self, WAY_TO, near, far), TapLane(self, WAY_BACK, far, near)
         if error:
@@ -134,7 +134,7 @@ class TapTcpConversation(TapConversation):
             self._report_over()
 
     def _report_over(self) -> None:
-        self.report(TapEventKind.OVER, WAY_TO)
+        self.report(TapEventKind.ENDED, WAY_TO)
         self.route.talks.pop(self.number, None)
 
     def finish(self) -> None:
@@ -254,9 +254,13 @@ class TcpRoute:
         number, why = self.loop.next_number(), f"rst: no {self._lack.what} left".encode()
         events = (
             (TapEventKind.OPEN, WAY_TO, _open_event_data(self.route.to, end)),
-            (TapEventKind.OURS, WAY_BACK, why),
+            (TapEventKind.INTERVENTION, WAY_BACK, why),
         )
-        for kind, way, data in (*events, (TapEventKind.RST, WAY_BACK, b""), (TapEventKind.OVER, WAY_TO, b"")):
+        for kind, way, data in (
+            *events,
+            (TapEventKind.RST, WAY_BACK, b""),
+            (TapEventKind.ENDED, WAY_TO, b""),
+        ):
             self.loop.report(kind, way, self.place, number, 0, data)
         return True
 
@@ -275,16 +279,16 @@ class UdpRoute:
         self.loop, self.route, self.place = loop, route, place
         self.talks: dict[int, Any] = {}
         self._clients: dict[Any, TapUdpConversation] = {}  # the client of the newest datagram is last
-        self.door = _bind_socket(route.listen, socket.SOCK_DGRAM)
-        self.door.setblocking(False)
-        self.address = self.door.getsockname()[:2]
+        self.listener = _bind_socket(route.listen, socket.SOCK_DGRAM)
+        self.listener.setblocking(False)
+        self.address = self.listener.getsockname()[:2]
         self._lack = _LackReporter(self, "datagram")
-        loop.register(self.door.fileno(), IN, self._read_datagrams)
+        loop.register(self.listener.fileno(), IN, self._read_datagrams)
 
     def _read_datagrams(self, _: int) -> None:
         for _ in range(64):
             try:
-                size, client = self.door.recvfrom_into(self.loop.buffer)
+                size, client = self.listener.recvfrom_into(self.loop.buffer)
             except OSError:  # no datagram, or an ICMP message
                 return
             talk = self._clients.pop(client, None) or self._begin_conversation(client)
@@ -297,7 +301,7 @@ class UdpRoute:
             self._drop_client(next(iter(self._clients)))
         place = self.route.to
         try:
-            family = socket.AF_INET6 if ":" in place.address else self.door.family
+            family = socket.AF_INET6 if ":" in place.address else self.listener.family
             sock = socket.socket(family, socket.SOCK_DGRAM)
             sock.setblocking(False)
             sock.connect((place.address, place.port))
@@ -319,8 +323,8 @@ class UdpRoute:
         """Forward what was held, then stop listening."""
         for client in tuple(self._clients):
             self._drop_client(client)
-        self.loop.unregister(self.door.fileno())
-        self.door.close()
+        self.loop.unregister(self.listener.fileno())
+        self.listener.close()
 
 
 class _DatagramEnd(TapEnd):
@@ -338,7 +342,7 @@ class TapUdpConversation(TapConversation):
     def __init__(self, route: UdpRoute, number: int, sock: socket.socket, client: Any) -> None:
         self.number, self.loop, self.place, self._sock = number, route.loop, route.place, sock
         self.said = _open_event_data(route.route.to, client)
-        near = _DatagramEnd(route.door, lambda data: route.door.sendto(data, client))
+        near = _DatagramEnd(route.listener, lambda data: route.listener.sendto(data, client))
         far = _DatagramEnd(sock, sock.send)
         self.lanes = DatagramLane(self, WAY_TO, near, far), DatagramLane(self, WAY_BACK, far, near)
         self.loop.register(sock.fileno(), IN, self._read_answers)
@@ -365,7 +369,7 @@ class TapUdpConversation(TapConversation):
             lane.is_over = True
         self.loop.unregister(self._sock.fileno())
         self._sock.close()
-        self.report(TapEventKind.OVER, WAY_TO)
+        self.report(TapEventKind.ENDED, WAY_TO)
 
 
 class TapSerialConversation(TapConversation):

@@ -396,7 +396,9 @@ class DatagramLane(TapLane):
 
     def handle_data(self, data: memoryview) -> None:
         if len(data) > self.room():
-            self.talk.report(TapEventKind.OURS, self.way, f"drop {len(data)} bytes: {HELD_LIMIT}".encode())
+            self.talk.report(
+                TapEventKind.INTERVENTION, self.way, f"drop {len(data)} bytes: {HELD_LIMIT}".encode()
+            )
             return
         if self.held is not None:
             self._sizes.append(len(data))

@@ -16,7 +16,7 @@ from trcvtui import clock
 from trcvtui.fleet.broker import BrokerAccess, BrokerConnection
 from trcvtui.fleet.fleet_list import GROUP_KEYS, Entry, FleetGroup, count_sick, filter_lines, group_lines
 from trcvtui.fleet.reader import FleetReader, state_topics
-from trcvtui.fleet.seen_fleet import ERROR, STATES, FleetLine, SeenFleet
+from trcvtui.fleet.seen_fleet import ERROR, STATES, FleetLine, FleetModel
 from trcvtui.tui.fleet.card import FleetCardScreen
 from trcvtui.tui.fleet.table import NO_AGENT_LINES, FleetColumnHead, FleetTable
 from trcvtui.tui.formatting import plain
@@ -127,7 +127,7 @@ class FleetScreen(Screen[None]):
         self._frame = Vertical(id="fleet-frame")
 
     def utc_seconds(self) -> float:
-        return clock.wall_ns() / NS_PER_S
+        return clock.utc_ns() / NS_PER_S
 
     def compose(self) -> Iterator[Widget]:
         yield self.head
@@ -176,7 +176,7 @@ class FleetScreen(Screen[None]):
 
     def show_outcome(self) -> None:
         reader = self._reader
-        words, style = reader.told, "warn"
+        words, style = reader.last_refusal, "warn"
         if not reader.is_up:
             before = "; the list shows the last known state" if self.head.shown else ""
             words, style = f"{reader.why}{before}; retrying", "error"
@@ -287,7 +287,7 @@ class FleetApp(TerminalApp):
 
 def run_fleet(broker: BrokerAccess, pattern: str, client_id: str, theme: str | None) -> int:
     connection = BrokerConnection(broker, client_id, topics=state_topics(pattern))
-    reader = FleetReader(connection, SeenFleet(), pattern)
+    reader = FleetReader(connection, FleetModel(), pattern)
     settings = load_settings((), theme)
     connection.open()
     try:

@@ -12,7 +12,7 @@ from trcvtui.tui.fleet.table import since_text, spark_parts
 from trcvtui.tui.formatting import SECOND, lamp, plain, wrap_text
 from trcvtui.tui.widgets.dialogs import LABEL_WIDTH, CardText, ListDialog
 from trcvtui.tui.widgets.line_view import Part, Row, row, rule
-from trcvtui.wording import age, count, last_part, size_text
+from trcvtui.wording import age_text, count, last_part, size_text
 
 CODE_WIDTH: Final = 9  # columns
 EVENT_STYLES: Final = {"error": "error", "finding": "warn"}  # of events by their kinds
@@ -61,7 +61,7 @@ class FleetCard(CardText):
         )
         if skew := line.agent.skew_s:
             behind = "behind" if skew > 0 else "ahead of"
-            shown = f"{age(int(abs(skew) * SECOND))} {behind} ours; all times are ours"
+            shown = f"{age_text(int(abs(skew) * SECOND))} {behind} ours; all times are ours"
             yield from self._labelled("clock", [shown], "warn")
         recorded = next((event for _, event in self._list_events() if event.file), None)
         if recorded is not None:
@@ -96,7 +96,7 @@ class FleetCard(CardText):
         wall = self._wall()
         since = since_text(self._line.agent.to_our_time(status.t, wall) - status.age_s, wall)
         if (stuck := self._line.stuck_s(instance, wall)) >= STUCK_S:
-            since += f" · stuck for {age(int(stuck * SECOND))}"
+            since += f" · stuck for {age_text(int(stuck * SECOND))}"
         counted = f"{have}{status.jobs_done} DONE, {count(status.errors, 'ERROR', 'ERRORs')} · for {since}"
         rows.append(row((f"16#{status.status}  ", style), *lamps, (f" {counted}", "")))
         found = self._labelled("finding", [plain(status.finding)], "warn") if status.finding else []

@@ -17,7 +17,7 @@ from trcvtui.fleet.seen_fleet import AWAY, ERROR, FINDING, GOOD, HAD, OFFLINE, S
 from trcvtui.tui.formatting import SECOND, clip, clip_middle, pad, plain
 from trcvtui.tui.messages import FleetEntryOpened
 from trcvtui.tui.widgets.line_view import MOVES, LineView, OneLine, Part, Row, hidden_keys, row
-from trcvtui.wording import age, count
+from trcvtui.wording import age_text, count
 
 STATE_WIDTH, CODE_WIDTH, SINCE_WIDTH, SPARK_WIDTH, HOUR = 13, 5, 7, 12, 5  # columns
 FIXED_WIDTH: Final = 4 + STATE_WIDTH + CODE_WIDTH + 1 + SINCE_WIDTH + 1 + SPARK_WIDTH + HOUR
@@ -47,7 +47,7 @@ def spark_parts(errors: Sequence[int]) -> list[Part]:
 
 
 def since_text(t: float | None, wall: float) -> str:
-    return "" if t is None else age(int(max(0.0, wall - t) * SECOND))
+    return "" if t is None else age_text(int(max(0.0, wall - t) * SECOND))
 
 
 def state_of(line: FleetLine) -> str:

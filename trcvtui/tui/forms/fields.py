@@ -59,7 +59,7 @@ def list_parts(view_model: ViewModel, peer_first: bool) -> list[ProjectPart]:
 
 
 def _parts_of(instance: InstanceDecl) -> Iterator[ProjectPart]:
-    is_buffered = block_row(instance.block).has_buffer
+    is_buffered = block_row(instance.block).has_com_buffer
     link = "combuffer" if is_buffered else "udp_config" if instance.on_config else "connect"
     yield ProjectPart(link, instance.connect)
     if instance.addr:

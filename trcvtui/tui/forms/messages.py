@@ -171,7 +171,7 @@ def _column_texts(leaf: Leaf) -> dict[str, str]:
     return {"name": clip(plain(leaf.path), NAME - 1), "type": clip(plain(type_text(leaf.type)), TYPE - 1)}
 
 
-def form_of(text: str, mode: str, view_model: ViewModel) -> UdtForm | None:
+def make_udt_form(text: str, mode: str, view_model: ViewModel) -> UdtForm | None:
     """Return the form of the UDT that a payload names, else of DATA, else of the first; None without UDTs."""
     types, declared = view_model.project.types, view_model.declaration
     first = text.split("{")[0].strip() if mode == UDT else ""

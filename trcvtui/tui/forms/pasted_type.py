@@ -13,7 +13,7 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.project.tables import find_hidden
 from trcvtui.udt.sources import parse_source
 
-MOST: Final = 64 * 1024  # characters
+MOST_CHARS: Final = 64 * 1024  # characters
 LONGEST_NAME: Final = 60
 UNNAMED: Final = "Pasted"  # the name of a STRUCT without one, and of its file
 
@@ -22,11 +22,11 @@ def prepare_pasted_type(text: str, base: Path) -> tuple[Path, str]:
     """Return the first free file in a folder for a pasted text, and its content; raise UserError."""
     from trcvtui.engine.project_edits import refuse_shipped_file  # read when first asked for
 
-    lines = text[: MOST + 1].expandtabs(4).splitlines()
+    lines = text[: MOST_CHARS + 1].expandtabs(4).splitlines()
     hidden = find_hidden("".join(lines))
-    if hidden or len(text) > MOST:
+    if hidden or len(text) > MOST_CHARS:
         found = f"{hidden[:40]} in it" if hidden else f"{len(text)} characters"
-        raise mistake("paste", found, f"a STRUCT of at most {MOST} characters, no control characters")
+        raise mistake("paste", found, f"a STRUCT of at most {MOST_CHARS} characters, no control characters")
     source, name = "\n".join([*lines, ""]), UNNAMED
     with suppress(UserError):  # the form shows the mistake
         name = next((each.name for each in parse_source(source, UNNAMED, ".st").types), name)

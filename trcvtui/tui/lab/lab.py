@@ -257,7 +257,7 @@ class Lab:
         self.news = ""  # the last event, in a sentence
         self.fits: tuple[Fit, ...] = ()
         self._remark = ""  # of the bytes, when the lab was opened
-        self.fitted = ""  # names the bytes that `fits` was judged by
+        self.fitted_by = ""  # names the bytes that `fits` was judged by
         self._is_early = False  # judged before the messages had come
         self.asked_for: tuple[str, ...] = ()  # the constants in the last question
         self.revision = 0  # counts changes of type or profiles
@@ -386,7 +386,7 @@ class Lab:
         self._layouts: dict[str, Layout | None] = {}
         self._tree: FoldTree | None = None
         self._comparison: Comparison | None = None
-        self.fits, self.fitted = (), ""
+        self.fits, self.fitted_by = (), ""
 
     def layout(self, side: str) -> Layout | None:
         """Return the type laid out on one side; None without a type, or if the layout is impossible."""
@@ -425,11 +425,11 @@ class Lab:
     def choose_profile(self, side: str, profile: Profile) -> None:
         if profile == self.profiles[side]:
             return
-        kept, fits = self.fitted, self.fits
+        kept, fits = self.fitted_by, self.fits
         self.profiles[side] = profile
         self._is_guess = self._is_guess and side == OURS
         self._clear_results()
-        self.fits, self.fitted, self.news = fits, kept, ""  # the ranking stays: you try its rows
+        self.fits, self.fitted_by, self.news = fits, kept, ""  # the ranking stays: you try its rows
 
     def swap_order(self, side: str) -> None:
         profile = self.profiles[side]
@@ -471,7 +471,7 @@ class Lab:
 
     def rank_profiles(self) -> None:
         messages, is_framed = self.bytes.evidence()
-        self.fits, self.fitted = (), self.bytes.evidence_name
+        self.fits, self.fitted_by = (), self.bytes.evidence_name
         self._is_early = self.bytes.window() is None  # the engine has not sent the messages yet
         if self.type is not None and messages:
             own, sender = self.rules(OURS), self.files.types.sender(self.type_name).layout
@@ -479,11 +479,11 @@ class Lab:
 
     @property
     def judgement(self) -> str:
-        if not self.fitted:
+        if not self.fitted_by:
             return ""
         if not self.fits:
-            return f"{self.fitted}: no bytes to judge by"
-        return f"By {self.fitted}: {verdict(self.fits)}"
+            return f"{self.fitted_by}: no bytes to judge by"
+        return f"By {self.fitted_by}: {verdict(self.fits)}"
 
 
 def profile_of(rules: LayoutRules) -> Profile:

@@ -35,7 +35,7 @@ class Cure(NamedTuple):
         return "\n".join([*(f"// {line}" for line in self.comments), self.text.rstrip("\n")]) + "\n"
 
 
-def cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cure:
+def make_cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cure:
     """Return a type whose layout under the rules `own` is that of `wanted`, or the swap code."""
     try:
         return _swap_cure(wanted, own, language) if kind == SWAP else _type_cure(wanted, own, kind, language)
@@ -43,7 +43,7 @@ def cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cur
         return Cure((refused.lines()[0],), "")
 
 
-def cure_source(ours: LayoutRules, theirs: Layout, form: str) -> str:
+def format_cures(ours: LayoutRules, theirs: Layout, form: str) -> str:
     """Return the output of `udt cure`: the type for our side and, where byte orders differ, the swap code.
 
     `form` is the language, `st` or `scl`; `padded`: the type alone, in the language of our side.
@@ -51,10 +51,10 @@ def cure_source(ours: LayoutRules, theirs: Layout, form: str) -> str:
     from trcvtui.udt.cure.swap import language_of
 
     if form == "padded":
-        return cure(theirs, ours, RECEIVER, language_of(ours)).source
+        return make_cure(theirs, ours, RECEIVER, language_of(ours)).source
     language: Language = "scl" if form == "scl" else "st"
     kinds = (RECEIVER,) if ours.byte_order == theirs.rules.byte_order else (RECEIVER, SWAP)
-    return "\n".join(cure(theirs, ours, kind, language).source for kind in kinds)
+    return "\n".join(make_cure(theirs, ours, kind, language).source for kind in kinds)
 
 
 def _type_cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cure:

@@ -11,7 +11,7 @@ from trcvtui.history.waveform_text import merge_pieces
 from trcvtui.tui.formatting import clip, plain, wrap_text
 from trcvtui.tui.lab.collapsible_tree import Place, TreeRow
 from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
-from trcvtui.tui.lab.lab_fix import CURE_KINDS, CURE_LANGUAGES, KIND_TITLES, RECEIVER, SENDER, Cure, cure
+from trcvtui.tui.lab.lab_fix import CURE_KINDS, CURE_LANGUAGES, KIND_TITLES, RECEIVER, SENDER, Cure, make_cure
 from trcvtui.tui.messages import FitWanted
 from trcvtui.tui.widgets.dialogs import FieldsDialog, FormField, ResultScreen
 from trcvtui.tui.widgets.hex_view import HexView
@@ -181,7 +181,7 @@ class FitList(LineView):
 
     def _draw(self) -> None:
         fits, width = self._lab.fits, max(20, self.line_width)
-        known = id(fits), self._lab.fitted, self.cursor, self.has_focus, width, len(fits)
+        known = id(fits), self._lab.fitted_by, self.cursor, self.has_focus, width, len(fits)
         if known == self._drawn:
             return
         self._drawn = known
@@ -254,12 +254,12 @@ class CureText(TextView):
         self._lab = lab
         self.kind = RECEIVER
         self.language = CURE_LANGUAGES[0]
-        self.asked = False
+        self.is_requested = False
         self.found = Cure((), "")
         self._known: tuple[object, ...] = ()
 
     def show(self) -> None:
-        known = self._lab.revision, self.kind, self.language, self.asked, self.line_width
+        known = self._lab.revision, self.kind, self.language, self.is_requested, self.line_width
         if known != self._known and self.size.height:
             self._known = known
             self._write_rows()
@@ -270,12 +270,12 @@ class CureText(TextView):
         wanted = self._lab.layout(sides[0])
         if wanted is None:
             return Cure((f"{sides[0]} has no layout",), "")
-        return cure(wanted, self._lab.rules(sides[1]), self.kind, self.language)
+        return make_cure(wanted, self._lab.rules(sides[1]), self.kind, self.language)
 
     def _write_rows(self) -> None:
         self.set_title(4, "Cure", f"{KIND_TITLES[self.kind]}, {self.language.upper()}")
         ours = self._lab.layout(OURS)
-        if not self.asked and ours is not None and ours.leaf_count > MOST_CURED_LEAVES:
+        if not self.is_requested and ours is not None and ours.leaf_count > MOST_CURED_LEAVES:
             self._rows = [row(("the type is large: c writes the cure", "dim"))]
             return
         self.found = self.write_cure()
@@ -287,10 +287,10 @@ class CureText(TextView):
 
     def next_kind(self) -> None:
         self.kind = CURE_KINDS[(CURE_KINDS.index(self.kind) + 1) % len(CURE_KINDS)]
-        self.asked = True
+        self.is_requested = True
         self.show()
 
     def next_language(self) -> None:
         self.language = CURE_LANGUAGES[1 - CURE_LANGUAGES.index(self.language)]
-        self.asked = True
+        self.is_requested = True
         self.show()

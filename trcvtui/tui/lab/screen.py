@@ -160,7 +160,7 @@ class LabScreen(SideScreen[None]):
         self.lab.follow_bench()
         self._view_model.past_wanted = self.lab.bytes.request()
         for answer in self.answers():
-            self._trouble, self._message = answer.error, answer.told or f"{answer.line} ✓"
+            self._trouble, self._message = answer.error, answer.message or f"{answer.line} ✓"
         for line in (self.header, self.head, self.columns, self.tree_view):
             line.show()
         self.hex.show_row(self.tree_view.chosen_row)
@@ -298,7 +298,7 @@ class LabScreen(SideScreen[None]):
     def action_cure(self) -> None:
         if self.focused is self.cure:
             self.cure.next_kind()
-        self.cure.asked = True
+        self.cure.is_requested = True
         self.action_pane(CURE)
         self.show()
 
@@ -373,12 +373,12 @@ class LabScreen(SideScreen[None]):
 
     def action_data_as_theirs(self) -> None:
         """Give DATA the layout of theirs: another cure, if the PLC can declare it."""
-        from trcvtui.diagnosis.data_view import make_choice, view_command
+        from trcvtui.diagnosis.data_view import make_choice, make_view_command
 
         declared, theirs = self._view_model.declaration, self.lab.profiles["theirs"]
         if self.lab.opened is not None or declared is None:
             self._trouble = "V needs DATA and the project's own types"
-        elif line := view_command(declared, make_choice(theirs.layout, theirs.byte_order, theirs.text)):
+        elif line := make_view_command(declared, make_choice(theirs.layout, theirs.byte_order, theirs.text)):
             self.send(line)
             self._message = f"{declared.name} gets the layout of theirs: {line}"
         else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ClassVar, Final, NamedTuple
 
-from trcvtui.commands.words import FeedLine
+from trcvtui.commands.words import FeedSerial
 from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, block_row
 from trcvtui.project.project import SERIAL, SIMULATED
@@ -246,7 +246,7 @@ class SerialLineList(LineView):
             command = parse_line(line, self._view_model.project, FEED_VERB)
         except UserError:
             return  # the engine reports the mistake
-        if isinstance(command, FeedLine) and command.payload and len(command.payload) <= MOST_KEPT_BYTES:
+        if isinstance(command, FeedSerial) and command.payload and len(command.payload) <= MOST_KEPT_BYTES:
             self._fed[command.buffer] = command.payload, len(command.payload)
             self.show()
 

@@ -14,7 +14,7 @@ from trcvtui.history.records import HistoryRequest
 from trcvtui.plc.snapshot import DataSnapshot, FramerSnapshot, InstanceSnapshot
 from trcvtui.tui.formatting import bar
 from trcvtui.tui.panes.combuffer import find_gap_timer, gap_parts
-from trcvtui.tui.panes.face import OriginLine, ReceivedFace
+from trcvtui.tui.panes.face import DetailLine, ReceivedFace
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import (
     DATA_BEGIN_SIGN,
@@ -29,7 +29,7 @@ from trcvtui.tui.widgets.hex_view import (
 from trcvtui.tui.widgets.line_view import EMPTY, OneLine, Part, Row, rule
 from trcvtui.tui.widgets.typed_lines import Jump
 from trcvtui.udt.byte_text import SearchPatterns, describe_hit
-from trcvtui.wording import stamp
+from trcvtui.wording import stamp_text
 
 BAR_WIDTH: Final = 12
 LEAST_GAP_WIDTH: Final = 74  # columns from which the gap timer fits beside the unfinished frame
@@ -115,7 +115,7 @@ class DataFace(ReceivedFace):
     DataFace #job { height: 1; display: none; }
     """
 
-    def __init__(self, view_model: ViewModel, below: OriginLine) -> None:
+    def __init__(self, view_model: ViewModel, below: DetailLine) -> None:
         self.data = HexView("data", of_job=False)
         self.job = HexView("job", of_job=True)
         super().__init__(view_model, below, self.data)
@@ -203,7 +203,7 @@ class DataFace(ReceivedFace):
             words += [f"recv {recv.number}, scan {recv.scan}"] if recv is not None else []
             if message is not None and not is_hole:
                 words.append(f"{message.peer} #{message.number} byte {message.first}")
-            words += [f"{stamp(recv.t_ns)} s"] if recv is not None else []
+            words += [f"{stamp_text(recv.t_ns)} s"] if recv is not None else []
         return " · ".join(words)
 
     # -- searching for bytes -----------------------------------------------------------------------------

@@ -16,10 +16,10 @@ ROOMY: Final = 100
 BYTES_NOT_KEPT: Final = "the view froze without these bytes: F goes back to live"
 
 
-class OriginLine(LineView, can_focus=False):
+class DetailLine(LineView, can_focus=False):
     """Below the stream: where the selected byte came from, or a search; below DATA: the byte as numbers."""
 
-    DEFAULT_CSS = "OriginLine { height: 1; display: none; }"
+    DEFAULT_CSS = "DetailLine { height: 1; display: none; }"
 
     def __init__(self) -> None:
         super().__init__(id="origin-line")
@@ -45,10 +45,10 @@ class OriginLine(LineView, can_focus=False):
 class ReceivedFace(Vertical):
     """One view of the received bytes; `first` gets the keys, `subtitle` is drawn in the frame."""
 
-    def __init__(self, view_model: ViewModel, below: OriginLine, first: LineView) -> None:
+    def __init__(self, view_model: ViewModel, below: DetailLine, first: LineView) -> None:
         super().__init__()
         self._view_model, self._below, self.first = view_model, below, first
-        self.is_seen = self.is_searched = False  # searched: n and N go to hits
+        self.is_shown = self.is_searching = False  # searched: n and N go to hits
         self.subtitle = self.note = ""  # note: what could not be found or done
         self.hit = -1, ""  # place of the hit, and `hit 2 of 7`
 
@@ -74,5 +74,5 @@ class ReceivedFace(Vertical):
             select(goal.number)
 
     def _with_hit(self, place: int | None, text: str) -> str:
-        hit = self.hit[1] if self.is_searched and place == self.hit[0] else ""
+        hit = self.hit[1] if self.is_searching and place == self.hit[0] else ""
         return " · ".join(filter(None, (hit, text)))

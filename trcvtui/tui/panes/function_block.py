@@ -8,7 +8,7 @@ from typing import ClassVar, Final, NamedTuple
 from textual import events
 
 from trcvtui.diagnosis.link import LISTENING
-from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, block_row, buffer_pins, is_time
+from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, block_row, com_buffer_pins, is_time_pin
 from trcvtui.project.connect_view import security_of
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import clip, lamp, measure, status_word
@@ -67,11 +67,11 @@ MARK_LETTERS: Final = {"prefix": "f", "suffix": "u"}
 
 def wired_pins(block: str) -> dict[str, DrawnPin]:
     of_block = block_row(block)
-    if not of_block.has_buffer:
+    if not of_block.has_com_buffer:
         return {}
     found = [
         (name, f"{mark}, as hex or text; its length follows", MARK_LETTERS[mark])
-        for name, mark in of_block.mark_pins.items()
+        for name, mark in of_block.affix_pins.items()
     ]
     if of_block.data_pin:
         found.append((of_block.data_pin, "the variable of the bytes; its type gives the size", "d"))
@@ -89,11 +89,11 @@ def order_inputs(block: str, pins: list[DrawnPin], wired: dict[str, DrawnPin]) -
     for pin in pins:
         found += [rest.pop(pointer_of[pin.name])] if pin.name in pointer_of else []
         found.append(pin)
-    buffer = [rest.pop(of_block.buffer_pin)] if of_block.has_buffer else []
+    buffer = [rest.pop(of_block.buffer_pin)] if of_block.has_com_buffer else []
     return (*rest.values(), *found, *buffer)
 
 
-def drawing_of(project: Project, block: str, connect: str) -> BlockDrawing:
+def make_drawing(project: Project, block: str, connect: str) -> BlockDrawing:
     """Return the drawing of a block that works on a CONNECT; its ID is drawn after the first pin."""
     pins = [pin for pin in project.pins(block) if pin.name not in PINS_BELOW_BOX]
     wired = wired_pins(block)
@@ -149,22 +149,22 @@ ROWS, FRAMER_ROWS = 14, 20  # rows of a block with its border; of one with a fra
 
 def rows_needed(project: Project) -> int:
     """Return the rows in which every block of a project is seen whole."""
-    return FRAMER_ROWS if any(block_row(each.block).mark_pins for each in project.instances) else ROWS
+    return FRAMER_ROWS if any(block_row(each.block).affix_pins for each in project.instances) else ROWS
 
 
 def wired_value(pin: str, instance: InstanceSnapshot) -> str:
     """Return what is wired to a pin: bytes of a mark, a variable, a ComBuffer."""
-    if pin in buffer_pins():
+    if pin in com_buffer_pins():
         return clip(instance.connect, MARK_WIDTH)
     if pin == instance.data_pin:
         return clip(instance.data or NULL_POINTER, MARK_WIDTH)
-    mark = mark_of(pin, instance.framer)
+    mark = find_mark(pin, instance.framer)
     if mark is None:
         return NULL_POINTER
     return clip(mark.hex(" ").upper(), MARK_WIDTH) if mark else "none"
 
 
-def mark_of(pin: str, framer: FramerSnapshot | None) -> bytes | None:
+def find_mark(pin: str, framer: FramerSnapshot | None) -> bytes | None:
     """Return the bytes of a prefix or suffix pin, None if the pointer is 0."""
     if framer is None:
         return None
@@ -173,13 +173,13 @@ def mark_of(pin: str, framer: FramerSnapshot | None) -> bytes | None:
 
 def make_pin_line(pin: str, instance: InstanceSnapshot, view_model: ViewModel) -> str:
     """Return the beginning of the command that changes a wired pin, "" if none does."""
-    if pin in buffer_pins():
+    if pin in com_buffer_pins():
         decl = next((b for b in view_model.project.combuffers if b.name == instance.connect), None)
         return f"feed {instance.connect} hex " if decl is not None and decl.source in FEEDABLE_SOURCES else ""
     if pin == instance.data_pin:
         decl_data = view_model.project.data_decl(instance.data) if instance.data else None
         return f"resize {decl_data.name} {decl_data.type_name}" if decl_data is not None else ""
-    mark = mark_of(pin, instance.framer)
+    mark = find_mark(pin, instance.framer)
     if mark is None:
         return ""
     written = f"hex {mark.hex(' ')}" if mark else "hex "
@@ -187,7 +187,7 @@ def make_pin_line(pin: str, instance: InstanceSnapshot, view_model: ViewModel) -
 
 
 def pin_hint(pin: str, instance: InstanceSnapshot) -> str:
-    if pin in buffer_pins():
+    if pin in com_buffer_pins():
         return f"{instance.connect} is not a simulated line: its bytes come from elsewhere"
     return f"{pin} of {instance.name} is 0: name its variable in the project, `{pin} = ...`"
 
@@ -241,7 +241,7 @@ class FunctionBlock(LineView):
             return BlockDrawing()
         drawn = instance.block, instance.connect
         if drawn not in self._drawings:
-            self._drawings[drawn] = drawing_of(self._view_model.project, *drawn)
+            self._drawings[drawn] = make_drawing(self._view_model.project, *drawn)
         return self._drawings[drawn]
 
     def show(self) -> None:
@@ -313,7 +313,7 @@ class FunctionBlock(LineView):
         instance = self._view_model.instance
         if pin.is_wired:
             return wired_value(pin.name, instance) if instance is not None else ""
-        return f"{self.read_pin(pin)[0]}{' ms' if is_time(pin.name) else ''}"
+        return f"{self.read_pin(pin)[0]}{' ms' if is_time_pin(pin.name) else ''}"
 
     def _pin_row(self, drawing: BlockDrawing, y: int) -> Row:
         parts: list[Part] = []
@@ -512,6 +512,6 @@ class FunctionBlock(LineView):
 def _describe_last_done(instance: InstanceSnapshot) -> str:
     if instance.last_done_scan is None:
         return "no DONE yet"
-    moved = instance.last_rcvd_len if block_row(instance.block).moves_bytes else None
+    moved = instance.last_rcvd_len if block_row(instance.block).uses_network else None
     size = f"{moved} B " if moved is not None else ""
     return f"DONE {size}in scan {instance.last_done_scan}"

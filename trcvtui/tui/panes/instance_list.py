@@ -13,7 +13,7 @@ from trcvtui.project.connect_view import TLS_TEXT, security_of
 from trcvtui.tui.formatting import bar, clip, clip_middle, lamp, measure, pad, status_word
 from trcvtui.tui.view_model.view_model import DONE, ERROR, PinPulse, ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
-from trcvtui.wording import age
+from trcvtui.wording import age_text
 
 ROOMY: Final = 110
 MIDDLE_WIDTH: Final = 90  # below: only the lamps show a pulse
@@ -207,7 +207,7 @@ class InstanceList(LineView):
         last = instance.last_receive_ns
         return [
             *parts,
-            (f"  last byte {age(self._view_model.t_ns - last)} ago" if last is not None else "", "dim"),
+            (f"  last byte {age_text(self._view_model.t_ns - last)} ago" if last is not None else "", "dim"),
         ]
 
     # -- choosing -----------------------------------------------------------------------------------

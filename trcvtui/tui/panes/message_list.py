@@ -21,7 +21,7 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, h
 from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode_leaves
-from trcvtui.wording import format_ns, stamp
+from trcvtui.wording import format_ns, stamp_text
 
 if TYPE_CHECKING:
     from trcvtui.engine.message_filter import Filter
@@ -39,7 +39,7 @@ class MessageColumn(NamedTuple):
 MESSAGE_COLUMNS: Final = (
     MessageColumn("n", 5, lambda shown: str(shown.number)),
     MessageColumn("scan", 7, lambda shown: str(shown.scan)),
-    MessageColumn("t in s", 9, lambda shown: stamp(shown.t_ns)),
+    MessageColumn("t in s", 9, lambda shown: stamp_text(shown.t_ns)),
     MessageColumn("gap", 9, lambda shown: "" if shown.gap_ns is None else clip(format_ns(shown.gap_ns), 8)),
     MessageColumn("B", 6, lambda shown: str(shown.size), "strong"),
     MessageColumn("STATUS", 7, lambda shown: f"{shown.status:04X}" if shown.status >= 0 else "", ""),
@@ -93,11 +93,11 @@ class MessageLines(LineView):
     def rows(self) -> list[MessageRow]:
         return [shown for number in self._listed if (shown := self._row(number)) is not None]
 
-    def find_chosen_row(self) -> MessageRow | None:
+    def find_current_row(self) -> MessageRow | None:
         return self._row(self._listed[self._chosen_place]) if self._chosen_place >= 0 else None
 
     @property
-    def is_followed(self) -> bool:
+    def follows_newest(self) -> bool:
         return self._at is None
 
     @property
@@ -146,9 +146,9 @@ class MessageLines(LineView):
             del self._listed[:gone]
             if self._at is not None:  # what is in view stays in view
                 self.scroll_to(y=max(0, self.scroll_offset.y - gone), animate=False)
-        if self._oldest != known.oldest:  # without values a condition on members is false
-            first, stop = (bisect_left(self._listed, each) for each in (self._oldest, known.oldest))
-            self._oldest, self._listed[first:stop] = known.oldest, self._filter(self._listed[first:stop])
+        if self._oldest != known.first_full:  # without values a condition on members is false
+            first, stop = (bisect_left(self._listed, each) for each in (self._oldest, known.first_full))
+            self._oldest, self._listed[first:stop] = known.first_full, self._filter(self._listed[first:stop])
         self._listed += self._filter(range(max(self._filtered_to, known.first), known.stop))
         self._filtered_to = known.stop
 
@@ -239,7 +239,7 @@ class MessageLines(LineView):
             place = max(0, min(len(self._listed) - 1, place))
             self._at = self._listed[place]
             self.keep_in_view(place)
-            self.post_message(MessageChosen(self.find_chosen_row()))
+            self.post_message(MessageChosen(self.find_current_row()))
 
     # -- the filter ------------------------------------------------------------------------------------
 
@@ -263,8 +263,8 @@ class MessageLines(LineView):
         known, here = self._known_messages, len(self._known_messages.rows)
         size = f"{here} of {known.count}" if here != known.count else f"{here}"
         passing = f"{len(self._listed)} of {size} with {self._text}" if self._text else size
-        state = "frozen" if self._view_model.is_frozen else "" if self.is_followed else "end follows"
-        words = self._wrong, f"{self._view_model.selected}, {passing}", *known.describe_rows(), state
+        state = "frozen" if self._view_model.is_frozen else "" if self.follows_newest else "end follows"
+        words = self._wrong, f"{self._view_model.selected}, {passing}", *known.list_remarks(), state
         return " · ".join(filter(None, words))
 
 

@@ -441,9 +441,9 @@ class PeerPanel(Vertical):
     def action_form(self) -> None:
         if self.lacks_peer():
             return
-        from trcvtui.tui.forms.messages import form_of  # imported on first use
+        from trcvtui.tui.forms.messages import make_udt_form  # imported on first use
 
-        found = form_of(self.composer.text, self.composer.mode, self._view_model)
+        found = make_udt_form(self.composer.text, self.composer.mode, self._view_model)
         if found is not None:
             self.app.push_screen(found, self._handle_form_result)
         else:

@@ -13,7 +13,7 @@ from textual.widget import Widget
 from trcvtui.tui.formatting import clip
 from trcvtui.tui.messages import MessageChosen, PastSelected
 from trcvtui.tui.panes.data_face import DataFace
-from trcvtui.tui.panes.face import OriginLine
+from trcvtui.tui.panes.face import DetailLine
 from trcvtui.tui.panes.stream_face import StreamFace
 from trcvtui.tui.panes.table_face import TableFace
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -46,7 +46,7 @@ class ReceivedPane(Vertical):
         super().__init__(id="received")
         self._view_model = view_model
         self._find = FindLine(lambda: self._continue_search(True, again=False), self._focus_face, complain)
-        self._below = OriginLine()
+        self._below = DetailLine()
         self.now = DataFace(view_model, self._below)
         self.past = StreamFace(view_model, self._find, self._below)
         self.data, self.job, self.stream = self.now.data, self.now.job, self.past.stream
@@ -71,7 +71,7 @@ class ReceivedPane(Vertical):
     def _turn_to(self, face: DataFace | StreamFace | TableFace) -> None:
         self.face = face
         for each in self._faces:
-            each.is_seen = each.display = each is face
+            each.is_shown = each.display = each is face
             each.note = ""
         self.now.hide_job()
 
@@ -168,13 +168,13 @@ class ReceivedPane(Vertical):
             await self._find.open()
 
     def end_search(self) -> None:
-        if self.face.is_searched:
+        if self.face.is_searching:
             self._set_searched(False)
             self.action_end_find()
 
     def _set_searched(self, is_searched: bool) -> None:
         for face in self._faces:
-            face.is_searched = is_searched
+            face.is_searching = is_searched
         for view in (self.data, self.job, self.stream):
             view.more_keys = SEARCH_KEYS if is_searched else ()
 
@@ -182,7 +182,7 @@ class ReceivedPane(Vertical):
         self.screen.set_focus(self.face.first)
 
     def action_find_next(self, is_forward: bool) -> None:
-        if self.face.is_searched or self.is_table:
+        if self.face.is_searching or self.is_table:
             self._continue_search(is_forward, again=True)
         else:
             self.action_done(is_forward)

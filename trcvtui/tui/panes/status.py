@@ -16,7 +16,7 @@ from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.explain import StatusExplainer, explain_status
 from trcvtui.tui.view_model.view_model import DONE, ERROR, ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, TextView, row
-from trcvtui.wording import stamp
+from trcvtui.wording import stamp_text
 
 WORD_WIDTH: Final = 14  # at least; a long condition makes it wider
 LAMP_WIDTH: Final = 7
@@ -100,7 +100,7 @@ class StatusHistory(LineView):
         newest = self._edges[0] if self._edges else None
         if newest is None:
             return 5, 7
-        return max(5, len(str(newest.scan))), max(7, len(stamp(newest.t_ns)))
+        return max(5, len(str(newest.scan))), max(7, len(stamp_text(newest.t_ns)))
 
     def _head(self) -> Row:
         scan, time = self._widths()
@@ -118,7 +118,7 @@ class StatusHistory(LineView):
         reason = clip(explain_status(edge), room) if room >= LEAST_REASON_WIDTH else ""
         return [
             (CURSOR_SIGN if line.seq == self._chosen else " ", "key"),
-            (f"{line.scan:>{scan}}  {stamp(line.t_ns):>{time}}  ", "dim"),
+            (f"{line.scan:>{scan}}  {stamp_text(line.t_ns):>{time}}  ", "dim"),
             (self._label(edge, self._condition_width()).ljust(self._word_width + 2), style),
             (_lamp(edge).ljust(self._lamp + 2), style),
             (reason, "warn" if edge.cause.injected else "dim"),
@@ -286,7 +286,7 @@ class StatusCard(TextView):
         if instance is None:
             return self._empty_rows()
         if self._past is not None and isinstance(edge := self._past.event, StatusEdge):
-            when = f"in scan {self._past.scan}, at {stamp(self._past.t_ns)} s"
+            when = f"in scan {self._past.scan}, at {stamp_text(self._past.t_ns)} s"
             return self._rows_for(edge, when, self._explainer.explain_edge(self._past, edge), [])
         advice = self._explainer.explain_now(instance)
         when = f"since scan {instance.since_scan}"

@@ -12,13 +12,13 @@ from trcvtui.plc.ledger import A_HOLE
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.project import Project
 from trcvtui.tui.messages import PastSelected
-from trcvtui.tui.panes.face import OriginLine, ReceivedFace
+from trcvtui.tui.panes.face import DetailLine, ReceivedFace
 from trcvtui.tui.panes.stream_view import StreamView
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import NOT_CAPTURED, numbers_at
 from trcvtui.tui.widgets.typed_lines import FindLine, Jump
 from trcvtui.udt.byte_text import SearchPatterns
-from trcvtui.wording import stamp
+from trcvtui.wording import stamp_text
 
 Labels = tuple[JobSpan | None, RecvSpan | None, MessageSpan | None]
 
@@ -41,7 +41,7 @@ def origin_words(place: int, values: tuple[int | None, int | None], labels: Labe
     if job.done and (field := find_member_path(project, job.instance, byte)):
         words.append(field)
     if recv is not None and recv.number:
-        words += [f"recv {recv.number}", f"scan {recv.scan}", f"{stamp(recv.t_ns)} s"]
+        words += [f"recv {recv.number}", f"scan {recv.scan}", f"{stamp_text(recv.t_ns)} s"]
     if not job.done:
         words.append(job.reason)
     return " · ".join(words)
@@ -80,7 +80,7 @@ NO_DROP: Final = "no bytes were thrown away before this place"
 class StreamFace(ReceivedFace):
     """The stream; it also takes new bytes while another face is shown."""
 
-    def __init__(self, view_model: ViewModel, find: FindLine, below: OriginLine) -> None:
+    def __init__(self, view_model: ViewModel, find: FindLine, below: DetailLine) -> None:
         self.stream = StreamView()
         super().__init__(view_model, below, self.stream)
         self._find = find
@@ -120,7 +120,7 @@ class StreamFace(ReceivedFace):
         job = self.job_here()
         is_here = job is None or job.is_open or self._has_bytes_of(job)
         wanted = job.position if job is not None and not is_here else None  # the job to fetch bytes of
-        self._view_model.past_wanted = self.stream.request(instance.connect, wanted)
+        self._view_model.past_wanted = self.stream.make_request(instance.connect, wanted)
 
     def _has_bytes_of(self, job: JobSpan) -> bool:
         return self.past_job is not None and self.past_job[0] == job.position
@@ -176,7 +176,7 @@ class StreamFace(ReceivedFace):
 
     def mark_message(self) -> str:
         """Mark the message under the cursor to compare others with it, or unmark it; return what lacks."""
-        here, stream = self.message_here() if self.is_seen else range(0), self.stream
+        here, stream = self.message_here() if self.is_shown else range(0), self.stream
         is_marked = stream.marked is not None and stream.marked[0] == here
         stream.compare(None if is_marked or not here else (here, stream.window.cut(here)), here)
         return "" if here else NO_MESSAGE
@@ -191,7 +191,7 @@ class StreamFace(ReceivedFace):
 
     def job_of_cursor(self) -> tuple[str, int, bytes] | None:
         """Return instance, number (0: dropped) and bytes of the job under the cursor, once they are here."""
-        job, known = self.job_here() if self.is_seen else None, self.past_job
+        job, known = self.job_here() if self.is_shown else None, self.past_job
         if job is None or known is None or not self._has_bytes_of(job) or len(known[1]) < job.whole:
             return None
         return job.instance, job.number * job.done, known[1]

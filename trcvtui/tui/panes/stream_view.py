@@ -32,7 +32,7 @@ from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.widgets.hex_view import CLASS_OF, HOLE, NARROW, WAS, ByteLines, frame_signs, marks_of_span
 from trcvtui.tui.widgets.line_view import EMPTY, Part, Row
 from trcvtui.udt.byte_text import find_all
-from trcvtui.wording import format_ns, stamp
+from trcvtui.wording import format_ns, stamp_text
 
 # The rulers: from spans and columns of bytes to parts of a line. Where a job ends within a message, a stroke
 # between the two bytes marks it in the row and in its ruler: colour is never the only sign.
@@ -169,7 +169,7 @@ def describe_arrival(recvs: Sequence[RecvSpan], start: int, stop: int) -> str:
         return ""
     span = recvs[first]
     gap = f" +{format_ns(span.t_ns - recvs[first - 1].t_ns)}" if first else ""
-    return f"{stamp(span.t_ns)}{gap}"
+    return f"{stamp_text(span.t_ns)}{gap}"
 
 
 def describe_job_end(jobs: Sequence[JobSpan], start: int, stop: int) -> str:
@@ -177,8 +177,8 @@ def describe_job_end(jobs: Sequence[JobSpan], start: int, stop: int) -> str:
     if job is None:
         return ""
     if job.done:
-        return f"DONE {stamp(job.t_ns)}" if not job.reason else clip(job.reason, 60)
-    return job.reason if job.is_open else f"{stamp(job.t_ns)} dropped"
+        return f"DONE {stamp_text(job.t_ns)}" if not job.reason else clip(job.reason, 60)
+    return job.reason if job.is_open else f"{stamp_text(job.t_ns)} dropped"
 
 
 LEAST_FILL: Final = 0.6  # least filled share of rows that begin with messages
@@ -222,7 +222,7 @@ class StreamView(ByteLines):
         self._knows_messages = False
         self.marked, self._cut = None, (0, 0)
 
-    def request(self, connect: str, job_at: int | None) -> HistoryRequest:
+    def make_request(self, connect: str, job_at: int | None) -> HistoryRequest:
         """Return what to ask for: the page in view, one before and one after it."""
         if self.size.height:  # while hidden, ask for the same as before
             page = -(-self.size.height // self.row_lines) * self.per_row

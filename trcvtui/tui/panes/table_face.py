@@ -11,7 +11,7 @@ from textual.widget import Widget
 from trcvtui.history.messages import MessageRow
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.messages import ByteSelected, PastSelected
-from trcvtui.tui.panes.face import OriginLine, ReceivedFace
+from trcvtui.tui.panes.face import DetailLine, ReceivedFace
 from trcvtui.tui.panes.message_list import MessageHead, MessageLines
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import HexView
@@ -31,7 +31,7 @@ class TableFace(ReceivedFace):
 
     DEFAULT_CSS = "TableFace HexView { height: 1; }"
 
-    def __init__(self, view_model: ViewModel, below: OriginLine) -> None:
+    def __init__(self, view_model: ViewModel, below: DetailLine) -> None:
         self.messages = MessageLines(view_model)
         super().__init__(view_model, below, self.messages)
         self._head = MessageHead(self.messages)
@@ -60,7 +60,7 @@ class TableFace(ReceivedFace):
     def show(self) -> None:
         self.messages.show()
         self._head.show()
-        shown = self.messages.find_chosen_row()
+        shown = self.messages.find_current_row()
         if shown != self._chosen:
             self._chosen = shown
             self.post_message(PastSelected())

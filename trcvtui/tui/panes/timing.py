@@ -105,7 +105,7 @@ class TimingRow(NamedTuple):
     name: str
 
 
-def rows_of(waves: Sequence[Waveform], is_strip: bool = False) -> list[TimingRow]:
+def list_rows(waves: Sequence[Waveform], is_strip: bool = False) -> list[TimingRow]:
     """Return the rows of these instances, each with a head if there are several; a strip has no codes.
 
     Below each row of an instance comes the same pin of its what-if run.
@@ -240,7 +240,7 @@ class Timing(LineView):
     def show(self) -> None:
         self._ready.clear()
         if self.size.height:
-            self._rows = rows_of(self.waves, self.size.height <= STRIP_ROWS)
+            self._rows = list_rows(self.waves, self.size.height <= STRIP_ROWS)
             self._label = label_width(self._rows)
             self._chosen = min(self._chosen, max(0, len(self._rows) - 1))
             self.set_title(self._digit, "Timing", self._describe_cursor())

@@ -76,7 +76,7 @@ class UdtTable(LineView):
 
     def _source(self, declared: DataDecl, room: int) -> str:
         """Return what is decoded, and what `v` would decode instead."""
-        rules, job = declared.layout.rules, self._job()
+        rules, job = declared.layout.rules, self._job_text()
         if self.was_thrown_away:
             return f"{len(self.past[1]) if self.past else 0} B thrown away, never in {declared.name}"
         if self.past is not None:
@@ -89,7 +89,7 @@ class UdtTable(LineView):
             return f"{rules.name}, {rules.byte_order}-endian"
         return full if measure(full) <= room else f"{clip(declared.name, 24)}{other}"
 
-    def _job(self) -> str:
+    def _job_text(self) -> str:
         instance = self._view_model.instance
         return f"job, {instance.have} of {instance.need} B" if instance and instance.need else ""
 
@@ -104,7 +104,7 @@ class UdtTable(LineView):
         stop = min(self._page[1] + 1, declared.layout.leaf_count)
         self._leaves = declared.layout.leaves(top, stop)
         self._values = decode_leaves(declared.layout, self._bytes(), top, stop)
-        self._choose_sparks(declared)
+        self._choose_spark_messages(declared)
         index, selected = self._view_model.stream_index, self._view_model.selected
         self._holes = index.list_holes(selected, self.of_job) if self.past is None else ()
 
@@ -146,7 +146,7 @@ class UdtTable(LineView):
             (pad(own, name_width - measure(shared)), "strong" if chosen else ""),
             (pad(clip(type_text(leaf.type), TYPE_WIDTH - 1), TYPE_WIDTH), "dim"),
             *self._value(index, leaf),
-            (self._padding(index), "faint"),
+            (self._describe_padding(index), "faint"),
         ]
         used = sum(measure(text) for text, _ in parts)
         most = max(LEAST_SPARKS, self.line_width - OFFSET_WIDTH - name_width - TYPE_WIDTH - VALUE_WIDTH)
@@ -166,7 +166,7 @@ class UdtTable(LineView):
 
     # -- over time ----------------------------------------------------------------------------------
 
-    def _choose_sparks(self, declared: DataDecl) -> None:
+    def _choose_spark_messages(self, declared: DataDecl) -> None:
         """Find the messages of the sparklines: up to the one whose bytes are shown."""
         view, known = self._view_model, self._view_model.known_messages
         about = known, known.instance, declared
@@ -200,7 +200,7 @@ class UdtTable(LineView):
         is_there = declared is not None and number < declared.layout.leaf_count
         self.post_message(CurveWanted(declared.layout.leaf(number).path if declared and is_there else ""))
 
-    def _padding(self, index: int) -> str:
+    def _describe_padding(self, index: int) -> str:
         """Return how many bytes of padding follow the leaf at `index` of the page."""
         declared, leaf = self._view_model.declaration, self._leaves[index]
         if declared is None:

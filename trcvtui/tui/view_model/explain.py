@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from trcvtui.diagnosis.advice import Advice, describe_cause, make_advice
 from trcvtui.diagnosis.card import Card, DataBytes
-from trcvtui.diagnosis.evidence import Evidence, make_current_evidence, past_evidence
+from trcvtui.diagnosis.evidence import Evidence, make_current_evidence, make_past_evidence
 from trcvtui.diagnosis.job import SuggestedAction
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
@@ -95,7 +95,7 @@ class StatusExplainer:
         project = self._view_model.project
         decl = project.instance(edge.instance)
         facts, until = past_facts(self._view_model.lines, line, edge, decl.connect if decl else "")
-        return make_advice(past_evidence(line, edge, facts, until, project, self._interval_ns))
+        return make_advice(make_past_evidence(line, edge, facts, until, project, self._interval_ns))
 
     @property
     def _interval_ns(self) -> int:

@@ -38,16 +38,16 @@ class KnownMessages:
         return self.first + bisect_right(self.rows, scan, key=lambda row: row.scan)
 
     @property
-    def oldest(self) -> int:
+    def first_full(self) -> int:
         """Return the number of the first row with values."""
         return max(self.first, self._emptied)
 
-    def describe_rows(self) -> list[str]:
+    def list_remarks(self) -> list[str]:
         """Return remarks on the rows as a whole: missing values, left out rows, progress of reading."""
-        with_values = self.rows[self.oldest - self.first :][:1]
+        with_values = self.rows[self.first_full - self.first :][:1]
         begin = f"values from {with_values[0].number} on" if with_values else "no values kept"
         reading, left_out = f"reading … {self.share:.0%}", f"{self.left_out} left out"
-        remarks = (begin, self.oldest > self.first), (left_out, self.left_out), (reading, self.share < 1)
+        remarks = (begin, self.first_full > self.first), (left_out, self.left_out), (reading, self.share < 1)
         return [text for text, is_so in remarks if is_so]
 
     def make_request(self, instance: str) -> tuple[str, int]:
@@ -70,9 +70,9 @@ class KnownMessages:
             self.first, self.rows = news.first, []
         self.rows += rows
         if until == MAX_SCAN:  # a frozen view keeps what it shows
-            self._forget(news.oldest)
+            self._drop_values(news.oldest)
 
-    def _forget(self, oldest: int) -> None:
+    def _drop_values(self, oldest: int) -> None:
         for at in range(max(0, self._emptied - self.first), min(oldest, self.stop) - self.first):
             row = self.rows[at]
             self.rows[at] = row._replace(content=None) if row.size else row

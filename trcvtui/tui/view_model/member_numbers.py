@@ -49,7 +49,7 @@ class MemberNumbers:
         kept = self.numbers[low - self.first : high - self.first]
         self.numbers = [*self._decode(known, first, low), *kept, *self._decode(known, high, stop)]
         self.first = first
-        gone = max(0, min(known.oldest, stop) - first)
+        gone = max(0, min(known.first_full, stop) - first)
         self.numbers[:gone] = [NOT_KNOWN] * gone
         return self.numbers
 

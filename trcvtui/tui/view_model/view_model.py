@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 from msgspec.structs import replace
 
 from trcvtui.diagnosis.evidence import make_current_evidence
-from trcvtui.diagnosis.stream_messages import StreamMessage, find_messages
+from trcvtui.diagnosis.stream_messages import StreamMessage, find_whole_messages
 from trcvtui.history.pin_waveform import WaveformCache
 from trcvtui.history.records import MAX_SCAN, HistoryRequest, HistoryWindow
 from trcvtui.history.stream_index import StreamIndex
@@ -281,7 +281,7 @@ class ViewModel:
         self.is_frozen, self.fired = False, None
         self._keep_selection()
 
-    def request(self) -> UpdateRequest:
+    def make_request(self) -> UpdateRequest:
         """Return the next request: new lines of the ledger, bytes of the selected instance and of others.
 
         A few bytes of others come along, because after `F` you may select any instance.
@@ -342,7 +342,9 @@ class ViewModel:
         newest, window = self.live or self.picture, self.past_window
         if self._messages is None or self._messages[0] is not window:
             evidence = make_current_evidence(newest, self.project, self.selected) if newest else None
-            found = find_messages(window, evidence) if window is not None and evidence is not None else []
+            found = (
+                find_whole_messages(window, evidence) if window is not None and evidence is not None else []
+            )
             self._messages = window, found
         return self._messages[1]
 

@@ -18,40 +18,42 @@ Numbers = Sequence[Number | None]
 Spans = Sequence[tuple[int, int]]  # from, to: ns
 
 SPAN_BEGIN: Final = itemgetter(0)
-BLOCKS: Final = "▁▂▃▄▅▆▇█"
-NO_NUMBER: Final = "×"
+SPARK_BLOCKS: Final = "▁▂▃▄▅▆▇█"
+NO_NUMBER_SIGN: Final = "×"
 FIRST_BRAILLE: Final = 0x2800
 # The dots of a braille cell by its column, from the top: their bits in the code of the character.
 BRAILLE_DOTS: Final = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 
 
-def finite(numbers: Iterable[Number | None]) -> list[Number]:
+def list_finite(numbers: Iterable[Number | None]) -> list[Number]:
     return [number for number in numbers if number is not None and math.isfinite(number)]
 
 
-def limits(numbers: Sequence[Number]) -> tuple[Number, Number]:
+def axis_ends(numbers: Sequence[Number]) -> tuple[Number, Number]:
     """Return the ends of the axis; for BOOL always 0 and 1."""
     if all(isinstance(number, bool) for number in numbers):
         return 0, 1
     return min(numbers), max(numbers)
 
 
-def scale(number: Number, low: Number, high: Number) -> float:
+def place_between(number: Number, low: Number, high: Number) -> float:
     """Return the place of a number between two others, 0 to 1."""
     if math.isinf(high - low):  # too far apart, such as -1e308 and 1e308
-        return scale(number / 2, low / 2, high / 2)
+        return place_between(number / 2, low / 2, high / 2)
     return (number - low) / (high - low) if high > low else 0.5
 
 
 def sparkline(numbers: Numbers) -> str:
     """Return a column for each message, low if all are alike; "" if none has a number."""
-    known = finite(numbers)
+    known = list_finite(numbers)
     if not known:
         return ""
-    low, high = limits(known)
-    top = len(BLOCKS) - 1 if low != high else 0
+    low, high = axis_ends(known)
+    top = len(SPARK_BLOCKS) - 1 if low != high else 0
     return "".join(
-        NO_NUMBER if each is None or not math.isfinite(each) else BLOCKS[round(scale(each, low, high) * top)]
+        NO_NUMBER_SIGN
+        if each is None or not math.isfinite(each)
+        else SPARK_BLOCKS[round(place_between(each, low, high) * top)]
         for each in numbers
     )
 
@@ -78,11 +80,11 @@ def curve(
     if not known:
         return None
     least, most = min(low for low, _ in known), max(high for _, high in known)
-    axis = limits([*(low for low, _ in known), *(high for _, high in known)])
+    axis = axis_ends([*(low for low, _ in known), *(high for _, high in known)])
     cells, top = [[0] * width for _ in range(height)], 4 * height - 1
     for column, span in enumerate(columns):
         if span is not None:
-            first, last = (top - round(scale(number, *axis) * top) for number in reversed(span))
+            first, last = (top - round(place_between(number, *axis) * top) for number in reversed(span))
             _fill(cells, column, first, last)
     return Curve(cells, axis, least, most)
 
@@ -102,7 +104,7 @@ def _columns(
         own = numbers[at:stop]
         in_gap = bisect_right(gaps, begin, key=SPAN_BEGIN) - 1
         is_held = in_gap < 0 or gaps[in_gap][1] < end
-        some = finite((held, *own) if is_held else own)
+        some = list_finite((held, *own) if is_held else own)
         found.append((min(some), max(some)) if some else None)
         held = next((number for number in reversed(own) if number is not None), held)
         at, begin = stop, end

@@ -109,7 +109,7 @@ GHOST_HEX, GHOST_TEXT = "··", "·"
 HOLE_HEX, HOLE_TEXT, HOLE = "??", "?", "warn"  # bytes that a capture lacks
 NOT_CAPTURED: Final = "missing in the capture"
 START_SIGN: Final = "▕"
-WIDE, NARROW = 16, 8
+WIDE_ROW, NARROW = 16, 8
 LEAST_DIGITS: Final = 4
 WAS: Final = "was"
 
@@ -136,7 +136,7 @@ class ByteLines(LineView):
     @property
     def per_row(self) -> int:
         """Return how many bytes a row has: 16, on a narrow pane 8."""
-        return WIDE if self.line_width >= self.digits + self.ROOM else NARROW
+        return WIDE_ROW if self.line_width >= self.digits + self.ROOM else NARROW
 
     @property
     def row_lines(self) -> int:
@@ -183,7 +183,7 @@ class ByteLines(LineView):
         return self._column(self.per_row) + 2
 
     def _column(self, index: int) -> int:
-        return 3 * index + (self._blank if self.per_row == WIDE and index >= NARROW else 0)
+        return 3 * index + (self._blank if self.per_row == WIDE_ROW and index >= NARROW else 0)
 
     def _index_at(self, x: int) -> int | None:
         """Return the index in its row of the byte at column `x`, in hex or as text."""
@@ -191,7 +191,7 @@ class ByteLines(LineView):
         if column >= self._text_column:
             index = column - self._text_column
         else:
-            index = (column - (self._blank if self.per_row == WIDE and column >= 3 * NARROW else 0)) // 3
+            index = (column - (self._blank if self.per_row == WIDE_ROW and column >= 3 * NARROW else 0)) // 3
         return index if column >= 0 and index < self.per_row else None
 
     def _signs_of(self, place: int) -> tuple[str, str]:
@@ -319,7 +319,7 @@ class HexView(ByteLines):
     def _hex(self, start: int, styles: list[str]) -> list[Part]:
         parts: list[Part] = []
         for index in range(self.per_row):
-            wide_gap = index == NARROW - 1 and self.per_row == WIDE
+            wide_gap = index == NARROW - 1 and self.per_row == WIDE_ROW
             if index >= len(styles):
                 parts.append(("    " if wide_gap else "   ", ""))
                 continue

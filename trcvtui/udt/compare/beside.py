@@ -12,7 +12,7 @@ from typing import Final, Literal, NamedTuple
 
 from trcvtui.udt.compare.causes import BYTE_TOO_FEW, BYTE_TOO_MANY, HEADER, MOST_EXTRA_BYTES, FitCause
 from trcvtui.udt.compare.checksums import CHECKSUMS
-from trcvtui.udt.compare.likelihood import chance
+from trcvtui.udt.compare.likelihood import log_chance
 
 # Endings of a message with their likelihood; below, marks at its begin.
 END_MARKS: Final = {
@@ -23,9 +23,9 @@ END_MARKS: Final = {
 START_MARKS: Final = {b"\x02": "STX", b"\x01": "SOH"}
 CHECKSUM_SHARE: Final = 0.02
 MOST_CHECKSUM_BYTES: Final = 2048  # of longer messages no checksum is calculated
-OWN_ENDING: Final = 0.15  # any other ending of two or more bytes
+OWN_ENDING_SHARE: Final = 0.15  # any other ending of two or more bytes
 ZEROS_BEFORE_SHARE: Final = 0.05
-ZEROS_AFTER: Final = 0.002  # zeros are padding more often than a trailer
+ZEROS_AFTER_SHARE: Final = 0.002  # zeros are padding more often than a trailer
 BLOCK_CHECK_NAME: Final = "xor8"  # devices call it BCC
 INT_BYTE_ORDERS: Final[tuple[Literal["big", "little"], ...]] = ("big", "little")
 LENGTH_FIELD_SHARE: Final = 0.5  # how often a header contains the length
@@ -71,7 +71,7 @@ def extra_evidence(cause: FitCause, before: bytes, unit: bytes, after: bytes) ->
     if after and tail is None:
         if not before:
             return None
-        tail = ExtraEvidence(math.log(OWN_ENDING), f"after it: {_hex_text(after)}", has_meaning=False)
+        tail = ExtraEvidence(math.log(OWN_ENDING_SHARE), f"after it: {_hex_text(after)}", has_meaning=False)
     head = _judge_header(before, len(unit), after) if before else None
     if head and tail:
         is_known = head.has_meaning and tail.has_meaning
@@ -91,7 +91,7 @@ def _judge_header(before: bytes, size: int, after: bytes) -> ExtraEvidence:
         likely = 1 - LENGTH_FIELD_SHARE if any(before) else ZEROS_BEFORE_SHARE
         return ExtraEvidence(math.log(likely), known, not rest, "" if rest else name)
     part, words = field
-    points = math.log(LENGTH_FIELD_SHARE / 8 / len(before)) - chance(part)
+    points = math.log(LENGTH_FIELD_SHARE / 8 / len(before)) - log_chance(part)
     is_meant = (len(mark) + len(part)) * 2 >= len(before)  # else it may be a length by chance
     named = ", ".join(filter(None, (name, f"with {words}")))
     return ExtraEvidence(points, f"{known}, {words}", is_meant, named if is_meant else "")
@@ -101,12 +101,12 @@ def _judge_trailer(before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | 
     text = f"after it: {_hex_text(after)}"
     name, share = END_MARKS.get(after) or _find_checksum(before, unit, after)
     if name:
-        return ExtraEvidence(math.log(share) - chance(after), f"{text}, {name}", after=name)
+        return ExtraEvidence(math.log(share) - log_chance(after), f"{text}, {name}", after=name)
     if len(after) == 1:
         return None  # BYTE_TOO_MANY explains it
     if not any(after):
-        return ExtraEvidence(math.log(ZEROS_AFTER), f"after it: {len(after)} zeros", has_meaning=False)
-    return ExtraEvidence(math.log(OWN_ENDING), text, has_meaning=False)
+        return ExtraEvidence(math.log(ZEROS_AFTER_SHARE), f"after it: {len(after)} zeros", has_meaning=False)
+    return ExtraEvidence(math.log(OWN_ENDING_SHARE), text, has_meaning=False)
 
 
 def _find_checksum(before: bytes, unit: bytes, after: bytes) -> tuple[str, float]:

@@ -121,7 +121,9 @@ BLANKS_CAUSE: Final = FitCause(
 CAUSES: Final = (NONE, *SWAP_CAUSES, BLANKS_CAUSE, *EXTRA_CAUSES)
 
 
-def cut(cause: FitCause, size: int, messages: Sequence[bytes], framed: bool, most: int) -> CutMessages:
+def cut_messages(
+    cause: FitCause, size: int, messages: Sequence[bytes], framed: bool, most: int
+) -> CutMessages:
     """Return the last `most` values of a type of `size` bytes in the messages; the rest is left out."""
     period = size + cause.front + cause.back
     if period <= 0 or not size:

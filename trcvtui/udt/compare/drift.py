@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 from trcvtui.errors import UserError
 from trcvtui.udt.compare.causes import FEWER, MEMBER_MORE, WIDTH, FitCause
-from trcvtui.udt.compare.likelihood import REPEAT_EXPONENT, LeafEvidence, evidence, repeated_zero_points
+from trcvtui.udt.compare.likelihood import REPEAT_EXPONENT, LeafEvidence, leaf_evidence, repeated_zero_points
 from trcvtui.udt.layout.layout import Layout, Leaf, Profile, lay_out, merge_own_rules
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
 from trcvtui.udt.layout.placing import Placing, Span, round_up
@@ -38,7 +38,7 @@ MOST_FIRST_MESSAGES: Final = 3  # the last messages, which choose the drifts to 
 MOST_ADDED_BYTES: Final = 256  # of an added member
 LARGEST_ALIGN: Final = 8
 GAP_SLACK: Final = 7  # bytes by which gaps can grow or shrink
-COST: Final = -8.0  # points of a drift
+DRIFT_COST: Final = -8.0  # points of a drift
 SAME_WIDTH_COST: Final = -9.5  # of another type of the same width, as REAL for DINT
 ADDED_BYTE_COST: Final = -0.4  # for each byte of an added member, up to 8
 UNKNOWN: Final = "\0"  # the name of a member that our type lacks: no source can declare it
@@ -127,7 +127,7 @@ class _PlaceScores:
             key = node.type, stored_form(node.type, rules), rules.byte_order, node.is_bit, part
             if key not in self.of_bytes:
                 leaf = Leaf("", node.type, offset, node.size, node.coding, 0 if node.is_bit else None)
-                self.of_bytes[key] = evidence(leaf, part, rules) if len(part) == node.size else None
+                self.of_bytes[key] = leaf_evidence(leaf, part, rules) if len(part) == node.size else None
             found = self.of_bytes[key]
             if found is not None:
                 points_by_bytes[part] = found.points
@@ -243,7 +243,7 @@ class _DriftSearch:
                         node = self.placing.place(other, path)
                     except UserError:  # a text too long for this layout
                         continue
-                    cost = COST if node.size != size else SAME_WIDTH_COST
+                    cost = DRIFT_COST if node.size != size else SAME_WIDTH_COST
                     cause = FitCause(WIDTH, cost=cost, about=about, member=path, theirs=type_text(other))
                     yield _Drift(cause, node, partial(_return_type, other))
 
@@ -257,7 +257,7 @@ class _DriftSearch:
                 found, _ = change(at, at + 1, (name, inner, drift.lying))
                 yield _Drift(drift.cause, found, partial(_splice, type_, at, at + 1, first, name, drift.type))
             if spare <= 0 and at >= first and len(parts) > 1:
-                cause = FitCause(FEWER, cost=COST, about="the sender may not have it", member=paths[at])
+                cause = FitCause(FEWER, cost=DRIFT_COST, about="the sender may not have it", member=paths[at])
                 yield _Drift(cause, change(at, at + 1)[0], partial(_splice, type_, at, at + 1, first))
         for at in range(first, len(parts) + 1):
             seen = set()
@@ -266,7 +266,7 @@ class _DriftSearch:
                 found, shift = change(at, at, (UNKNOWN, filler, self.placing.place(filler, path)))
                 if (*found[:2], shift) not in seen:
                     seen.add((*found[:2], shift))
-                    cost = COST + ADDED_BYTE_COST * min(max(shift, 0), 8)
+                    cost = DRIFT_COST + ADDED_BYTE_COST * min(max(shift, 0), 8)
                     about = "the sender may have them"
                     cause = FitCause(MEMBER_MORE, shift, cost=cost, about=about, member=place)
                     made = partial(_splice, type_, at, at, first, UNKNOWN, partial(_return_type, filler))

@@ -149,7 +149,7 @@ def _strangeness(profile: Profile, own: LayoutRules) -> int:
     return 2 if profile.byte_order == LAYOUTS[profile.layout].byte_order else 3
 
 
-def leaders(fits: Sequence[Fit]) -> tuple[Fit, ...]:
+def tied_readings(fits: Sequence[Fit]) -> tuple[Fit, ...]:
     """Return the best reading and those whose points tie with it."""
     return tuple(fit for fit in fits if fit.score > fits[0].score - TIE_POINTS)
 
@@ -164,7 +164,7 @@ def verdict(fits: Sequence[Fit]) -> str:
     """Return the result of the ranking in one sentence."""
     if not fits:
         return "this type cannot be laid out"
-    best, tied = fits[0], leaders(fits)
+    best, tied = fits[0], tied_readings(fits)
     if best.fits_best:
         other = next((one for one in fits if one.rank > 1), None)
         after = f"; next is {other.name} ({other.score:+.1f})" if other else ""

@@ -75,7 +75,7 @@ MOST_TEXT_POINTS: Final = 12.0  # of the letters: a long text counts as one fact
 BITS_OFF_SHARES: Final = (0.3, 0.25)  # all BOOLs of a byte FALSE: a base, plus more the fewer they are
 
 
-def chance(raw: bytes) -> float:
+def log_chance(raw: bytes) -> float:
     """Return the logarithm of the likelihood of the bytes by chance."""
     zeros = raw.count(0)
     return zeros * ZERO + (len(raw) - zeros) * LOG_OTHER_BYTE
@@ -89,7 +89,7 @@ def repeated_zero_points(type_: LeafType, parts: Collection[bytes]) -> float:
     return ZERO * (share - 1) * sum(not any(column) for column in zip(*parts, strict=True))
 
 
-def evidence(leaf: Leaf, raw: bytes, rules: LayoutRules) -> LeafEvidence | None:
+def leaf_evidence(leaf: Leaf, raw: bytes, rules: LayoutRules) -> LeafEvidence | None:
     """Return the evidence of the bytes of a leaf; None for a bit, a pointer, or a type without rules."""
     if leaf.bit is not None or isinstance(leaf.type, Pointer):
         return None
@@ -157,7 +157,7 @@ def judge_step(leaf: Leaf, before: bytes, after: bytes, rules: LayoutRules) -> t
 
 
 def _to_points(likely: float, raw: bytes) -> float:
-    more = likely - chance(raw)
+    more = likely - log_chance(raw)
     if more > 30:  # UNFORESEEN no longer matters, and `exp` could overflow
         return more
     return (
@@ -264,7 +264,7 @@ def _judge_duration(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder) 
 
 def _judge_bits(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder) -> _Likelihood:
     number = int.from_bytes(raw, order)
-    likely = 0.3 * _score_number(number, raw, 2.0 ** (-8 * len(raw))) + 0.7 * math.exp(chance(raw))
+    likely = 0.3 * _score_number(number, raw, 2.0 ** (-8 * len(raw))) + 0.7 * math.exp(log_chance(raw))
     return math.log(likely), "bits"
 
 
@@ -384,17 +384,19 @@ def _score_length(actual: int, declared: int) -> float:
 def _rest_likelihood(raw: bytes, start: int) -> float:
     """Return the likelihood of the bytes after a text: zeros, or the rest of an older text."""
     rest = raw[start:]
-    return chance(rest) + (min(GAP_BYTE_POINTS[0] * len(rest), 2.4) if not any(rest) else -0.7)
+    return log_chance(rest) + (min(GAP_BYTE_POINTS[0] * len(rest), 2.4) if not any(rest) else -0.7)
 
 
 def _score_letters(raw: bytes, unit: int, rules: LayoutRules) -> float:
     order = _order(rules)
     codes = [int.from_bytes(raw[at : at + unit], order) for at in range(0, len(raw), unit)]
-    gains = [_score_letter(code) - chance(raw[at * unit : (at + 1) * unit]) for at, code in enumerate(codes)]
+    gains = [
+        _score_letter(code) - log_chance(raw[at * unit : (at + 1) * unit]) for at, code in enumerate(codes)
+    ]
     if any(code < 0x20 and code not in (9, 10, 13) for code in codes):
         return LOG_NEVER  # machines send no control codes in a text
     good = min(sum(gain for gain in gains if gain > 0), MOST_TEXT_POINTS)
-    return chance(raw) + good + sum(gain for gain in gains if gain < 0)
+    return log_chance(raw) + good + sum(gain for gain in gains if gain < 0)
 
 
 USUAL: Final = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789 -_./:#,")

@@ -9,18 +9,18 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 from trcvtui.udt.compare.beside import extra_evidence
-from trcvtui.udt.compare.causes import CutMessages, FitCause, cut
+from trcvtui.udt.compare.causes import CutMessages, FitCause, cut_messages
 from trcvtui.udt.compare.drift import MOST_LEAVES, is_unknown_member
 from trcvtui.udt.compare.likelihood import (
     MOST_MESSAGES,
     REPEAT_EXPONENT,
     LeafEvidence,
     bits_evidence,
-    evidence,
     exchange_pairs,
     exchange_words,
     gap_points,
     judge_step,
+    leaf_evidence,
     repeated_zero_points,
     value_bytes,
 )
@@ -89,7 +89,7 @@ class LayoutView:
             found = (
                 bits_evidence(member.bits, raw)
                 if member.bits
-                else evidence(member.leaf, raw, self.layout.rules)
+                else leaf_evidence(member.leaf, raw, self.layout.rules)
             )
             member.known[raw] = found
         return member.known[raw]
@@ -136,7 +136,7 @@ class Reading:
         framed: bool,
     ) -> Reading | None:
         """Return the reading; None if the cause does not apply to these bytes."""
-        cutting = cut(cause, look.layout.size, messages, framed, MOST_MESSAGES)
+        cutting = cut_messages(cause, look.layout.size, messages, framed, MOST_MESSAGES)
         # At least half of the messages must have a length that fits.
         is_cut = bool(cutting.units) and (cutting.fitting * 2 >= len(messages) or not framed)
         if cause.kind is not None and not is_cut:

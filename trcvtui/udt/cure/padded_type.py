@@ -50,7 +50,7 @@ class MemberNote(NamedTuple):
     text: str
 
 
-def substitute(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
+def substitute_leaf(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
     """Return a type that under our rules has the bytes of a leaf under theirs."""
     if node.is_bit:
         if "BOOL" in ours.bits or ours.takes_pack:  # only CODESYS has BIT
@@ -221,7 +221,7 @@ class _RawMemberNote(NamedTuple):
         return f"{self.path}{self.inner}: {self.why}" if self.inner else self.why
 
 
-class _RebuiltStruct(NamedTuple):
+class _RebuildResult(NamedTuple):
     """A rebuilt STRUCT; paths are relative to it."""
 
     type: Struct | Union
@@ -243,14 +243,14 @@ class _Rebuilder:
         self.unreached: list[_RawMemberNote] = []
         self.notes: list[MemberNote] = []
         self.raw: set[RawMember] = set()
-        self._built: dict[int, _RebuiltStruct | Unreachable] = {}
+        self._built: dict[int, _RebuildResult | Unreachable] = {}
 
     def rebuild_type(self, type_: Type, node: Node, path: str) -> Type:
         """Return the type to use instead of this one; raise Unreachable."""
         match type_:
             case Array():
                 assert isinstance(node, PlacedArray)
-                return self.array(type_, node, path)
+                return self.rebuild_array(type_, node, path)
             case Union() if self.is_scl:
                 if not node.size:
                     raise Unreachable(path, "an empty UNION")
@@ -260,7 +260,7 @@ class _Rebuilder:
                 return self.rebuild_once(type_, node, path)
             case _:
                 assert isinstance(node, PlacedLeaf)
-                found, why = substitute(node, self.theirs, self.rules)
+                found, why = substitute_leaf(node, self.theirs, self.rules)
                 if self.is_scl and isinstance(found, StringType):
                     length, most = self.rules.text.length(found), S7.text.largest_length(found)
                     if length > most:
@@ -283,18 +283,18 @@ class _Rebuilder:
             self.notes.append(note._replace(path=_join_path(path, note.path)))
         return built.type
 
-    def rebuild(self, type_: Struct | Union, node: PlacedStruct, path: str) -> _RebuiltStruct | Unreachable:
+    def rebuild(self, type_: Struct | Union, node: PlacedStruct, path: str) -> _RebuildResult | Unreachable:
         others = self.unreached, self.notes
         self.unreached, self.notes = [], []
         try:
             made = self.lay_struct(type_, node) if isinstance(type_, Struct) else self.lay_union(type_, node)
-            return _RebuiltStruct(self.make_type(type_, made, path), self.unreached, self.notes)
+            return _RebuildResult(self.make_type(type_, made, path), self.unreached, self.notes)
         except Unreachable as failed:
             return failed
         finally:
             self.unreached, self.notes = others
 
-    def array(self, type_: Array, node: PlacedArray, path: str) -> Type:
+    def rebuild_array(self, type_: Array, node: PlacedArray, path: str) -> Type:
         first = ",".join(str(low) for low, _ in type_.bounds)
         element = self.rebuild_type(type_.element, node.element, f"{path}[{first}]")
         found = type_ if element is type_.element else Array(type_.bounds, element)
@@ -319,17 +319,17 @@ class _Rebuilder:
                 self.raw.add((id(node), name))
                 with suppress(Unreachable):  # if bytes cannot begin there either, padding covers it
                     fill.put_raw(name, offset, child.size, bit is not None, name)
-        fill.pad_to_size(self.size(node, fill), "")
+        fill.pad_to_size(self.choose_size(node, fill), "")
         return fill
 
     def lay_union(self, type_: Union, node: PlacedStruct) -> Builder:
         fill = self.make_builder(type_, node)
         for name, _, _, child, inner in members_of(type_, node):
             fill.overlay(name, self.rebuild_type(inner, child, name), name)
-        fill.pad_union(self.size(node, fill), "")
+        fill.pad_union(self.choose_size(node, fill), "")
         return fill
 
-    def size(self, node: PlacedStruct, fill: Builder) -> int:
+    def choose_size(self, node: PlacedStruct, fill: Builder) -> int:
         return fill.least_size(node.size) if node is self.longer else node.size
 
     def make_builder(self, type_: Struct | Union, node: PlacedStruct, limit: int | None = None) -> Builder:

@@ -25,7 +25,7 @@ from trcvtui.udt.types import (
     Union,
     ValueKind,
     all_members,
-    parts_of,
+    direct_parts,
     type_text,
 )
 
@@ -172,7 +172,7 @@ class _SwapWriter:
         """Return whether the swap leaves all bytes of the type where they are."""
         match type_:
             case Array() | Struct() | Union():
-                return all(map(self.keeps_bytes, parts_of(type_)))
+                return all(map(self.keeps_bytes, direct_parts(type_)))
             case StringType(wide=wide):
                 return not wide
             case _:

@@ -68,7 +68,7 @@ class Layout:
         return self.root.leaves
 
     @cached_property
-    def codec(self) -> Codec | None:
+    def whole_codec(self) -> Codec | None:
         """Return the codec of the whole layout, compiled once; None if leaves share bytes."""
         return codec_of(self._leaves, BYTE_ORDERS[self.rules.byte_order])
 

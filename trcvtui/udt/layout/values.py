@@ -20,8 +20,8 @@ from trcvtui.udt.types import StringType
 
 def decode(layout: Layout, data: Data) -> LeafValues:
     """Return the values of all leaves, None for each that is not complete."""
-    if layout.codec is not None and len(data) >= layout.size:
-        return layout.codec.read(data)
+    if layout.whole_codec is not None and len(data) >= layout.size:
+        return layout.whole_codec.read(data)
     return decode_leaves(layout, data, 0, layout.leaf_count)
 
 

@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import Any, Final, NamedTuple
 
 from trcvtui.errors import UserError, collect_problems, mistake, raise_all_problems
-from trcvtui.files import EXPECTED_READABLE, read_bytes, reason_of
+from trcvtui.files import EXPECTED_READABLE, read_bounded, reason_of
 from trcvtui.udt.ast import Declarations, SenderLayout
 from trcvtui.udt.layout.rules import CODESYS, S7
 from trcvtui.udt.other_files import HEAD_BYTES, refuse_other_file
@@ -231,7 +231,7 @@ def _check_extension(path: str) -> str:
     extension = os.path.splitext(path)[1]
     if extension.lower() not in ["", *extensions()]:
         with suppress(OSError, ValueError):  # an unreadable file: report its suffix
-            refuse_other_file(path, read_bytes(path, HEAD_BYTES))
+            refuse_other_file(path, read_bounded(path, HEAD_BYTES))
         raise mistake(path, f"suffix '{extension}'", "a file of type " + ", ".join(extensions()))
     return extension
 
@@ -248,7 +248,7 @@ def declarations_of(data: bytes, name: str, extension: str = "") -> Declarations
 
 def content_of(path: SourcePath) -> bytes:
     try:
-        data = read_bytes(path, LARGEST_FILE)
+        data = read_bounded(path, LARGEST_FILE)
     except (OSError, ValueError) as failed:
         raise mistake(str(path), reason_of(failed), EXPECTED_READABLE, "file") from None
     if len(data) > LARGEST_FILE:

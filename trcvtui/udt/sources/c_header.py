@@ -18,7 +18,7 @@ from typing import Any
 from trcvtui.errors import Problem, UserError, collect_problems, mistake, require
 from trcvtui.udt import ast
 from trcvtui.udt.ast import CPP_NOTE
-from trcvtui.udt.constants import LARGEST_NUMBER, LONGEST_FORMULA, quotient
+from trcvtui.udt.constants import LARGEST_NUMBER, LONGEST_FORMULA, divide
 from trcvtui.udt.sources.c_source import KEYWORDS, LONG_SIZE, OTHER_HEADERS, CSource
 from trcvtui.udt.sources.cpp_source import CPP_MARKS, blank_texts, match_end
 from trcvtui.udt.types import ELEMENTARY, Pointer
@@ -81,7 +81,7 @@ class _HeaderReader:
                 inner = inner.type
             self.read_tagged(inner, node.name or "")
             is_constant = node.init is not None and "const" in node.quals
-            value = fold(node.init, self.constants.get) if is_constant else None
+            value = evaluate(node.init, self.constants.get) if is_constant else None
             if node.name and value is not None:
                 self.constants[node.name] = value
 
@@ -103,7 +103,7 @@ class _HeaderReader:
             return
         if node.name:
             self.tags.setdefault(node.name, node.name)
-            self.declare(node.name, node, lambda: self.read_inner_type(node, 0), variable)
+            self.declare(node.name, node, lambda: self.read_core_type(node, 0), variable)
         elif type(node).__name__ == "Enum":
             self.enum(node)
 
@@ -127,14 +127,14 @@ class _HeaderReader:
     def spec(self, node: Any, depth: int) -> ast.Spec:
         match type(node).__name__:
             case "TypeDecl":
-                return self.read_inner_type(node.type, depth)
+                return self.read_core_type(node.type, depth)
             case "ArrayDecl":
                 return self.array(node, depth)
             case "PtrDecl":
                 return Pointer("POINTER TO " + _pointer_target(node.type))
         raise mistake(self.where(node), "a function", "a type with a size")
 
-    def read_inner_type(self, node: Any, depth: int) -> ast.Spec:
+    def read_core_type(self, node: Any, depth: int) -> ast.Spec:
         if depth > ast.MOST_NESTED:
             raise mistake(self.where(node), "a type nested deeper", f"at most {ast.MOST_NESTED} levels")
         kind = type(node).__name__
@@ -174,7 +174,7 @@ class _HeaderReader:
         members, count = list[ast.MemberSpec](), len(self.problems)
         is_union, cpp = type(node).__name__ == "Union", self.source.cpp
         outer, brace = (self.constants, self.scope), self.brace(node)
-        base = self.base(node, brace)
+        base = self.base_class(node, brace)
         if cpp.is_cpp:  # names declared in a class are known in it and in classes derived from it
             constants, types = self.classes[base.name] if base else ({}, {})
             self.constants = self.constants.new_child({**constants})
@@ -212,7 +212,7 @@ class _HeaderReader:
             self.notes[note] = None
         return ast.StructSpec(tuple(members), base, pack, is_union, base is not None)
 
-    def base(self, node: Any, brace: int) -> ast.Reference | None:
+    def base_class(self, node: Any, brace: int) -> ast.Reference | None:
         """Return the base class, which this header must declare."""
         parent = self.source.cpp.parents.get(brace)
         if parent is None:
@@ -239,7 +239,7 @@ class _HeaderReader:
         """Yield a member; nothing for a type that a class declares."""
         name, where, width = node.name or "", self.where(node), None
         if node.bitsize is not None:
-            width = fold(node.bitsize, self.constants.get)
+            width = evaluate(node.bitsize, self.constants.get)
             if width is None or width < 0:
                 raise mistake(where, f"bit-field '{name}'", "a number of bits")
         elif node.align:
@@ -247,19 +247,19 @@ class _HeaderReader:
         elif not name:
             kind, is_cpp = type(node.type).__name__, self.source.cpp.is_cpp
             if is_cpp and (kind == "Enum" or (kind in ("Struct", "Union") and node.type.name)):
-                self.read_inner_type(node.type, depth)
+                self.read_core_type(node.type, depth)
                 return
             if kind not in ("Struct", "Union") or node.type.name:
                 raise mistake(where, "a member without a name", "a name")
             self.notes["a member without a name is called anonymous_N"] = None
-            yield ast.MemberSpec(f"anonymous_{at}", self.read_inner_type(node.type, depth), where)
+            yield ast.MemberSpec(f"anonymous_{at}", self.read_core_type(node.type, depth), where)
             return
         elif "_Atomic" in node.quals and self.source.cpp.has_types:
             self.scope[name] = self.spec(node.type, depth)
             return
         elif type(node.type).__name__ == "ArrayDecl":
             dim = node.type.dim
-            is_tail = dim is None or fold(dim, self.constants.get) == 0
+            is_tail = dim is None or evaluate(dim, self.constants.get) == 0
             if is_tail and self.place(node) not in self.source.cpp.arrays:
                 if not is_last:
                     raise mistake(
@@ -285,9 +285,9 @@ class _HeaderReader:
         where = self.where(node)
         if node.dim is None:
             raise mistake(where, "an array without a length", "[N]")
-        length = fold(node.dim, self.constants.get)
+        length = evaluate(node.dim, self.constants.get)
         if length is None:
-            text = formula(node.dim)
+            text = formula_text(node.dim)
             if text is None or any(self.constants.get(one, 0) is None for one in _WORD.findall(text)):
                 expected = "a number, or + - * / of names and numbers"
                 raise mistake(where, "a length that is not a number", expected)
@@ -303,7 +303,7 @@ class _HeaderReader:
         values: list[tuple[str, ast.Number | None]] = []
         number: int | None = -1
         for row in node.values.enumerators:
-            given = fold(row.value, self.constants.get)
+            given = evaluate(row.value, self.constants.get)
             number = given if row.value is not None else None if number is None else number + 1
             if not is_scoped and (number is not None or len(self.constants.maps) > 1):
                 self.constants[row.name] = number
@@ -369,8 +369,8 @@ DEEPEST = 64
 
 _NUMBER_SUFFIX = re.compile(r"[uUlL]+\Z")
 _BINARY_OPERATORS: dict[str, Callable[[int, int], int | None]] = {
-    "/": lambda a, b: None if b == 0 else quotient(a, b),
-    "%": lambda a, b: None if b == 0 else a - b * quotient(a, b),
+    "/": lambda a, b: None if b == 0 else divide(a, b),
+    "%": lambda a, b: None if b == 0 else a - b * divide(a, b),
     "<<": lambda a, b: a << b if 0 <= b < 64 else None,
     ">>": lambda a, b: a >> b if 0 <= b < 64 else None,
     "&&": lambda a, b: bool(a and b),
@@ -381,7 +381,7 @@ _BINARY_OPERATORS: dict[str, Callable[[int, int], int | None]] = {
 _UNARY_OPERATORS: dict[str, Callable[[int], int]] = {"+": pos, "-": neg, "~": inv, "!": not_}
 
 
-def fold(node: Any, look_up: Callable[[str], int | None], depth: int = 0) -> int | None:
+def evaluate(node: Any, look_up: Callable[[str], int | None], depth: int = 0) -> int | None:
     """Return the value of an expression, None if something in it is not a known whole number."""
     if depth > DEEPEST:  # bounds the recursion
         return None
@@ -392,22 +392,22 @@ def fold(node: Any, look_up: Callable[[str], int | None], depth: int = 0) -> int
         case "ID":
             value = look_up(node.name)
         case "Cast":
-            value = fold(node.expr, look_up, depth + 1)
+            value = evaluate(node.expr, look_up, depth + 1)
         case "UnaryOp" if node.op in _UNARY_OPERATORS:
-            inner = fold(node.expr, look_up, depth + 1)
+            inner = evaluate(node.expr, look_up, depth + 1)
             value = None if inner is None else _UNARY_OPERATORS[node.op](inner)
         case "BinaryOp" if node.op in _BINARY_OPERATORS:
-            left = fold(node.left, look_up, depth + 1)
-            right = fold(node.right, look_up, depth + 1)
+            left = evaluate(node.left, look_up, depth + 1)
+            right = evaluate(node.right, look_up, depth + 1)
             value = None if left is None or right is None else _BINARY_OPERATORS[node.op](left, right)
         case "TernaryOp":
-            condition = fold(node.cond, look_up, depth + 1)
+            condition = evaluate(node.cond, look_up, depth + 1)
             if condition is not None:
-                value = fold(node.iftrue if condition else node.iffalse, look_up, depth + 1)
+                value = evaluate(node.iftrue if condition else node.iffalse, look_up, depth + 1)
     return int(value) if value is not None and abs(value) <= LARGEST_NUMBER else None
 
 
-def formula(node: Any, depth: int = 0) -> str | None:
+def formula_text(node: Any, depth: int = 0) -> str | None:
     """Return an expression as a formula of IEC 61131-3, None if there is none."""
     match type(node).__name__ if depth <= DEEPEST else "":
         case "Constant":
@@ -416,9 +416,9 @@ def formula(node: Any, depth: int = 0) -> str | None:
         case "ID":
             return str(node.name)
         case "Cast":
-            return formula(node.expr, depth + 1)
+            return formula_text(node.expr, depth + 1)
         case "BinaryOp" if node.op in "+-*/":
-            left, right = formula(node.left, depth + 1), formula(node.right, depth + 1)
+            left, right = formula_text(node.left, depth + 1), formula_text(node.right, depth + 1)
             return None if left is None or right is None else f"({left} {node.op} {right})"
     return None
 
@@ -552,7 +552,9 @@ class Macros:
         types = sorted(NAMED_TYPES & set(_WORD.findall(text)))
         try:
             nodes = _parse_part(f"enum {{ x = ({text}) }};", types, self.source, 0)
-            return fold(nodes[0].type.values.enumerators[0].value, self.macro) if len(nodes) == 1 else None
+            return (
+                evaluate(nodes[0].type.values.enumerators[0].value, self.macro) if len(nodes) == 1 else None
+            )
         except (UserError, AttributeError):  # not an expression
             return None
 

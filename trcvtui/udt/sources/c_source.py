@@ -32,12 +32,12 @@ HARMLESS = frozenset({"unused", "used", "deprecated", "may_alias", "gcc_struct",
 
 # As gcc on x86-64 defines them: Linux headers choose the order of bit-fields by these.
 _LE_MACROS = ["__BYTE_ORDER", "__LITTLE_ENDIAN", "__BYTE_ORDER__", "__ORDER_LITTLE_ENDIAN__"]
-_GCC = {"__GNUC__": "4", "__LITTLE_ENDIAN_BITFIELD": "1", **dict.fromkeys(_LE_MACROS, "1234")}
+_GCC_MACROS = {"__GNUC__": "4", "__LITTLE_ENDIAN_BITFIELD": "1", **dict.fromkeys(_LE_MACROS, "1234")}
 
 _SKIP = re.compile(r"""//[^\n]*|/\*.*?(?:\*/|\Z)|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'""", re.DOTALL)
 _DIRECTIVE = re.compile(r"[ \t]*#[ \t]*(\w*)[ \t]*(.*)", re.DOTALL)
 _MACRO = re.compile(r"([A-Za-z_]\w*)(\([^()]*\)?)?[ \t]*(.*)", re.DOTALL)
-_SCOPE = re.compile(r'\b(?:namespace\b[\w\s:]{0,200}|extern\s*"C"\s*)\{')  # its content is read
+_NAMESPACE_START = re.compile(r'\b(?:namespace\b[\w\s:]{0,200}|extern\s*"C"\s*)\{')  # its content is read
 _CLASS = re.compile(r"\bclass\b(?=\s+\w+(?:\s+\w+)*\s*(?::(?!:)|[{;]))")
 _CALL = re.compile(r"\b([A-Za-z_]\w*)[ \t]*\(")
 _PRAGMA_OPERATOR = re.compile(r'_Pragma\s*\(\s*"([^"]*)"\s*\)|__pragma\s*\(((?:[^()]|\([^()]*\))*)\)')
@@ -68,7 +68,7 @@ class CSource:
         self.problems: list[Problem] = []
         self.moved: list[tuple[int, Problem]] = []
         self.starts = [0]
-        self.numbers = dict(_GCC)
+        self.numbers = dict(_GCC_MACROS)
         is_cpp = name.lower().endswith(".hpp")
         self.numbers |= {"__cplusplus": "201703"} if is_cpp else {}
         self.words: dict[str, str] = {}
@@ -87,7 +87,7 @@ class CSource:
         self._depth = 0
         self._calls_left = MOST_CALLS_IN_ALL
         without_comments = self._blank_comments(text)
-        ready = "\n".join(self._process_lines(_SCOPE.sub(blank_match, without_comments)))
+        ready = "\n".join(self._process_lines(_NAMESPACE_START.sub(blank_match, without_comments)))
         ready, count = _CLASS.subn("struct", ready)
         self.starts = [0, *(end.end() for end in re.finditer("\n", ready))]
         self.cpp = CppSource(self._blank_attributes(ready), bool(count), is_cpp)
@@ -121,7 +121,7 @@ class CSource:
         if moved:
             raise UserError(moved)
 
-    def report(self, line: int, found: str, expected: str) -> None:
+    def add_problem(self, line: int, found: str, expected: str) -> None:
         self.problems.append(Problem(f"{self.name}:{line}", found, expected))
 
     def _refuse_move(self, line: int, found: str, expected: str) -> None:
@@ -136,7 +136,7 @@ class CSource:
             if found[0][0] in "\"'":
                 return found[0]
             if found[0].startswith("/*") and (not found[0].endswith("*/") or len(found[0]) < 4):
-                self.report(text.count("\n", 0, found.start()) + 1, "'/*' without an end", "'*/'")
+                self.add_problem(text.count("\n", 0, found.start()) + 1, "'/*' without an end", "'*/'")
             return blank_match(found)
 
         return _SKIP.sub(blank_comment, text)
@@ -173,7 +173,7 @@ class CSource:
             bare = blank_texts(line)
             self._depth = max(0, self._depth + bare.count("{") - bare.count("}"))
         if self._conditions:
-            self.report(len(lines), "the end of the file", "#endif")
+            self.add_problem(len(lines), "the end of the file", "#endif")
         return ready
 
     def _is_branch_active(self) -> bool:
@@ -184,7 +184,7 @@ class CSource:
             line = _WORD.sub(lambda found: self.words.get(found.group(), found.group()), line)
         at, most = 0, 2 * len(line) + MOST_CALLS * LONGEST_MACRO_TEXT
         for _ in range(min(MOST_CALLS, self._calls_left) if self.calls else 0):
-            found = self._find_call(line, at)
+            found = self._find_macro_call(line, at)
             if found is None or len(line) > most:
                 break
             self._calls_left -= 1
@@ -200,12 +200,12 @@ class CSource:
             line = line[:at] + text + "\n" * (count - text.count("\n")) + line[end:]
         return line
 
-    def _find_call(self, line: str, at: int = 0) -> re.Match[str] | None:
+    def _find_macro_call(self, line: str, at: int = 0) -> re.Match[str] | None:
         return next((found for found in _CALL.finditer(line, at) if found[1] in self.calls), None)
 
     def _count_open_brackets(self, line: str) -> int:
         """Return how many brackets a call of a macro leaves open for the next line."""
-        found = self._find_call(line) if self.calls else None
+        found = self._find_macro_call(line) if self.calls else None
         return 0 if found is None else line.count("(", found.start()) - line.count(")", found.start())
 
     # -- directives --------------------------------------------------------------------------------------
@@ -224,7 +224,7 @@ class CSource:
         elif kind == "pragma" and re.match(r"pack\b|options\s+align", rest):
             self._handle_pragma_pack(rest, line)
         elif kind == "error":
-            self.report(line, f"'#error {rest[:60]}'", "conditions that leave it out")
+            self.add_problem(line, f"'#error {rest[:60]}'", "conditions that leave it out")
 
     def _handle_condition(self, kind: str, rest: str, line: int) -> None:
         outer = all(counts for counts, _ in self._conditions[:-1])
@@ -235,7 +235,7 @@ class CSource:
             holds = self._is_branch_active() and self._evaluate_condition(kind, rest, line)
             self._conditions.append((holds, holds))
         elif not self._conditions:
-            self.report(line, f"#{kind}", "#if before it")
+            self.add_problem(line, f"#{kind}", "#if before it")
         elif kind == "endif":
             self._conditions.pop()
         else:
@@ -256,7 +256,7 @@ class CSource:
         text = _WORD.sub(lambda found: found.group() if found.group() in self.numbers else "0", text)
         value = self.evaluate(text, self)
         if value is None:
-            self.report(line, f"'#{kind} {rest[:60]}'", "a condition of numbers and defined names")
+            self.add_problem(line, f"'#{kind} {rest[:60]}'", "a condition of numbers and defined names")
         return bool(value)
 
     def _is_defined(self, name: str) -> bool:
@@ -296,9 +296,11 @@ class CSource:
             self._refuse_move(line, f"'#pragma {rest[:60]}' inside a structure", "it outside")
         now = self.packs[-1][1]
         if len(names) > 1 or len(numbers) > 1 or len(more) > len(names) + len(numbers) or -1 in numbers:
-            self.report(line, f"'#pragma {rest[:60]}'", "#pragma pack(push, 1), pack(pop), pack(1) or pack()")
+            self.add_problem(
+                line, f"'#pragma {rest[:60]}'", "#pragma pack(push, 1), pack(pop), pack(1) or pack()"
+            )
         elif action == "pop" and not self._stack:
-            self.report(line, "'#pragma pack(pop)'", "#pragma pack(push) before it")
+            self.add_problem(line, "'#pragma pack(pop)'", "#pragma pack(push) before it")
         elif action == "pop":
             at = next((at for at, (name, _) in enumerate(self._stack[::-1]) if [name] == names), 0)
             self.packs.append((line, self._stack[-1 - at][1]))

@@ -12,7 +12,7 @@ from trcvtui.udt import ast
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.resolve import references
 from trcvtui.udt.sources.st import OPTIMISED_NOTE, read_spec
-from trcvtui.udt.sources.xml_source import Element, deepen
+from trcvtui.udt.sources.xml_source import Element, next_depth
 from trcvtui.udt.types import BUILTIN_TYPES, ELEMENTARY, Unplaced
 
 TYPE_ELEMENT, DATA_BLOCK_ELEMENT = "SW.Types.PlcStruct", "SW.Blocks.GlobalDB"
@@ -72,11 +72,13 @@ def _type(text: str, member: Element, depth: int, problems: list[Problem], copie
     is_struct = re.search(r"(?i)(?<![\w\"])struct\s*$", text)
     spec = read_spec(text[: is_struct.start()] + "INT" if is_struct else text, member.where, first_line=0)
     if is_struct:
-        return _nest(spec, ast.StructSpec(tuple(_members(member, deepen(depth, member), problems, copies))))
+        return _nest(
+            spec, ast.StructSpec(tuple(_members(member, next_depth(depth, member), problems, copies)))
+        )
     named = next(references(spec), None)
     own = member.find("Sections")
     if own is not None and named is not None and named.name.upper() not in ELEMENTARY:
-        _keep_copy(named.name, own, deepen(depth, member), copies)
+        _keep_copy(named.name, own, next_depth(depth, member), copies)
     return spec
 
 

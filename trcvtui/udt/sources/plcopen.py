@@ -13,7 +13,7 @@ from trcvtui.udt import ast
 from trcvtui.udt.constants import evaluate
 from trcvtui.udt.literals import parse_integer
 from trcvtui.udt.sources.st import read_spec, read_st
-from trcvtui.udt.sources.xml_source import Element, deepen
+from trcvtui.udt.sources.xml_source import Element, next_depth
 from trcvtui.udt.types import Pointer
 
 OBJECT_ELEMENTS = ("DUT", "GVL")
@@ -162,7 +162,7 @@ class _TypeWalk:
         inner = _find_type_element(element)
         if inner is None:
             raise mistake(element.where, f"<{element.name}> with nothing in it", "a type")
-        depth = deepen(depth, inner)
+        depth = next_depth(depth, inner)
         return SPECS[inner.name](self, inner, depth) if inner.name in SPECS else _reference(inner)
 
     def struct(self, element: Element, depth: int) -> ast.Spec:

@@ -147,7 +147,7 @@ class Parser(SpecParser):
                 first, name = self.expect_numbered_name("the name of a type or 'END_TYPE'")
                 spec = self.parse_after_name(is_block)
             if not is_block:
-                self.skip_member_end(spec, "END_TYPE")
+                self.skip_member_rest(spec, "END_TYPE")
             elif not (self.accept(";") or self.sees("BEGIN", "END_DATA_BLOCK")):
                 raise self.refusal("'BEGIN'")
         except UserError as refused:

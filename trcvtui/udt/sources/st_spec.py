@@ -76,7 +76,7 @@ class SpecParser(Cursor):
         self.expect(":")
         pragmas = self.pragmas_between(first, self.at)
         spec = apply_encoding(self.spec(), pragmas)
-        self.skip_member_end(spec, end)
+        self.skip_member_rest(spec, end)
         return [ast.MemberSpec(name.name, spec, self.where(name)) for name in names]
 
     def pragmas_between(self, first: int, last: int) -> list[str]:
@@ -85,7 +85,7 @@ class SpecParser(Cursor):
         start, stop = bisect_left(pragmas, (first, "")), bisect_left(pragmas, (last + 1, ""))
         return [text for _, text in pragmas[start:stop]]
 
-    def skip_member_end(self, spec: ast.Spec, end: str) -> None:
+    def skip_member_rest(self, spec: ast.Spec, end: str) -> None:
         """Skip initial value and semicolon, which may be missing after END_STRUCT or before `end`."""
         if self.accept(":="):
             self.skip_initial_value()
@@ -221,13 +221,13 @@ class SpecParser(Cursor):
             key = name.name.casefold()
             if key in values:
                 raise self.refusal("each name once in an enumeration", name)
-            values[key] = (name.name, self.enumerator() if self.accept(":=") else None)
+            values[key] = (name.name, self.enumerator_number() if self.accept(":=") else None)
             if not self.accept(",") and not self.sees(")"):
                 raise self.refusal("',' or ')'")
         self.expect(")")
         return tuple(values.values())
 
-    def enumerator(self) -> ast.Number:
+    def enumerator_number(self) -> ast.Number:
         """Return the number of a value; any other expression becomes a formula without a known value."""
         start = self.at
         try:

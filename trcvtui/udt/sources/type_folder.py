@@ -22,7 +22,7 @@ from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
 from trcvtui.udt.sources import content_of, declarations_in, decode_text, qualify_variables, type_files_in
 from trcvtui.udt.type_set import TypeSet, join_files
 
-MOST: Final = 5000  # files, and folders
+MOST_FILES: Final = 5000  # files, and folders
 MOST_BYTES: Final = 64 * 1024 * 1024
 MOST_NAMES_SHOWN: Final = 8  # names in one line
 TYPE, TYPE_OR_DATA, CONSTANT = "type", "type or data", "constant"  # kinds of missing names
@@ -53,14 +53,14 @@ class TypeFolder:
             inner[:] = sorted(name for name in inner if self.is_whole and not name.startswith("."))  # .git
             names = [name for name in type_files_in(folder) if name.lower().endswith(self.extensions)]
             for path in (os.path.join(folder, name) for name in names):
-                if len(texts) > MOST or size > MOST_BYTES or os.path.realpath(path) in self.without:
+                if len(texts) > MOST_FILES or size > MOST_BYTES or os.path.realpath(path) in self.without:
                     continue
                 with suppress(UserError):
                     data = content_of(path)
                     size += len(data)
                     texts[os.path.relpath(path, self.path)] = decode_text(data).casefold()
-            if max(number, len(texts)) > MOST or size > MOST_BYTES:
-                found = f"a folder of more than {MOST} type files or {MOST_BYTES >> 20} MiB"
+            if max(number, len(texts)) > MOST_FILES or size > MOST_BYTES:
+                found = f"a folder of more than {MOST_FILES} type files or {MOST_BYTES >> 20} MiB"
                 raise mistake(self.path, found, "a smaller one, or --with FILE for each that is used")
         return texts
 

@@ -149,7 +149,7 @@ class _TreeBuilder:
             raise self.refusal(f"<!DOCTYPE {name[:40]} ...>", "XML without a DTD or entity declarations")
 
 
-def deepen(depth: int, element: Element) -> int:
+def next_depth(depth: int, element: Element) -> int:
     """Return the depth inside an element; raise UserError if it is more than `MOST_NESTED`."""
     if depth >= MOST_NESTED:
         expected = f"at most {MOST_NESTED} levels of STRUCT and ARRAY"

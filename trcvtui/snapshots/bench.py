@@ -6,7 +6,7 @@ from msgspec import Struct
 
 
 class LineAnswer(Struct, frozen=True):
-    """The answer to one line: `error` is "" on success; `told` is a result beyond "done".
+    """The answer to one line: `error` is "" on success; `message` is a result beyond "done".
 
     `edit`: the line with all its values, if it has changed the program and not only inputs.
     """

@@ -238,7 +238,7 @@ SECTIONS: Final[dict[str, Sequence[Row]]] = {
             "Screen: records the run from its beginning, at most its newest 64 MiB, and ends that. Not with "
             '`black_box = "off"` in `[options]`.',
         ),
-        ("`save recording FILE`", "Screen: saves what has been up to now."),
+        ("`save recording FILE`", "Screen: saves the run up to now as a recording."),
         ("`scenarios` · `lab`", "Screen: opens the scenarios; opens the [UDT lab](udt.md)."),
         (
             "`udt open FILE` · `udt type NAME` · `udt ours baosky` · `udt theirs natural8 big`",
@@ -253,7 +253,7 @@ SECTIONS: Final[dict[str, Sequence[Row]]] = {
         ("`wait TRCV_C_1 STATUS=7004 within T#2s`", "Scenario: lets scans pass until it holds."),
         (
             "`expect TRCV_C_1 STATUS=7008 RCVD_LEN=4` · `expect rx hex 01`",
-            "Fails if it does not hold now; in a scenario with `within T#1s`, if not in that time.",
+            "Fails if it does not hold now; with `within T#1s` (scenarios only), if not in that time.",
         ),
         (
             "`expect peer P1 closed` · `expect peer P1 received nothing`",

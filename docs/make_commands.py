@@ -27,7 +27,7 @@ The lines that a running bench takes: [bench commands](bench-commands.md). The s
 | 1 | an expectation failed. `doctor`: findings. `messages`: no row. `replay --check`: the run differs |
 | 1 | `udt compare`: the layouts differ. `udt fit`: no single best fit |
 | 2 | a file or an argument is wrong, or stdout is closed or full; a line on stderr says where |
-| 130, 141 | Ctrl+C; the reader of stdout went away |
+| 130, 141 | Ctrl+C; the program that reads stdout has ended |
 
 stdout is data, messages go to stderr. A stderr that is closed or full changes no exit code.
 """

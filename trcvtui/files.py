@@ -92,7 +92,7 @@ def read_from(files: FilesRead) -> Iterator[None]:
 
 
 def is_disk_replaced() -> bool:
-    """Return whether `read_from` replaces the disk; then no library may open a file either."""
+    """Return whether `read_from` replaces the disk; if so, libraries must not open files."""
     return bool(_disk_substitutes)
 
 

@@ -372,7 +372,7 @@ def test_whatever_a_broker_sends_the_lines_go_on_and_what_is_told_is_one_plain_l
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ("agent X", "found neither, expected --mqtt mqtts://HOST or --metrics ADDR:PORT"),
+        ("agent X", "found no output, expected --mqtt mqtts://HOST or --metrics ADDR:PORT"),
         ("agent X --metrics here", "--metrics: found 'here', expected ADDR:PORT"),
         ("agent X --mqtt mqtts://a:b@c", "a user or password in the URL"),
         ("agent X --mqtt mqtts://c --mqtt-ca nowhere", "--mqtt-ca: found no file 'nowhere'"),

@@ -309,7 +309,7 @@ WRONG_PLACES = (
     (("x", "1", "C1"), "listen: found 'x', expected [ADDR:]PORT"),
     (("udp:1", "2", "C1"), "expected two places of one kind"),
     (("1", "2", "CX"), "found 'CX', expected"),
-    ((), "found neither, expected LISTEN and CONNECT, or a --project with [[tap]]"),
+    ((), "found no ends, expected LISTEN and CONNECT, or a --project with [[tap]]"),
 )
 
 

@@ -119,7 +119,7 @@ async def test_len_changed_under_a_job_says_that_it_counts_from_the_next_one() -
         await connected(looker)
         await looker.type(":set TRCV_C_1 LEN=4\r")
         await looker.pictures()
-        assert "from the next job on: the running job keeps 24 bytes" in looker.pane("prompt")
+        assert "from the next job on: the running job continues with 24 bytes" in looker.pane("prompt")
         await looker.type(":set TRCV_C_1 EN_R=0\r")
         looker.bench.scan(2)
         await looker.type(":set TRCV_C_1 LEN=8\r")

@@ -117,7 +117,7 @@ def test_a_type_may_come_on_stdin_once(
     assert [each.name for each in read_types("-").types] == ["stdin"]
     for content, found in (
         (b" \n", "nothing, expected a type"),
-        (b"\0\1\2", "zero bytes, as in binary data"),
+        (b"\0\1\2", "NUL bytes, as in binary data"),
     ):
         put_on_stdin(monkeypatch, content)
         assert refusal(read_types, "-").startswith(f"stdin: found {found}")

@@ -120,5 +120,5 @@ def test_utf_16_without_its_mark_is_answered_with_a_word_about_the_encoding(
 ) -> None:
     path = tmp_path / "t.st"
     path.write_bytes("TYPE T : INT; END_TYPE".encode(codec))
-    with pytest.raises(UserError, match="zero bytes, as in binary data or UTF-16 without a byte order mark"):
+    with pytest.raises(UserError, match="NUL bytes, as in binary data or UTF-16 without a byte order mark"):
         read_files([path])

@@ -1,1 +1,1 @@
-"""One PLC with its peers, one kernel, one time; what goes along with its scans."""
+"""One PLC and its peers on one kernel and one clock, and what runs along with the scans."""

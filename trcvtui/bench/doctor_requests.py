@@ -57,7 +57,7 @@ class BenchDoctor:
         self._looks = False
 
     def ask(self, judge: Judge, bench: Bench, number: int, line: str, command: Doctor) -> str:
-        """Let the judge look, and answer the line when it has; return what to show meanwhile."""
+        """Start the doctor if needed; it answers the line later. Return the text to show until then."""
         if judge.looks_again or not self.snapshot.looks:
             self._start_judging(judge, bench)
         self._waiting.append((number, line, command))

@@ -43,7 +43,7 @@ class ConnectBinding(JobBinding, frozen=True):
 
 
 class AnyBinding(Protocol):
-    """A binding of any kind: it knows which class of a block is made for it."""
+    """A binding of any kind; `class_of` returns the class that a block has on it."""
 
     def class_of(self, row: BlockRow) -> str: ...
 

@@ -85,7 +85,7 @@ class StatusSequence(Struct, frozen=True):
     faults_once: bool = False
     set_up: SetUpConditions = field(default_factory=lambda: PLAIN_SET_UP_CONDITIONS)
 
-    def condition(self, stage: SetUpStage, error: str) -> Condition:
+    def set_up_condition(self, stage: SetUpStage, error: str) -> Condition:
         return self.set_up.get((stage, error)) or self.set_up[stage, ""]
 
     def outlives_en_r(self, has_data: bool) -> bool:
@@ -108,7 +108,7 @@ class DataAreaRules(Struct, frozen=True):
     BOOL. `symbolic_alone`: a symbolic DATA takes LEN = 0 only. `symbolic_bytes`: ad-hoc it takes elements of
     8 bits only. `must_stay`: a change of DATA or LEN ends the job that runs. `adhoc_lens`: these values of
     LEN mean ad-hoc. `texts_whole`: LEN of a STRING or WSTRING is 0, or covers all of it in a send job and its
-    header in a receive job. `datagram_needs_len`: LEN of TUSEND is 0 only with a symbolic DATA.
+    header in a receive job. `datagram_needs_len`: TUSEND takes LEN = 0 only with a symbolic DATA.
     """
 
     missing: Condition = Condition.DATA_EMPTY

@@ -20,7 +20,7 @@ MARK_NAMES: Final = ("prefix", "suffix")
 class BlockRow(Struct, frozen=True):
     """One block. Its classes are named `module:Class` and imported when an instance is made.
 
-    `shared`: on a CONNECT; `single`: the same where the vendor has single instructions (rules.py).
+    `shared`: its class on a CONNECT; `single`: its class there if the vendor has single instructions.
     `datagrams`: on a CONNECT of UDP. `on_config`: on a UDP_CONFIG. `serial`: on a ComBuffer.
     `data_pin`: the manual's name of DATA, "" for none; `data_length`: the pin of its size.
     `buffer_pin`: the pin of its ComBuffer; such a block has no CONNECT.

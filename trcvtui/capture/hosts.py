@@ -56,8 +56,8 @@ class IcmpNote(NamedTuple):
     """A host reports an undelivered packet; `ports`: b"" where the packet has none.
 
     `kind`: port (closed at the reporting host), host (unreachable), admin (forbidden), size (too large;
-    `size`: bytes that fit, 0: not said) or fragments (some did not come). `number`: the numbers of both IP
-    packets: a mirror port's copy has the same.
+    `size`: bytes that fit, 0: not said) or fragments (some did not come). `number`: the identifications
+    of both IP packets, which a mirror port's copy has too.
     """
 
     kind: str

@@ -1,4 +1,4 @@
-"""What the packets of a conversation lack as evidence."""
+"""What is missing or doubtful in the captured packets of a conversation."""
 
 from __future__ import annotations
 

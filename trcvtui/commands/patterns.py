@@ -103,7 +103,7 @@ def matches(pattern: TracePattern, trace: Sequence[ScanRun]) -> bool:
 
 
 def _scan_bits(scan: Scan, trace: Sequence[ScanRun]) -> int:
-    """Return the number whose bit n is set where scan n of the trace is this one."""
+    """Return a number in which bit n is set if scan n of the trace is equal to `scan`."""
     # Base 2 is read in linear time; the last scan is the highest bit.
     return int("".join([("1" if each == scan else "0") * count for each, count in reversed(trace)]) or "0", 2)
 

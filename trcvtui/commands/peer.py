@@ -324,7 +324,7 @@ def parse_trial(words: Words, project: Project, peer: str) -> TrySplits | TrySto
 
 
 FRAME_SIZE_KIND: Final = integer(LEAST_FRAME_SIZE, 65507)  # the largest datagram
-CHECK_FORM: Final = "size=64, every=T#100ms, on and an instance, or the end of the command"
+CHECK_FORM: Final = "size=64, every=T#100ms, on INSTANCE or the end of the command"
 
 
 def parse_check(words: Words, project: Project, peer: str) -> NumberedFramesOn | NumberedFramesOff:

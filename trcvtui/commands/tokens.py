@@ -377,7 +377,7 @@ def _read_hex(words: Words, project: Project) -> bytes:
 
 
 def read_quoted_text(words: Words) -> str:
-    """Take the last word, and return the text in its double quotes; raise UserError."""
+    """Return the text of the last word, without its double quotes; raise UserError if it has none."""
     written = words.next('a text such as "abc"')
     words.expect_end()
     if len(written) < 2 or written[0] != '"' or written[-1] != '"':

@@ -391,7 +391,7 @@ def _condition(e: Evidence) -> Condition:
 
 
 def explain_status(e: Evidence) -> str:
-    """Return why a block shows its STATUS: the present state, or the edge's cause if no rule describes it."""
+    """Return why a block shows its STATUS: the present state, or the edge's cause where no rule fits."""
     moves = _transfer_kind(e)
     found = _find_rules(e, moves, says_why=True)
     if not found and moves not in (Traffic.DATAGRAMS, Traffic.DATAGRAM_JOBS):

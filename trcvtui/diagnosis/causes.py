@@ -58,7 +58,7 @@ class EndsGroup:
 
     @cached_property
     def built(self) -> tuple[LineFacts, ...]:
-        """Return those whose SYN and answer are both in the capture."""
+        """Return the conversations whose SYN and its answer are both in the capture."""
         return tuple([one for one in self.lines if one.has_begin and one.answered_ns is not None])
 
     @cached_property
@@ -80,7 +80,7 @@ class EndsGroup:
 
     @cached_property
     def harmful_end_count(self) -> int:
-        """Return how many ends harmed a block (or it is not known) and were not requested."""
+        """Return how many unrequested ends harmed a block, or may have (harm is not known)."""
         ends = [(one, one.end) for one in self.ended_lines if one.end is not None and not one.end.is_ours]
         return sum(one.has_harm_at(end.ns) and not (one.connect and end.by_plc) for one, end in ends)
 

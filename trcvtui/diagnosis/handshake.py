@@ -45,7 +45,7 @@ _REASONS: Final[dict[str, tuple[str, str]]] = {  # an error, or what the library
         "{peer} refuses and gives no reason: it wants a certificate of this end, or another cipher",
         "look into its log; with TLS 1.2 set {shows} if it wants a certificate"),
     "unknown_ca": ("{peer} does not trust the signer of the certificate of this end",
-        "add the CA of the certificate in {shows} there"),
+        "add the CA of the certificate in {shows} to those that {peer} trusts"),
     "certificate_expired": ("{peer} says that the certificate of this end has expired, or is not valid yet",
         "renew the one in {shows}, or correct the clock there"),
     "bad_certificate": _OWN_CERT_REFUSED, "certificate_unknown": _OWN_CERT_REFUSED,

@@ -54,7 +54,7 @@ PAUSE_JUMP: Final = 5.0  # times longer: pauses between messages, and inside the
 
 
 class SegmentFacts(NamedTuple):
-    """Bytes that came at once, from byte `at` of their direction; `packet` is a number in the capture."""
+    """Bytes that came together, at byte `at` of their direction; `packet` is a number in the capture."""
 
     ns: int
     at: int
@@ -102,7 +102,7 @@ class Outage(NamedTuple):
 
 
 class WireEnd(NamedTuple):
-    """How a conversation ended: `fin` or `rst`, of whom; `is_reset`: or a FIN and an RST next to it."""
+    """How a conversation ended: `fin` or `rst`, by whom; `is_reset`: by RST, or FIN and then RST."""
 
     kind: str
     by_plc: bool
@@ -583,7 +583,7 @@ def _join_writes(
 
 
 def fills_segment(size: int, largest: int, gap_ns: int) -> bool:
-    """Return whether bytes fill a segment, so that bytes after so short a gap are their rest."""
+    """Return whether bytes fill a segment and the next follow so soon that they continue them."""
     soon_ns = JOINED_NS if largest >= LARGE_SEGMENT else JOINED_NS // 25
     return size == largest >= FULL_SEGMENT and gap_ns < soon_ns
 

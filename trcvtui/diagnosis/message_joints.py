@@ -88,7 +88,7 @@ class Joints(NamedTuple):
 
 
 def find_joined_messages(parts: Sequence[bytes]) -> Joints | None:
-    """Return how writes hold several messages, some of them a single one; None: not proved."""
+    """Return how messages are joined in some writes while others hold just one; None: not proved."""
     ways = (*_split_by_mark(parts), *_split_by_length(parts)) if parts else ()
     several = (one for one in ways if sum(number > 1 for number in one.numbers) >= FEW_MESSAGES)
     return next((one for one in several if one.numbers.count(1) >= 2), None)

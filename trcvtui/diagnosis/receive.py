@@ -203,7 +203,7 @@ def explain_odd_size(e: Evidence) -> str:
 
 
 def explain_many_sizes(e: Evidence) -> RuleAnswer:
-    """Messages differ in size, and a static frame has one."""
+    """Messages differ in size, but a static frame always has the same size."""
     sizes = e.facts.messages.last
     if e.adhoc or not sizes or e.facts.messages.common is not None or not e.need or explain_odd_size(e):
         return ""

@@ -119,7 +119,7 @@ def _reset_remark(instance: InstanceSnapshot | None, runtime: Runtime) -> str:
 def _latched_remark(instance: InstanceSnapshot | None, pin: str, value: object) -> str:
     if instance is None or not instance.need or instance.pin(pin) == value:
         return ""
-    return f"from the next job on: the running job keeps {count(instance.need, 'byte')}"
+    return f"from the next job on: the running job continues with {count(instance.need, 'byte')}"
 
 
 MOST_ANSWERS: Final = 64
@@ -358,7 +358,7 @@ class Controller:
         return self.black_box
 
     def _save(self, rest: str) -> str:
-        """Write the project, the recording so far, or the session as a scenario."""
+        """Write the project, the black box, or the session as a scenario."""
         what, _, name = rest.partition(" ")
         if what == RECORDING and name.strip():
             self._message = self._require_box().save(_recording_path(name.strip()))
@@ -473,7 +473,7 @@ class Controller:
         return True
 
     def step_peers_alone(self) -> None:
-        """Let the peers work while no scan passes; the simulated network has no time then."""
+        """Let the peers work while no scan passes; on the simulated network time stops then."""
         if self.bench.kernel_name == "live":
             self.bench.step_peers_alone()
 

@@ -168,7 +168,7 @@ class Engine:
             self._controller.scan()
 
     def _serve(self) -> None:
-        """Serve the screens right after the scan, and again every STEP of a long gap.
+        """Serve the screens right after the scan, and again every STEP_NS of a long gap.
 
         The engine wakes by the clock alone, and not shortly before a scan: a process that has just run is no
         longer entitled to the processor at once, the scan would begin 0.5 to 2.5 ms late (seen with perf).

@@ -46,7 +46,7 @@ dialect = "{dialect}"
 
 
 def can_create_project(path: Path) -> bool:
-    """Return whether a project could begin here: no file in a folder that is there, or an empty file."""
+    """Return whether a project can be created here: an empty file, or none yet in an existing folder."""
     if path.suffix != SUFFIX:
         return False
     if not os.path.lexists(path):

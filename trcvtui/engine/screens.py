@@ -68,7 +68,7 @@ class AttachedScreens:
         self._hello = pickle.dumps(project, pickle.HIGHEST_PROTOCOL) if door is not None else b""
 
     def read_messages(self, until: int) -> Iterator[tuple[AttachedScreen, tuple[int, str] | UpdateRequest]]:
-        """Yield messages until `until` (ns); let tabs in and out; raise EOFError when the first is gone."""
+        """Yield messages until `until` (ns); add, remove tabs; raise EOFError once the first ended."""
         if self._door is not None and (descriptor := self._door.accept()) is not None:
             self._came += 1
             self.all.append(tab := AttachedScreen(Channel(descriptor), self._came))

@@ -97,7 +97,7 @@ class Trigger(Struct, frozen=True):
 
 
 def read_trigger(text: str, project: Project, where: str) -> Trigger | None:
-    """Return the trigger after the word `trigger`, None for `off`; raise UserError."""
+    """Return the trigger in the text after `trigger`, None for `off`; raise UserError if it is wrong."""
     text = text.strip()
     if text == OFF:
         return None
@@ -192,7 +192,7 @@ NamedBytes = tuple[tuple[str, bytes], ...]
 
 
 class FrozenScan(Struct, frozen=True):
-    """The bench in the scan of a trigger; `stamped`: the newest events of the ledger then."""
+    """The bench in the scan of a trigger; `events`: the newests of the ledger then."""
 
     fired: TriggerEvent
     snapshot: Snapshot

@@ -92,7 +92,7 @@ class PublishRefusal(NamedTuple):
 
 
 class SubAck(NamedTuple):
-    """The broker has answered our later subscription of this number."""
+    """The broker has answered the `subscribe` call that returned this number."""
 
     number: int
 

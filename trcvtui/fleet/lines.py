@@ -196,7 +196,7 @@ class AgentBench:
     def report_findings(
         self, doctor: DoctorSnapshot, wall: float, with_payload: bool
     ) -> Iterable[tuple[AgentInstance, EventMessage]]:
-        """Yield an event for each instance and cause that the doctor's look before did not find."""
+        """Yield an event for each instance and cause that is new since the doctor's previous look."""
         if doctor.looks == self._looks:
             return
         self._looks, found, surest = doctor.looks, set(), dict[str, str]()

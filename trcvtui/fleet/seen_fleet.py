@@ -172,7 +172,7 @@ class FleetLine:
         return max(sum(self.errors.values()), int(counted))
 
     def sparkline(self, wall: float) -> list[int]:
-        """Return the ERRORs of each twelfth of the last hour, the oldest first."""
+        """Return the number of ERRORs in each twelfth of the last hour, the oldest first."""
         newest = int(wall // BUCKET_S)
         return [self.errors.get(bucket, 0) for bucket in range(newest - HOUR_BUCKETS + 1, newest + 1)]
 

@@ -1,4 +1,4 @@
-"""Reads the ledger once for all listeners (`index.listen`), between scans, some lines at a time.
+"""Reads the ledger once for all listeners (`index.add_listeners`), between scans, some lines at a time.
 
 Rule: all listeners learn of lines that were overwritten before they were read; none guesses their content.
 """

@@ -48,7 +48,7 @@ class _LinkFacts:
         self.listening = ""  # where it listens, shared or not
         self.attempt: FailedAttempt | None = None
         self.dropped: DroppedClient | None = None
-        self.said: DroppedClient | None = None  # of the failed attempt that is next
+        self.said: DroppedClient | None = None  # of the handshake whose failed attempt is next
         self.turned: dict[str, RejectedClients] = {}
         self.loss: LastLoss | None = None
         self.losses = 0

@@ -1,6 +1,6 @@
 """Which message, recv call, job and scan has a byte of a received stream: kept once, for all that ask.
 
-The index gets each line of the ledger first; after it, the other listeners (`listen`).
+The index gets each line of the ledger first; after it, the other listeners (`add_listeners`).
 A line costs only a note of its fields: records are made when they are requested.
 Rule 1: what the ledger lacks (lines skipped, a partner that is no peer here) is left out, not guessed.
 Rule 2: two ends can meet again on a later connection; the peer's stream then begins with byte 0 again.
@@ -213,7 +213,7 @@ class StreamIndex:
                 listener(0, scan, t_ns, event)
 
     def forget_streams(self) -> None:
-        """Forget what unread lines may have changed (Rule 1)."""
+        """Forget all streams, as skipped lines of the ledger may have changed them (Rule 1)."""
         self._received.clear()
         self._readings.clear()
         self._sent.clear()
@@ -374,7 +374,7 @@ class StreamIndex:
         return delivered[4] if delivered is not None and delivered[3] is not None else []
 
     def list_down_times(self, connect: str) -> list[tuple[int, int]]:
-        """Return from when to when, in ns, a CONNECT had no connection; up to MAX_SCAN: it still has none."""
+        """Return begin and end, in ns, of each time a CONNECT was down; end MAX_SCAN: it still is."""
         return [*self._down.get(connect, ())]
 
     def cut_reads(self, instance: str) -> list[RecvSpan]:

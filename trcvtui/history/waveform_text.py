@@ -55,7 +55,7 @@ def get_row_pin(name: str) -> str:
 
 
 def count_pin_bits(name: str) -> int:
-    """Return the bits of a pin that is a number, else 0."""
+    """Return how many bits a numeric pin has; 0 for any other pin."""
     pin = find_pin(name)
     return 0 if pin is None or pin.is_bool else TYPE_BITS[pin.iec_type]
 

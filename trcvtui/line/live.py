@@ -4,7 +4,7 @@ Rule 1: time is the capture's. An event is played when packets 40 ms younger hav
 new PLC end exist before its first event, and the cuts between reads change nothing.
 Rule 2: after 30 ms without a packet all events are played, and time follows the clock: some scans at once,
 more after a second. A program that pipes packets may hold some back so long; they are older than the clock.
-Rule 3: ended conversations are forgotten: memory follows the open ones.
+Rule 3: ended conversations are forgotten, so that only open ones use memory.
 """
 
 from __future__ import annotations

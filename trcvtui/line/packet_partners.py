@@ -374,7 +374,7 @@ class ReplayedPartner:
 
     def end_shadow_now(self) -> None:
         if self._stream is not None and self.has_left and not self.is_over:
-            self._stream.end_as_partner()
+            self._stream.end_by_plc()
 
     def drop_unread(self) -> None:
         if self._stream is not None:

@@ -1,6 +1,6 @@
 """Which conversation goes to which CONNECT: one of the project, or an ad-hoc one.
 
-Rule 1: the wire decides addresses, and which end calls; what the CONNECT has for them is ignored.
+Rule 1: the addresses and the calling end are those on the wire; those of the CONNECT are ignored.
 Rule 2: conversations of one PLC end go to one CONNECT, one after the other.
 """
 

@@ -25,7 +25,7 @@ from trcvtui.recording.wire import (
     ACK,
     FIN,
     FULL_WINDOW,
-    MOST_SEGMENT,
+    MOST_SEGMENT_BYTES,
     PSH,
     RST,
     SERIAL_RECEIVED,
@@ -193,9 +193,11 @@ class TapPackets:
             yield self._datagram(talk, way, ns, data)
             return
         talk.next[way] = event.at + 1
-        for at in range(0, len(data), MOST_SEGMENT):
-            part = data[at : at + MOST_SEGMENT]
-            yield self._make_segment(talk, way, ns, ACK if at + MOST_SEGMENT < len(data) else ACK | PSH, part)
+        for at in range(0, len(data), MOST_SEGMENT_BYTES):
+            part = data[at : at + MOST_SEGMENT_BYTES]
+            yield self._make_segment(
+                talk, way, ns, ACK if at + MOST_SEGMENT_BYTES < len(data) else ACK | PSH, part
+            )
 
     @staticmethod
     def _take_remarks(talk: _TappedConversation, way: int) -> tuple[str, ...]:
@@ -243,7 +245,7 @@ _SUM_FOLDS: Final = tuple([(bits, (1 << bits) - 1) for bits in (5840, 2928, 1472
 
 def _sum_words(data: bytes) -> int:
     """Return the sum of the 16-bit words modulo 65535; for a full segment in half the time of `%`."""
-    if len(data) != MOST_SEGMENT:
+    if len(data) != MOST_SEGMENT_BYTES:
         return int.from_bytes(data if not len(data) & 1 else data + b"\0", "big")
     number = int.from_bytes(data, "little")
     for bits, mask in _SUM_FOLDS:

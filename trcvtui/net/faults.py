@@ -160,7 +160,7 @@ class FaultyKernel(KernelProxy):
         return self.plan.take_fault(call, self._owners.get(handle, ""))
 
     def readable(self, handle: Handle) -> bool:
-        """Return whether the last poll saw something, or a client waits since a planned fault of accept."""
+        """Return whether the last poll saw something, or a planned accept fault made a client wait."""
         return self.inner.readable(handle) or handle in self._held
 
     def _list_readable(self) -> Collection[Handle]:

@@ -79,7 +79,7 @@ def parse_octets(address: str) -> tuple[int, ...] | None:
 
 
 def parse_end(text: str) -> tuple[bytes, int | None] | None:
-    """Return what `10.0.0.5`, `10.0.0.5:2000`, `fd00::1` or `[fd00::1]:2000` names; None: it is no end."""
+    """Return what `10.0.0.5`, `10.0.0.5:2000`, `fd00::1` or `[fd00::1]:2000` names; None: not an end."""
     from ipaddress import ip_address  # here, because a bench does not need it: only a capture and a tap do
 
     address, colon, port = text, "", ""

@@ -48,7 +48,7 @@ def format_end(address: str, port: int) -> str:
 
 
 def parse_place(text: str, where: str) -> TapPlace:
-    """Return the place that a text names; raise UserError, which names `where` the text is."""
+    """Return the place that a text names; raise UserError, with `where` as the origin of the text."""
     kind, colon, rest = text.partition(":")
     if kind == "serial" and colon:
         return TapPlace("serial", "", 0, _parse_serial_line(rest, where, text))

@@ -37,7 +37,7 @@ T = TypeVar("T")
 class UpdateMessage(NamedTuple):
     """A picture without the parts of its snapshot and without lines: those follow in slices.
 
-    `parts`: for each kind the number of parts, and the number of slices with the changed ones.
+    `parts`: for each kind, how many parts there are, and how many slices carry the changed parts.
     """
 
     update: BenchUpdate

@@ -80,7 +80,7 @@ class CallOrder:
             if has_changed:
                 changed.append(instance.edge)
             (asleep if instance.asleep else awake).add(connect)
-        self.awake = self.awake - (asleep - awake) - self._empty  # all instances sleep, or none
+        self.awake = self.awake - (asleep - awake) - self._empty  # empty, or all asleep
         return changed
 
     def places(self, connect: str) -> Sequence[int]:

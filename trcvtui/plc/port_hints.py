@@ -29,7 +29,7 @@ PORT_HINTS: Final = {
     "ECONNRESET": "the far end has reset the connection",
     "EHOSTUNREACH": "the host is unreachable: check address, network and cable",
     "ENETUNREACH": "the host is unreachable: check address, network and cable",
-    "ETIMEDOUT": "the host does not answer: is it on, and does it speak this protocol?",
+    "ETIMEDOUT": "there is no answer: is the host on, and does it speak this protocol?",
     "EAI_NONAME": "no host of that name is known",
     "EAI_AGAIN": "no name server answers",
     "EOF": "the far end has closed the connection",

@@ -3,7 +3,7 @@
 1 read_inputs            commands are applied and frozen; the network's readiness is taken once
 2 execute_program        every due instance is called once, in call order; sleeping ones are left out
 3 write_outputs          conditions have become STATUS; the ledger gets what changed, and why
-4 service_communication  connections on which the poll saw something: housekeeping; the job queue is served
+4 service_communication  the job queue is emptied; connections on which the poll saw something are served
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """CONNECT and ADDR in a dialect with connection descriptions: read and written, by field or as bytes of a DB.
 
 Rule: only what has no type is refused; what a CPU would find wrong is a `flaw`, which the block shows.
-Besides the description there are keys of the bench, which no CPU has: they say what this machine does.
+The bench has further keys, which no CPU has: they set what this machine does.
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ def is_secure(description: Description) -> bool:
 def resolve_tls(
     description: Description, spec: LinkSpec, known: Certificates, is_unverified: bool
 ) -> TlsSettings | DescriptionFlaw:
-    """Return what the references mean: the active end trusts TLSServerCertRef and shows TLSClientCertRef.
+    """Return the TLS settings: the active end trusts TLSServerCertRef and shows TLSClientCertRef.
 
     On the passive end it is the other way round. 0 as the trusted one: all certificates without a key; 0 as
     its own: none.

@@ -70,8 +70,8 @@ def offer_fixed(*texts: str) -> Offer:
 class Hint(Struct, frozen=True):
     """What a form and completion offer: hint, known values, and the value that is filled in at first.
 
-    `where`: for which project and block. `is_bare`: a line has it without its key. `is_quoted`: its text may
-    have blanks. `is_of_change`: only the form that changes an entry asks for it.
+    `where`: for which project and block. `is_bare`: a line has the value without its key. `is_quoted`:
+    its text may have blanks. `is_of_change`: only the form that changes an entry asks for it.
     """
 
     hint: str | Callable[[Project, str], str]
@@ -86,7 +86,7 @@ class Hint(Struct, frozen=True):
 class NameUse(NamedTuple):
     """The kinds of names that a key takes (`file.NamesByKind`); `by_at`: as `@NAME`.
 
-    It also takes the `words` and, with `or_none`, "". `what` says in a message what the names are.
+    `words`: other values that it takes; `or_none`: it also takes "". `what`: the names in messages.
     """
 
     what: str

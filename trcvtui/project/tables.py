@@ -24,7 +24,7 @@ from trcvtui.udt.literals import format_time, parse_duration, parse_integer
 from trcvtui.udt.types import ELEMENTARY
 from trcvtui.wording import exact_size, parse_size
 
-IDENTIFIER_TEXT: Final = "a name of letters, digits and _ that begins with no digit"
+IDENTIFIER_TEXT: Final = "a name of letters, digits and _ that does not begin with a digit"
 EXPECTED_VISIBLE_NAME: Final = "a name without control and bidirectional characters"
 _HIDDEN: Final = frozenset({"Cc", "Zl", "Zp"})
 _BIDI: Final = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
@@ -80,7 +80,7 @@ _TOML_PLACE: Final = re.compile(r"(.*) \(at (.*)\)", re.DOTALL)
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the document of a TOML file; raise UserError when it cannot be read or is no TOML."""
+    """Return the document of a TOML file; raise UserError when it cannot be read or is not TOML."""
     return parse_toml(read_text(path), str(path))
 
 

@@ -3,7 +3,7 @@ local journal = Proto("trcvtui", "trcvtui journal")
 local MAGIC, INDEX = "trcvtui journal\n", "trcvtui index\n\0\0"
 local MOST_SHOWN = 2000
 local RECORDS = {
-  [16] = {"Endpoint", 2}, [17] = {"Fault", 5}, [18] = {"Accepted", 2}, [19] = {"KernelLoss", 2},
+  [16] = {"Endpoint", 2}, [17] = {"Fault", 5}, [18] = {"NewClient", 2}, [19] = {"KernelLoss", 2},
   [20] = {"PathInfo", 4}, [21] = {"Datagram", 3}, [22] = {"LocalAddress", 5}, [23] = {"BenchNote", 5},
   [24] = {"DeferredWork", 4}, [25] = {"RunHeader", 10}, [26] = {"LostEntries", 2},
 }

@@ -67,8 +67,8 @@ class RunHeader(NamedTuple):
     """The first entry of a journal: what is needed to run again, without a disk.
 
     `path` and `options` (`PATH=VALUE` of `--set`) are those of the command line; `wall_ns` is UTC at time 0
-    of the run, from 1970. `files` are names and contents; relative names are below `folder`. `digests` has
-    the SHA-256 of certificates and keys.
+    of the run, from 1970. `files`: names as they were requested, and contents; relative ones begin in
+    `folder`. `digests` has the SHA-256 of certificates and keys.
     """
 
     program: str
@@ -329,7 +329,7 @@ class _BlockReader:
         return int.from_bytes(self.read_bytes(size), "little")
 
     def read_order(self, most: int) -> array[int]:
-        """Return the rest: numbers below `most`."""
+        """Return the rest of the block as numbers, each below `most`."""
         order = array("I")
         rest = self.read_bytes(len(self._block) - self.at)
         if len(rest) % order.itemsize:

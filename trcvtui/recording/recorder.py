@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 SAMPLE_INTERVAL_NS: Final = 1_000_000_000  # between two samples of each connection's stack
 COST_CHECK_NS: Final = 5_000_000_000  # between two checks of what the black box costs
 MOST_BOX_PERCENT: Final = 2  # of the time; a black box that takes more gives up
-MOST_WAITING_ENTRIES: Final = 10_000  # entries that are handed over at once, where a run may wait
+ENTRIES_PER_FLUSH: Final = 10_000  # a run that may wait hands over so many at a time
 TLS_MODULE: Final = "trcvtui.net.layers.tls"
 
 
@@ -80,13 +80,13 @@ class RunRecorder:
         self._new_sink = sink
         self._sink: EntrySink | None = None
         self._other: EntrySink | None = None
-        self._least = MOST_WAITING_ENTRIES if waits else 1
+        self._least = ENTRIES_PER_FLUSH if waits else 1
         self._entries: list[Entry] = []
         self._sample_at = 0
         self.seam = SeamRecorder(self._entries.append)
 
     def add_sink(self, other: EntrySink) -> None:
-        """Give all entries to another sink, too, after each scan; it must have no `trouble`."""
+        """Also give all entries to another sink after each scan; its `trouble` is not checked."""
         self._other, self._least = other, 1
 
     def __enter__(self) -> RunRecorder:
@@ -219,7 +219,7 @@ class RunRecorder:
 
     @property
     def last_error(self) -> str:
-        """Return the last error of the run's own file, or of one that `record` asked for; "" for none."""
+        """Return the last error of the run's own file, else of the file of `record`; "" for none."""
         return self.trouble or (self.box.file_trouble if self.box is not None else "")
 
     def describe_status(self) -> str:

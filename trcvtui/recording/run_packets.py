@@ -2,9 +2,9 @@
 
 Rule 1: an entry points to packets of its own block that have the same bytes; else it keeps its bytes.
 Rule 2: the end of a job is a comment at the packet with the last byte of the job. If that packet is written
-already, the comment is at the newest one of the connection, and says so.
-Rule 3: files of a run share one RunPackets: in the next file open connections keep their sequence numbers,
-ports and unread bytes.
+already, the comment is at the newest packet in this block, or at the block itself, and says so.
+Rule 3: files of a run share one RunPackets, so that open connections keep their sequence numbers, ports
+and unread bytes in the next file.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Rule 1: a bench reaches kernel, serial ports, the bound of work and commands through its seam alone.
 Rule 2: calls inside a call (of a layer to the network) are not kept; their notes for the ledger are.
-Rule 3: calls at the PLC's wire are kept beside that, for the packets of a recording (wire.py).
+Rule 3: calls at the PLC's wire are kept as well, for the packets of a recording (wire.py).
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Seam(Protocol):
     def bind_call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
     ) -> Callable[..., T]:
-        """Return a function for a call of a kernel; its arguments are a handle and values that are kept."""
+        """Return a function that makes a kernel call; its arguments, a handle and values, are kept."""
 
     def handle_ledger_note(self, note: LedgerNote) -> None:
         """Take what has just been written into the ledger."""
@@ -372,7 +372,7 @@ class SeamKernel(ReadyKernel, Protocol):
 def wrap_kernel(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
     """Return a kernel at the seam; `make` makes the one to be recorded, and is not called in a replay.
 
-    `is_noted`: of a PLC, whose unread bytes are noted in the recording.
+    `is_noted`: it is the kernel of a PLC, whose unread bytes are noted in the recording.
     """
     if is_noted and isinstance(seam, SeamRecorder):
         return cast(SeamKernel, _RecordedKernel(seam, label, make()))
@@ -380,7 +380,7 @@ def wrap_kernel(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bo
 
 
 class SeamPort:
-    """A serial port that asks its seam."""
+    """A serial port whose calls go through its seam."""
 
     def __init__(self, seam: Seam, owner: str, make: Callable[[], SerialPort]) -> None:
         self._seam, self._owner = seam, owner

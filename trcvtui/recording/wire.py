@@ -18,7 +18,7 @@ from trcvtui.net.kernel import KernelLoss, LocalAddress, NewClient
 from trcvtui.net.results import ANY_ADDRESS, Endpoint, Fault, is_loopback, parse_octets
 from trcvtui.recording.journal import WireCall
 
-MOST_SEGMENT: Final = 1460
+MOST_SEGMENT_BYTES: Final = 1460
 MOST_DATAGRAM_BYTES: Final = 65_507
 FIRST_MADE_UP_PORT: Final = 49_152  # of a connection whose local port was never asked of the stack
 FIN, SYN, RST, PSH, ACK = 1, 2, 4, 8, 16
@@ -313,9 +313,9 @@ class WirePackets:
     def _split_data(
         self, call: WireCall, stream: _TcpStream, side: int, at: int, data: bytes, remark: str = ""
     ) -> Iterator[WirePacket]:
-        for skip in range(0, len(data), MOST_SEGMENT):
-            part = data[skip : skip + MOST_SEGMENT]
-            last = PSH if skip + MOST_SEGMENT >= len(data) else 0
+        for skip in range(0, len(data), MOST_SEGMENT_BYTES):
+            part = data[skip : skip + MOST_SEGMENT_BYTES]
+            last = PSH if skip + MOST_SEGMENT_BYTES >= len(data) else 0
             yield self._make_segment(call, stream, side, ACK | last, part, at + skip, remark)
             remark = ""
 

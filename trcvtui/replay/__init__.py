@@ -1,1 +1,1 @@
-"""A recorded run again: to compare it, to print it, to look at it."""
+"""Recorded runs that run again: to compare, print or view them."""

@@ -87,7 +87,7 @@ class _IncomingEntries(JournalPosition):
 
 
 class RecordedRunWriter:
-    """A sink and the run beside it; `advance` lets that run as far as it may."""
+    """A sink and a replay of its entries beside it; `advance` continues the replay as far as it may."""
 
     def __init__(self, sink: FileSink, where: str) -> None:
         self._sink, self._where = sink, where

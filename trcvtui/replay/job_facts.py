@@ -217,7 +217,7 @@ def _collect(
 
 
 class _RunFacts:
-    """What a run shows beside its packets, while it runs again.
+    """Facts of a run that its packets do not show, collected while it runs again.
 
     `by_ends`: its CONNECTs by the ends of their sockets, as in KnownEnds. `harms`: when (UTC) a block of each
     CONNECT showed an ERROR, or lost a job.

@@ -127,7 +127,7 @@ class ReplayedPartners(ReplaySeam):
 
     @contextmanager
     def pause_partners(self) -> Iterator[None]:
-        """Let scans pass that the recorded run counted and did not run: partners do nothing in them."""
+        """Pass over scans that the recorded run counted but did not run: partners do nothing in them."""
         self._is_between, self._calls = True, LAST_CALL
         try:
             yield

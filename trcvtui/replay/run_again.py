@@ -160,6 +160,6 @@ class ReplayRun:
         self.bench.do(command)
 
     def make_end_error(self) -> UserError:
-        """Return the error of a journal that ends before its run."""
+        """Return the error for a journal that ends before the run did."""
         left = self.replay.count_scans_left() if self.replay.gap_text else 0
         return make_early_end_error(self.where, self.replay.gap_text, self.bench.runtime.scans, left)

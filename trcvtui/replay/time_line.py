@@ -1,6 +1,6 @@
 """A recording on the screen: a bench at a scan of it, which moves by lines instead of the clock.
 
-Rule 1: what is shown has run again from the recording: from a keyframe well before it, or from scan 1.
+Rule 1: a shown scan is replayed from the recording: from a keyframe well before it, or from scan 1.
 Rule 2: all work is done in slices; between two of them the newest line says where to go.
 Rule 3: nothing here changes a bench: a command that would is refused.
 """
@@ -278,7 +278,7 @@ class TimeLine:
     # -- moving ----------------------------------------------------------------------------------------
 
     def advance(self, until: int) -> bool:
-        """Move, or look through the recording, until this moment; return whether there is more to do."""
+        """Move or read on in the recording, working until this time; return whether work remains."""
         self._update_goal()
         if self._move(until):
             return True

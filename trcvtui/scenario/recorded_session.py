@@ -235,7 +235,7 @@ class RecordedSession:
 
     @property
     def is_by_the_clock(self) -> bool:
-        """Return whether peers acted by a clock that is not that of the scans (rule 4)."""
+        """Return whether peers acted by another clock than the scans (rule 4)."""
         peers = self._bench.project.peers
         acts = self._peers_by_the_clock or any(peer.says or peer.reconnect_ns for peer in peers)
         return acts and self._bench.kernel_name != SIM_KERNEL
@@ -320,7 +320,7 @@ class RecordedSession:
         return -(-due // each) + 1
 
     def _count_calls(self, trace: _Trace, until: int) -> None:
-        """Add the calls without a change up to scan `until`; a pattern needs only one, or more than one."""
+        """Add the calls without a change up to scan `until`; at most two, a pattern needs no more."""
         if trace.next_call <= until:
             trace.pattern.add(trace.status)
             if self._call_after(trace, trace.next_call) <= until:

@@ -211,7 +211,7 @@ class JsonLines(Report):
         self._interval_ns, self._bench = bench.runtime.interval_ns, bench
 
     def write_error(self, path: Path, error: UserError) -> None:
-        """Write the line of the file; step 0 means none of its steps."""
+        """Write the verdict on a file with errors outside its steps; their step is 0."""
         failures = tuple(Failure(0, "", line) for line in error.lines())
         self.write_verdict(Verdict(str(path), 0, failures, (), ()))
 

@@ -10,7 +10,7 @@ from trcvtui.blocks.conditions import Condition
 class Remedy(Struct, frozen=True, forbid_unknown_fields=True):
     """One remedy in words; `command` is its bench command, `set` its `--set` of a what-if; None: it has none.
 
-    `tried`: the rules judged the evidence again with it, and found nothing. Any other remedy is advice.
+    `tried`: judged again with this remedy, the evidence has no finding. Any other remedy is advice.
     """
 
     text: str

@@ -228,7 +228,7 @@ class BenchApp(TerminalApp):
             self.main.prompt.show_sent_line(line, number)
 
     def push_screen(self, screen: Any, *how: Any, **more: Any) -> Any:
-        """Open a screen above the panes; refuse most when read-only, and in a replay those that change."""
+        """Open a screen; read-only refuses most screens, a replay those that change the bench."""
         if (self.only_looks and not may_open(screen)) or (self._is_replay and not _is_for_replay(screen)):
             self._refuse()
             return AwaitMount(self.screen, [])

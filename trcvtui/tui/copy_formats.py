@@ -43,7 +43,7 @@ def make_copy_source(
 ) -> CopySource:
     """Return the bytes of the job or of DATA; `of_peer`: the last bytes that the peer has received.
 
-    `past` is a job of the past: its instance, its number (0: the bytes were thrown away) and its bytes.
+    `past`: the instance, number and bytes of an earlier job; number 0: the bytes were thrown away.
     """
     content, declared, job, name = view_model.job_bytes, view_model.declaration, "running job", ""
     peer = view_model.peer_snapshot

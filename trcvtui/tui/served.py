@@ -128,7 +128,7 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
 
 
 def restart_engine(engine: EngineDriver) -> str:
-    """Restart an engine that has ended, and print why it ended; return why none starts, "" if one runs."""
+    """Restart an engine that has ended, and print why it ended; return why that failed, or ""."""
     try:
         engine.poll_picture()
     except EngineStopped as stopped:

@@ -95,7 +95,7 @@ Spec = Reference | StringType | Pointer | Unplaced | TextSpec | RangeSpec | Arra
 
 
 class Declaration(NamedTuple):
-    """One declared type; `problems` are mistakes in its own text, `spec` is None if they leave nothing.
+    """One declared type; `problems` are mistakes in its own text, `spec` is None if it is unreadable.
 
     `notes` are shown beside the type and are not mistakes (optimised access, another name).
     `is_data`: a data block or variables, which cannot be the type of a member.

@@ -134,7 +134,7 @@ def test_clients_that_nobody_takes_are_refused_from_a_number_on(b: IsoBench) -> 
     assert b.net.told == []
     one_more = raw_client(b, end, request)
     b.until(lambda: b.net.told)
-    assert b.net.told == [("C1", "the queue is full: 16 clients wait and none was accepted")]
+    assert b.net.told == [("C1", "the queue is full: 16 clients wait to be accepted")]
     assert answer_of(b, one_more, 11) == [DisconnectTpdu(9, 0, 2)]
 
 

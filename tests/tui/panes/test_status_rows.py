@@ -71,7 +71,7 @@ async def test_long_advice_moves_no_pane_and_all_of_it_can_be_read(size: tuple[i
         await fail_four_times(looker)
         assert (heights(looker), len(looker.app.main.status._rows) > before) == (short, True)
         await looker.press("M")
-        assert "Look at LocalAddress" in looker.words("status"), looker.text
+        assert "Check LocalAddress" in looker.words("status"), looker.text
 
 
 async def fail_four_times(looker: BenchLooker) -> None:

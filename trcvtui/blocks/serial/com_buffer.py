@@ -91,7 +91,7 @@ class LineRecorder:
         return LineRecording(source, tuple(self._chunks), until, tick, self._dropped)
 
     def _drop_oldest(self) -> None:
-        """Drop the oldest chunk whole, so that what stays begins where a chunk did; the only one is cut."""
+        """Drop the oldest chunk whole, so that the rest begins with a chunk; cut it if it is alone."""
         if len(self._chunks) == 1:
             (last,) = self._chunks
             over = self._size - MOST_RECORDED_BYTES

@@ -59,7 +59,7 @@ STILL_CLOSING: Final = Cause(CauseKind.OTHER_BLOCK, "TDISCON is still closing th
 
 
 class SingleTcon:
-    """One TCON instance. It rebuilds a connection that it has established after each loss."""
+    """One TCON instance. After each loss it rebuilds the connection that it has established."""
 
     def __init__(self, bound: ConnectBinding) -> None:
         self.job = NoJob()
@@ -143,7 +143,9 @@ class SingleTcon:
         if loss is not None and loss.fault and loss.kind is LossKind.REFUSED and not course.silent_connect:
             self._keeps = False
             self._connection.disconnect()
-            return Outcome(course.condition(SetUpStage.CONNECT, loss.fault.error), loss_cause(loss, self.job))
+            return Outcome(
+                course.set_up_condition(SetUpStage.CONNECT, loss.fault.error), loss_cause(loss, self.job)
+            )
         if self._connection.is_up:
             self._incarnation = self._connection.incarnation
         else:

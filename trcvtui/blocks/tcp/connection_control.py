@@ -26,7 +26,7 @@ from trcvtui.net.results import Fault
 
 
 class ConnectionReasons(Struct, frozen=True):
-    """The causes of the begin and the end of a connection, and the outcome without one."""
+    """Why a connection begins and why it ends, and the outcome while there is none."""
 
     asked: Cause
     ended: Cause
@@ -439,7 +439,7 @@ def set_up_failed(connection: Connection, failed: StepFault, course: StatusSeque
     cause = cause_of_fault(failed.fault, failed.client or str(peer or ""))
     if failed.detail:
         cause = replace(cause, detail=failed.detail)
-    return Outcome(course.condition(failed.stage, failed.fault.error), cause)
+    return Outcome(course.set_up_condition(failed.stage, failed.fault.error), cause)
 
 
 _CREATED = Outcome(Condition.CREATED, Cause(CauseKind.SEQUENCE, "the set-up has begun"))

@@ -23,7 +23,7 @@ from trcvtui.net.results import ANY_ADDRESS
 class JobRequest(NamedTuple):
     """What a job asks for. `most`: the limit of its bytes, None: the rules' limit for a connection.
 
-    `least`: the smallest LEN of a text, apart from 0. `rival`: a claim that keeps every job off.
+    `least`: the smallest LEN of a text, apart from 0. `rival`: a claim that lets no job start.
     `needs_len`: LEN = 0 does not mean all of DATA.
     """
 
@@ -199,7 +199,7 @@ class RepeatedFaultFilter:
         self._last_fault: tuple[Condition, Inputs] | None = None
 
     def filter_outcome(self, outcome: Outcome, inputs: Inputs) -> Outcome:
-        """Return what the answer to EN_R = 1 shows."""
+        """Return the outcome to show while EN_R is 1: `quiet` for an error that was shown already."""
         if not self._is_once:
             return outcome
         now = (outcome.condition, inputs) if outcome.error else None

@@ -44,7 +44,7 @@ def show_loss(
 def _loss_conditions(loss: ConnectionLoss, rules: VendorRules, failed: Condition | None) -> list[Condition]:
     course, kind = rules.course, loss.kind
     if kind is LossKind.REFUSED and loss.fault is not None:
-        return [course.condition(SetUpStage.CONNECT, loss.fault.error)]  # as a failed attempt
+        return [course.set_up_condition(SetUpStage.CONNECT, loss.fault.error)]  # as a failed attempt
     if kind is LossKind.OURS:
         return [] if loss.is_played else list(course.let_go)
     if failed is None:  # without a job only a dead link is an ERROR (7.15.1, 80AB)

@@ -91,7 +91,7 @@ class ReceiveJob(IncomingJob):
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether EN_R asks for a job that can start, now or once another reader frees its lock.
 
-        `waits` False: a lock whose owner can start no job itself is not waited for.
+        `waits` False: False, too, if the owner of the lock cannot start a job itself.
         """
         if not inputs.en_r or self._unfit is not None:
             return False
@@ -124,7 +124,7 @@ class ReceiveJob(IncomingJob):
         self._env.write(ModeChange(self._instance, self.number, adhoc))
         if self._is_message_oriented:
             return
-        if adhoc and 0 < self.have < self.need and self.connection.unread():  # the frame before a loss
+        if adhoc and 0 < self.have < self.need and self.connection.unread():  # a loss shows after the frame
             self._collect()
         self.complete = self.claim.has_frame = self.have > 0 if adhoc else self.have == self.need
 

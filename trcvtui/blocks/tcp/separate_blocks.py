@@ -215,7 +215,7 @@ class Trcv(JobBlock):
         return self.job.would_read(inputs, waits)
 
     def _not_connected_outcome(self) -> Outcome:
-        """Return 80A1; the same object while the same partner is missing."""
+        """Return the outcome 80A1, which remains the same object while the same partner is missing."""
         now = not_connected("EN_R", "EN_R is 1 without a connection", self._connection)
         if self._complaint is None or self._complaint.cause != now.cause:
             self._complaint = replace(now, stable=True)

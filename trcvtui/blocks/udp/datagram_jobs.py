@@ -74,7 +74,7 @@ def _sending_outcome(size: int, peer: str) -> Outcome:
 
 @lru_cache(64)
 def _sent_outcome(size: int, peer: str) -> Outcome:
-    cause = Cause(CauseKind.BYTES, "the datagram is with the local stack", have=size, need=size, peer=peer)
+    cause = Cause(CauseKind.BYTES, "the local stack has the datagram", have=size, need=size, peer=peer)
     return Outcome(Condition.SENT, cause)
 
 

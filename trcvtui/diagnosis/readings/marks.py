@@ -90,7 +90,7 @@ def find_marks(stream: bytes) -> list[bytes]:
 
 
 def grow_mark(mark: bytes, stream: bytes) -> bytes:
-    """Return a mark with the bytes that are beside it nearly each time."""
+    """Return a mark extended by the bytes that are next to it nearly every time."""
     places = find_places(mark, stream)[:MOST_PLACES]
     before = after = 0
     while len(mark) + before + after < LONGEST_MARK:
@@ -218,7 +218,7 @@ def find_length_fields(stream: bytes, bursts: Bursts) -> list[LengthField]:
 
 
 def _score_field(stream: bytes, field: LengthField, ends: Sequence[int], pauses: frozenset[int]) -> float:
-    """Return the score of a walk from length to length; 0: it fails."""
+    """Return the score of following this length field from frame to frame; 0: it does not fit."""
     at, met, sizes, begun = 0, 0, set(), []
     head = field.head
     for end in ends:

@@ -49,7 +49,7 @@ class ConnectConfig(Struct, frozen=True):
     `description`: its bytes, as an engineer has written them; `flaw`: what a CPU finds wrong with them.
     `remote_name`: the partner's name, resolved at each attempt; "": `remote_address` is used.
     `any_local`: the system's routing chooses the local address of an active end.
-    `is_datagram`: UDP; the partner of each datagram is in an ADDR. `history`: received bytes that are kept.
+    `is_datagram`: UDP; the partner of each datagram is in an ADDR. `history`: bytes kept each way.
     """
 
     name: str

@@ -78,7 +78,7 @@ class ConnectionLoss(Struct, frozen=True):
 def classify_loss(fault: Fault | None, peer: str, may_refuse: bool = False) -> ConnectionLoss:
     """Return the loss that a call's answer means; None is the partner's FIN.
 
-    `may_refuse`: we are the active end and have no data of the partner: then a TLS alert is a refusal.
+    `may_refuse`: a TLS alert is a refusal, as we are the active end and have no data of the partner.
     """
     if fault is not None and fault.error == OWN_END:
         return ConnectionLoss(LossKind.OURS, peer, is_played=True)
@@ -110,7 +110,7 @@ class State(StrEnum):
 
 
 class SentState(Enum):
-    SETTLED = auto()  # the partner's stack has acknowledged all, or this system does not provide it
+    SETTLED = auto()  # the partner's stack has acknowledged all, or this system does not say
     UNDER_WAY = auto()
     DEAD = auto()
 
@@ -213,7 +213,7 @@ class Connection:
                 yield handle, SocketUse.DATAGRAMS if self.config.is_datagram else use
 
     def is_up_for(self, claim: Claim) -> bool:
-        """Return whether it is up for this instance: for a reader up to the last byte (Rule 3)."""
+        """Return whether it is up for this instance; for a reader, until its last byte (Rule 3)."""
         return self.is_up or (self.state is State.CONNECTED and self._is_reader(claim))
 
     def _is_reader(self, claim: Claim | None) -> bool:

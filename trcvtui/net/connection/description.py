@@ -100,7 +100,7 @@ def _encode_field(field: DescriptionField, value: FieldValue) -> bytes:
 def find_structure(data: bytes) -> Structure | None:
     """Return the connection description that has so many bytes, None if there is none."""
     size, configured = len(data), CONNECTIONS["TCON_Configured"]
-    # It may be shorter; then its size is not enough to know it.
+    # A TCON_Configured may be shorter: then its type must name it, the size is not enough.
     if size == configured.size - configured.spare and data[4] == CONFIGURED_TYPE:
         return configured
     return next((one for one in CONNECTIONS.values() if one.size == size), None)

@@ -81,7 +81,7 @@ class BudgetShare:
 class ScanBudget:
     """The work of one PLC's scans. `clock` returns ns; a simulated one does not move within a scan.
 
-    `said` is called when something has to wait, once an episode. Call begin_scan() once a scan.
+    `report_wait` is called when something has to wait, once an episode. Call begin_scan() once a scan.
     """
 
     def __init__(self, clock: Callable[[], int] = int, interval_ns: int = DEFAULT_INTERVAL_NS) -> None:
@@ -175,7 +175,7 @@ class ScanBudget:
 
 
 class Claim:
-    """The claim of one instance; `priority` is its task's, None if every task sees every claim.
+    """The claim of one instance; `priority` is that of its task, None if claims lock across all tasks.
 
     `has_frame`: its job has read all that it needs, and shows it in its next call. `is_refused`: its last
     call could start no job; so it reads nothing, but keeps others out.
@@ -325,7 +325,7 @@ class JobQueue:
         return None
 
     def clear(self) -> None:
-        """Empty the queue: in the communication phase of each scan."""
+        """Empty the queue; called in the communication phase of each scan."""
         self._waiting = 0
 
 

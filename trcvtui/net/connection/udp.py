@@ -1,7 +1,7 @@
 """A UDP endpoint: a socket that is up as soon as it is bound; each datagram goes to or comes from an ADDR.
 
 Rule 1: no partner can end it. A receive call that fails ends the socket of a CONNECT, which is then set up
-again; of a UDP_CONFIG the block gets the fault, and the socket stays.
+again; for a UDP_CONFIG the block gets the fault, and the socket stays.
 Rule 2: `incarnation` counts the sockets; so a block whose socket is gone sees another number.
 """
 

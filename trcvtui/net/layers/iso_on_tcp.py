@@ -5,7 +5,7 @@ Rule 2: at most one message is put together, up to `cap` bytes; its bytes beyond
 Complete ones wait, MOST_WAITING_MESSAGES or `cap` bytes of them; then no more may be fed (`wants_more`). A
 message of more than MOST_CAPS caps ends the connection; so does one in more pieces than the cap has bytes, or
 with too many empty pieces.
-Rule 3: an input that cannot be right ends the connection with its reason; nothing raises.
+Rule 3: invalid input ends the connection, with the reason; no exception is raised.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ class TpktReader:
         return len(self._held)
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> list[Tpdu]:
-        """Take bytes and return the TPDUs that they complete, in order, at most so many."""
+        """Take bytes and return the TPDUs that they complete, in order, at most `most`."""
         if self._is_lost:
             return []
         self._held += data

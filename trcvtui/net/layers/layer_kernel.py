@@ -85,7 +85,7 @@ class LayerKernel(KernelProxy):
     # -- what the poll saw ---------------------------------------------------------------------------------
 
     def poll(self) -> None:
-        """Take the readiness of every handle, and advance every session that has news."""
+        """Poll the inner kernel and the listeners; read sessions with bytes waiting, flush the rest."""
         if self._begins:
             self._work.begin_scan(self._clock())
         self.inner.poll()
@@ -316,7 +316,7 @@ class LayerKernel(KernelProxy):
         return self.inner.unread(handle) + (stream.session.held_bytes if stream else 0)
 
     def list_unread(self, handles: Collection[Handle]) -> list[Handle]:
-        """Return those of the poll's handles at which something is unread, and all handles with a session."""
+        """Return those of the poll's handles at which something is unread, or that have a session."""
         plain = [
             handle for handle in handles if handle not in self._streams and handle not in self._listeners
         ]
@@ -353,8 +353,8 @@ class LayerKernel(KernelProxy):
     def abort(self, handle: Handle) -> Fault | None:
         """Send RST and free the handle; a client that waits for an answer to its CR gets a DR.
 
-        A session with a goodbye (close_notify) sends it and a FIN, not an RST. Not so at a fixed local port:
-        after a FIN the port would be blocked for a minute (TIME_WAIT).
+        A session with a goodbye (close_notify) sends it and a FIN, not an RST. At a fixed local port it
+        sends an RST: after a FIN the port would be blocked for a minute (TIME_WAIT).
         """
         stream = self._streams.get(handle)
         choice = None if stream is None else find_choice_session(stream.session)

@@ -264,7 +264,7 @@ SESSION_ENDED: Final = "session ended"
 GAVE_WAY_TEXT: Final = (
     f"{MOST_WAITING_CLIENTS} clients were there before it was done, and a newer one takes its place"
 )
-QUEUE_FULL_TEXT: Final = f"the queue is full: {MOST_WAITING_CLIENTS} clients wait and none was accepted"
+QUEUE_FULL_TEXT: Final = f"the queue is full: {MOST_WAITING_CLIENTS} clients wait to be accepted"
 
 
 class ChoiceSession(Protocol):

@@ -98,7 +98,7 @@ _LIBRARY_ERRORS: Final = (ssl.SSLError, OSError, ValueError)
 
 
 class TlsSession:
-    """One end. `ended`: the reason of a failure; `partner_is_done`: the partner closed in good order."""
+    """One end. `ended`: the reason of a failure; `partner_is_done`: the partner sent close_notify."""
 
     unfinished_message = 0  # no time limit: a record is no message, and an incomplete one is bounded in size
 

@@ -47,7 +47,7 @@ class LossyPipe:
         loop.register(sock.fileno(), IN, self._handle_ready)
 
     def put(self, *parts: bytes | memoryview, events: int = 1, size: int = 0, ends: bytes = b"") -> None:
-        """Send parts, or queue them; if they are left out, count `events` and `size`, and keep `ends`."""
+        """Send or queue parts; if the queue is full, drop them, count `events`, `size`, keep `ends`."""
         if self.is_gone:
             return
         if self.is_behind or self._size > self.most:  # until the queue is empty: one gap, not many

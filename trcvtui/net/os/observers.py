@@ -76,7 +76,7 @@ def connect_to_tap(path: Path, expected: str) -> int:
 
 
 def listen_at(path: Path) -> socket.socket:
-    """Listen at a path, in place of a dead program; raise UserError if that one lives, or on failure."""
+    """Listen at a path, even if a dead program left it; raise UserError if in use, or on failure."""
     made = socket.socket(socket.AF_UNIX)
     try:
         # Only a socket that refuses a connection is that of a dead program.

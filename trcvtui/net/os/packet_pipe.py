@@ -24,7 +24,7 @@ _MOST_CHUNKS: Final = 4  # read ahead by a thread
 
 
 class PacketPipe:
-    """A descriptor of packets; `waits` is called with the ns since bytes last came.
+    """A descriptor of packets; `waits` is called with the ns for which this read has found nothing.
 
     `whole` gets what was read, b"" at the end, and returns the part that can be used now, or None.
     """

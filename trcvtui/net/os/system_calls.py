@@ -347,7 +347,7 @@ class CutLinks:
         return bool(self._down) and self.owner(handle) in self._down
 
     def add_handle(self, handle: int, owner: str) -> None:
-        """Take in a new handle; on a cut wire it is deaf at once."""
+        """Add a new handle; if its wire is cut, its packets are dropped at once."""
         self._owners[handle] = owner
         if self._down:
             self._deafen_wires([handle])

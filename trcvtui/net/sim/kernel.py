@@ -1,4 +1,4 @@
-"""The simulated network: the Kernel calls on in-memory TCP, a virtual clock and seeded chance.
+"""The simulated network: a Kernel with in-memory TCP, a virtual clock and seeded randomness.
 
 It answers as Linux does (the shared facts are tests/net/contract.py). Its time moves only with `advance`.
 As in the real kernel, the result of `poll` holds for the whole scan, for handles of the poll set.

@@ -235,7 +235,7 @@ def ignore_change() -> None:
 
 
 class SimStream:
-    """One end. `partner` is the other one, None before the handshake."""
+    """One end of a TCP connection. `partner`: the other end, None before the handshake."""
 
     __slots__ = (
         "_alive", "_alive_ticket", "_closed_first", "_end_ticket", "_in", "_out", "_retry",
@@ -271,7 +271,7 @@ class SimStream:
 
     @property
     def is_gone(self) -> bool:
-        """Return whether poll would show RDHUP, ERR or HUP: FIN, an error or an own shutdown."""
+        """Return whether poll would show RDHUP, ERR or HUP: a FIN, an error or its own shutdown."""
         return self._in.fin or self.read_shut or self.phase is StreamPhase.OVER
 
     @property
@@ -360,7 +360,7 @@ class SimStream:
             self._send_queued()
 
     def close(self) -> None:
-        """Send FIN after the queued data, or RST; the stream lives on without a program."""
+        """Send FIN after the queued data and live on without a program; or send RST and end."""
         if self.phase is not StreamPhase.OPEN or self._in.inbox:  # RFC 2525 2.17: RST if data is unread
             self.abort()
             return
@@ -384,8 +384,8 @@ class SimStream:
         inbox = self.partner._in.inbox if self.partner is not None else bytearray()
         del inbox[max(len(inbox) - size, 0) :]
 
-    def end_as_partner(self) -> None:
-        """End it as the captured PLC did: this is the played partner's end, the PLC's end gets OWN_END."""
+    def end_by_plc(self) -> None:
+        """End the stream of a played partner as the captured PLC did; the PLC's end gets OWN_END."""
         if self.partner is not None and self.partner.phase is StreamPhase.OPEN:
             self.partner.end_with_error(OWN_END)
         self.abort()

@@ -140,7 +140,7 @@ class Retry:
         self._unanswered = 0  # a zero window that is confirmed can last for ever (RFC 9293 3.8.6.1)
 
     def check_due(self, now: int, probing: bool, user_timeout: int, longest: int) -> TimerResult:
-        """Decide at `due`, and set the next one; probing = zero window and nothing in flight."""
+        """Return what is due, and set the next `due`; `probing`: zero window, nothing in flight."""
         if self._since is None and (probing or self._tries > 0):  # the tail probe does not start the limit
             self._since = now
         if self._is_exhausted(now, user_timeout):

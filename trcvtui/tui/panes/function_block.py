@@ -121,7 +121,7 @@ def output_text(pin: DrawnPin, instance: InstanceSnapshot | None, glowing: bool)
 
 
 def glow_text(pin: DrawnPin, instance: InstanceSnapshot | None, afterglow: Afterglow, t_ns: int) -> str:
-    """Return what an output was for one scan a moment ago: its scan, RCVD_LEN, or STATUS."""
+    """Return the afterglow text of an output that was set for one scan: scan, RCVD_LEN, or STATUS."""
     if instance is None:
         return ""
     done = None if instance.outputs.done else afterglow.glow(instance.name, DONE, t_ns)

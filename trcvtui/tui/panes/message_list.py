@@ -102,7 +102,7 @@ class MessageLines(LineView):
 
     @property
     def _chosen_place(self) -> int:
-        """Return the place of the chosen row among those that pass, -1: all come after the shown scan."""
+        """Return the index of the chosen row among the filtered; -1: all come after the shown scan."""
         last = len(self._listed) - 1
         if self._at is not None:
             return min(last, bisect_left(self._listed, self._at))

@@ -51,7 +51,7 @@ class StatusHistory(LineView):
         return action != "hit" or self._digit == HISTORY_DIGIT
 
     def show(self) -> None:
-        """Repaint the changed rows; a view that is scrolled into the past stays on its edges."""
+        """Repaint the changed rows; a view scrolled into the past keeps showing the same edges."""
         before = self._edges[0].seq if self._edges else 0
         self._edges = list(reversed(self._view_model.history.list_edges(self._view_model.selected)))
         self._measure(before)

@@ -163,7 +163,7 @@ def describe_cuts(marks: Sequence[int], messages: Sequence[MessageSpan]) -> str:
 
 
 def describe_arrival(recvs: Sequence[RecvSpan], start: int, stop: int) -> str:
-    """Return when the first chunk arrived that begins in a row, and how long after the one before."""
+    """Return when the first chunk that begins in a row arrived, and how long after the one before."""
     first = next((n for n, span in enumerate(recvs) if start <= span.position < stop), None)
     if first is None:
         return ""
@@ -324,7 +324,7 @@ class StreamView(ByteLines):
         return range(max(0, start), min(start + self.per_row, first + size, self.window.end))
 
     def search(self, start: int, is_forward: bool, patterns: tuple[bytes, ...] = (), **what: Any) -> None:
-        """Search a place; `what`: other fields of SeekRequest."""
+        """Request a search from position `start`; `what`: other fields of SeekRequest."""
         self._seeks += 1
         self.seek = SeekRequest(self._seeks, start, is_forward, patterns, **what)
 
@@ -502,7 +502,7 @@ class StreamView(ByteLines):
         return span_at(window.jobs, place), span_at(window.recvs, place), span_at(window.messages, place)
 
     def cursor_values(self) -> tuple[int | None, int | None]:
-        """Return the byte under the cursor, and what it was in the job before."""
+        """Return the byte under the cursor and the corresponding byte of the previous job."""
         place = -1 if self.cursor is None else self.cursor
         return self._byte(place), None if self.marked else self._byte_before(place)
 

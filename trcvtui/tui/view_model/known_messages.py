@@ -34,7 +34,7 @@ class KnownMessages:
         return self.first + len(self.rows)
 
     def stop_at(self, scan: int) -> int:
-        """Return the number after the last row up to a scan."""
+        """Return the number of the first row after a scan, or of the next one to come."""
         return self.first + bisect_right(self.rows, scan, key=lambda row: row.scan)
 
     @property

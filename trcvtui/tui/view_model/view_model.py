@@ -338,7 +338,7 @@ class ViewModel:
 
     @property
     def messages(self) -> list[StreamMessage]:
-        """Return the whole messages of the newest window on the past."""
+        """Return the complete messages in the newest `past_window`."""
         newest, window = self.live or self.picture, self.past_window
         if self._messages is None or self._messages[0] is not window:
             evidence = make_current_evidence(newest, self.project, self.selected) if newest else None

@@ -141,7 +141,7 @@ LINE_KEYS: Final = (
 )
 SCENARIO_KEYS: Final = (
     ("↑ ↓, /", "choose a scenario; a filter, as you type it"),
-    ("k", "simulated network or real sockets, for the next one that is loaded"),
+    ("k", "simulated network or real sockets, for the next scenario that is loaded"),
     ("enter", "load it: a new bench replaces the present one"),
     ("n or space", "the next step; during a run: stop after the running one"),
     ("r", "all remaining steps; simulated ones at full speed"),
@@ -174,7 +174,7 @@ TIME_LINE_KEYS: Final = (
     ("+ -", "faster, slower: 0.1x to the fastest"),
     ("T", "the next scan in which a trigger fires"),
     ("W", "what if: if instance.X.LEN=20, if dialect NAME, if off; both runs, and where they differ first"),
-    ("9 or esc", "give the time line its keys; the pane with the focus keeps all others"),
+    ("9 or esc", "focus the time line; a pane with the focus keeps its own keys"),
 )
 KeyTable = tuple[tuple[str, str], ...]
 # All keys by pane: a title, the ids of the widgets that can have the focus there, and the rows.

@@ -197,7 +197,7 @@ class _StructVariants:
         return Span(size, align, tuple(lying)), (starts[0] if starts else size) - self.starts[stop]
 
     def place_tail(self, stop: int, filled: int) -> Span:
-        """Return the parts from `stop` on after `filled` bytes."""
+        """Return the parts from number `stop` on, placed after `filled` bytes."""
         if stop == len(self.parts):
             return Span(filled, 1)
         if (stop, filled) not in self.tails:

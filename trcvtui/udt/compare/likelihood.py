@@ -35,7 +35,7 @@ _Likelihood = tuple[float, str]  # the logarithm of the likelihood of the bytes 
 class LeafEvidence(NamedTuple):
     """Points for (above 0) or against a reading, and the reason in words.
 
-    `fair` are the points in a comparison of byte orders: those of the best order of its bytes. `order` are
+    `fair` are the points when byte orders are compared: those of the order that fits best. `order` are
     the points for this byte order against the other one. `is_plain`: the number is not round (its low byte is
     neither 0 nor 255); `is_odd`: machines do not send such a value.
     """
@@ -82,7 +82,7 @@ def log_chance(raw: bytes) -> float:
 
 
 def repeated_zero_points(type_: LeafType, parts: Collection[bytes]) -> float:
-    """Return the correction for bytes of numbers that are 0 in every message: one fact, as padding is."""
+    """Return the correction for number bytes that are 0 in every message: one fact, like padding."""
     if isinstance(type_, StringType):
         return 0.0
     share: float = len(parts) ** REPEAT_EXPONENT

@@ -61,7 +61,7 @@ def _read_codesys_2(text: str, name: str) -> Declarations:
 
 
 def _lazy_reader(module: str, kind: str = "") -> Callable[..., Declarations]:
-    """Return a reader of XML or C that imports its module for the first such file."""
+    """Return a reader of XML or C whose module is imported when the first such file is read."""
 
     def read(*given: Any) -> Declarations:
         reader = getattr(import_module(f"{__name__}.{module}"), f"read_{kind or module}")
@@ -134,7 +134,7 @@ def complete_type_path(typed: str, base: SourcePath) -> list[str]:
 
 
 def parse_source(text: str, name: str, extension: str = "") -> Declarations:
-    """Return what a text declares, read as a file of that extension; `name` is the file in messages."""
+    """Return what a text declares, read as a file with this extension; messages call the file `name`."""
     rows = [row for row in FORMATS.values() if extension.lower() in row.extensions]
     if not extension:
         found = (name for sign, name in _FORMAT_SIGNS.items() if re.search(sign, text))
@@ -241,7 +241,7 @@ def declarations_of(data: bytes, name: str, extension: str = "") -> Declarations
     refuse_other_file(name, data)
     text = decode_text(data)
     if "\0" in text:
-        found = "zero bytes, as in binary data or UTF-16 without a byte order mark"
+        found = "NUL bytes, as in binary data or UTF-16 without a byte order mark"
         raise mistake(name, found, "text in UTF-8, or in UTF-16 with its mark")
     return parse_source(text, name, extension)
 

@@ -263,7 +263,7 @@ class _HeaderReader:
             if is_tail and self.place(node) not in self.source.cpp.arrays:
                 if not is_last:
                     raise mistake(
-                        where, f"{name}[] before other members", "a length, or it as the last member"
+                        where, f"{name}[] before other members", "a length, or this as the last member"
                     )
                 node, width = node.type, ast.NO_LENGTH
         yield ast.MemberSpec(name, self.spec(node.type, depth), where, width)

@@ -269,7 +269,7 @@ def _assign_to_builder(
     for decl in project.instances:
         row = block_row(decl.block)
         if decl.connect == config.name and (row.owns_link or row.runs_as is Condition.ESTABLISHING):
-            status = _status_words(project, decl.block, project.rules.course.condition(*wrong))
+            status = _status_words(project, decl.block, project.rules.course.set_up_condition(*wrong))
             return replace(said, instance=decl.name, status=status)
     return replace(said, confidence=0.5)  # no block builds it: no STATUS shows it
 

@@ -37,7 +37,7 @@ _disk_substitutes: list[FilesRead] = []  # the last one is read in place of the 
 
 
 class FilesRead:
-    """Files as they were read once, by the names in the calls; `digests` has the SHA-256 of a file instead.
+    """Files as they were read once, by the names in the calls; `digests`: only the SHA-256 of a file.
 
     Relative names begin in `folder`.
     """
@@ -83,7 +83,7 @@ def record_reads(files: FilesRead) -> Iterator[None]:
 
 @contextmanager
 def read_from(files: FilesRead) -> Iterator[None]:
-    """Read these in place of the disk."""
+    """Read these `files` in place of the disk."""
     _disk_substitutes.append(files)
     try:
         yield
@@ -175,7 +175,7 @@ def open_to_read(path: FileName) -> Iterator[IO[bytes]]:
 
 
 def check_readable(path: FileName) -> None:
-    """Raise OSError where `read_bytes` would refuse; called before a library opens the file by its name."""
+    """Raise OSError where `read_bounded` would; called before a library opens the file by its name."""
     if _disk_substitutes:
         if os.fspath(path) not in _disk_substitutes[-1].digests:
             _disk_substitutes[-1].content(path)

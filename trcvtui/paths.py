@@ -24,7 +24,7 @@ def configs_path() -> Path:
 
 
 def state_folder() -> Path:
-    """Return the folder for files that the user did not name; a service's is set by systemd."""
+    """Return the folder for files that the user did not name; for a service systemd sets it."""
     from platformdirs import user_state_path  # only when needed: a faster start
 
     given = os.environ.get("STATE_DIRECTORY", "").partition(":")[0]
@@ -32,7 +32,7 @@ def state_folder() -> Path:
 
 
 def runtime_folder() -> Path:
-    """Return the folder where a user's running programs find each other; a service's is set by systemd."""
+    """Return the folder where a user's running programs find each other; for a service systemd sets it."""
     from tempfile import gettempdir  # only when needed: a faster start
 
     given, of_user = os.environ.get("RUNTIME_DIRECTORY", ""), os.environ.get("XDG_RUNTIME_DIR", "")
@@ -42,7 +42,7 @@ def runtime_folder() -> Path:
 
 
 def resolve_path(text: str) -> Path:
-    """Return the file that a word of the command line names; raise UserError for a name of two examples.
+    """Return the file that a word of the command line names; raise UserError if two examples have it.
 
     The user's own file comes first. If there is none, `configs/types/weight.st` and, without folder and
     suffix, `80c5-partner-closes` are examples that come with the program.
@@ -63,7 +63,7 @@ def resolve_path(text: str) -> Path:
 
 
 def list_examples(word: str | None = None) -> Iterator[str]:
-    """Yield each project and story with its first sentence; with a word all that have it, also scenarios."""
+    """Yield each project and story with its first sentence; given a word, all with it, also scenarios."""
     root = configs_path()
     shown = ("stories/*.toml", "guide/*.toml", "*.toml", "tls/*.toml", "scenarios/stories/*.toml")
     for pattern in ("**/*.toml",) if word else shown:

@@ -32,7 +32,7 @@ class DescriptionField(NamedTuple):
 
 
 class Structure(NamedTuple):
-    """One system type; `size` in bytes, of which the last `spare` may be missing.
+    """One system type; `size` in bytes; the last `spare` of these bytes may be missing.
 
     `head`: the structure whose fields come first; STEP 7 has them as one member, ConnPara.
     """

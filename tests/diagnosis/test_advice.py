@@ -255,7 +255,7 @@ def test_every_condition_has_an_answer_whatever_is_known() -> None:
 
 
 def test_no_rule_is_asked_twice_for_one_condition() -> None:
-    asked = [(c, rule.moves, rule.tell, rule.says_why) for rule in ADVICE_RULES for c in rule.conditions]
+    asked = [(c, rule.traffic, rule.tell, rule.says_why) for rule in ADVICE_RULES for c in rule.conditions]
     assert len(set(asked)) == len(asked)
 
 

@@ -149,7 +149,7 @@ def test_sigterm_ends_an_agent_cleanly_and_says_offline(broker: Mosquitto, tmp_p
     finally:
         agent.kill()
         connection.close()
-    assert (tmp_path / "said").read_text().count("\n") == 2  # no TLS; the broker is there
+    assert (tmp_path / "said").read_text().count("\n") == 2  # no TLS; connected to the broker
 
 
 # -- what fails beside it --------------------------------------------------------------------------------

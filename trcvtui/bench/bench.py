@@ -431,9 +431,9 @@ class Bench:
         self._record_and_do("rest", 0, self.step_peers)
 
     def _find_next_peer_time(self, scan: int) -> object:
-        """Return when peers act next before a scan: one is due, or the simulated network moves; None: never.
+        """Return the next time before a scan when a peer is due or the simulated network moves; None: none.
 
-        It is a multiple of the shortest interval of a task, which bounds the steps between two scans.
+        It is a multiple of a task's shortest interval, which bounds the number of steps between two scans.
         """
         if self._is_replay:
             entry = cast("ReplaySeam", self._seam).peek_call()

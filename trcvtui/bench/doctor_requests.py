@@ -1,4 +1,4 @@
-"""The doctor of a bench: when it looks, its findings by CONNECT, and the lines that wait for them.
+"""The doctor of a bench: when it judges the run, its findings by CONNECT, the lines that wait for them.
 
 Rule: another process judges (diagnosis/doctor_process.py); its bounded answer is read between two scans.
 """
@@ -30,7 +30,7 @@ NOT_KEPT_TEXT: Final = 'this run is not kept; the doctor needs [options] black_b
 
 
 class Judge(Protocol):
-    """A process that looks at the run; `result_json` has its findings."""
+    """A process that judges the run; `result_json` has its findings."""
 
     result_json: bytes
     progress: str  # in plain words, "": none yet
@@ -40,14 +40,14 @@ class Judge(Protocol):
     def is_judging(self) -> bool: ...
 
     def start_judging(self) -> None:
-        """Let it look; raise UserError if there is nothing to look at."""
+        """Start the process; raise UserError if there is nothing to judge."""
 
     def advance(self) -> None:
-        """Find out whether it has ended."""
+        """Find out whether the process has ended."""
 
 
 class BenchDoctor:
-    """Asks a judge for lines at the prompt and for the card."""
+    """Gets findings from a judge, for the card and for `doctor` lines at the prompt."""
 
     def __init__(self) -> None:
         self.snapshot = DoctorSnapshot()
@@ -57,7 +57,7 @@ class BenchDoctor:
         self._looks = False
 
     def ask(self, judge: Judge, bench: Bench, number: int, line: str, command: Doctor) -> str:
-        """Start the doctor if needed; it answers the line later. Return the text to show until then."""
+        """Start the judge if needed; `advance` answers the line later. Return the text shown until then."""
         if judge.looks_again or not self.snapshot.looks:
             self._start_judging(judge, bench)
         self._waiting.append((number, line, command))
@@ -73,7 +73,7 @@ class BenchDoctor:
         self._began_ns, self._scan, self._looks = clock.now_ns(), bench.runtime.scans, True
 
     def _try_judging(self, judge: Judge, bench: Bench) -> None:
-        """Let it look; an error becomes `trouble` of the snapshot, so that it cannot end the engine."""
+        """Start the judge; an error becomes `trouble` of the snapshot, so that it cannot end the engine."""
         try:
             self._start_judging(judge, bench)
         except UserError as refused:
@@ -82,7 +82,7 @@ class BenchDoctor:
             self._ended_ns = clock.now_ns()
 
     def advance(self, judge: Judge | None, bench: Bench, is_wanted: bool) -> Iterable[LineAnswer]:
-        """Take a result, let the judge look again if that `is_wanted`, return answers to waiting lines."""
+        """Take a result; start the judge again if `is_wanted` and due; return answers to waiting lines."""
         if judge is None:
             if is_wanted:
                 self.snapshot = DoctorSnapshot(1, trouble=NOT_KEPT_TEXT)
@@ -165,7 +165,7 @@ def answer_command(command: Doctor, seen: DoctorSnapshot, project: Project) -> t
 
 
 def findings_of(name: str, findings: Iterable[Finding], project: Project) -> tuple[Finding, ...]:
-    """Return the findings of an instance or a CONNECT, "": all; one that belongs to none is always given."""
+    """Return the findings of an instance or a CONNECT ("": all), and those that belong to no CONNECT."""
     decl = project.instance(name)
     connect = decl.connect if decl is not None else name
     return tuple(

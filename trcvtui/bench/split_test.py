@@ -212,7 +212,7 @@ class ScreenSplitTest:
         return ""
 
     def stop(self) -> str:
-        """End the running trial; of one that has ended, close the table."""
+        """End the running trial; if it has ended already, close its table."""
         if self._trial is not None and self._trial.is_running:
             self._trial.cancel()
         else:

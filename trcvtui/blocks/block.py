@@ -37,7 +37,7 @@ class ConnectBinding(JobBinding, frozen=True):
     address: RemoteAddress | None = None
 
     def class_of(self, row: BlockRow) -> str:
-        """Return the class of a block on a CONNECT: single instructions where the vendor has them."""
+        """Return the class of a block on a CONNECT: a single instruction if the vendor has these."""
         is_single = bool(row.single) and self.env.rules.single_instructions
         return row.datagrams or (row.single if is_single else row.shared)
 

@@ -21,7 +21,7 @@ class BytesArrived(NamedTuple):
 
 
 class BytesLost(NamedTuple):
-    """Bytes had no room in a ComBuffer, or left it unread. `offset`: before which byte.
+    """Bytes had no room in a ComBuffer, or left it unread. `offset`: of the next byte that it takes.
 
     `position`: of the first one in its ring; -1: they are the last ones before `offset`.
     """

@@ -29,12 +29,12 @@ class Framing(Struct, frozen=True):
     text: bool = False
 
     def cuts_like(self, other: Framing) -> bool:
-        """Return whether only the timeout differs, if anything."""
+        """Return whether both cut alike; the timeout may differ."""
         mine = self.size, self.prefix, self.suffix, self.text
         return mine == (other.size, other.prefix, other.suffix, other.text)
 
     def ended_by(self, ending: FrameEnding) -> str:
-        """Return in words what ended a frame; "without the suffix" only where there is one."""
+        """Return in words what ended a frame; a framing without a suffix has its own words for OVERRUN."""
         is_full = ending is FrameEnding.OVERRUN and not self.suffix
         return "size reached, and there is no suffix" if is_full else str(ending)
 
@@ -156,7 +156,7 @@ class Framer:
 
 
 def _longest_prefix_start(joined: bytes, head: bytes) -> int:
-    """Return the length of the longest end of `joined` with which the prefix may begin."""
+    """Return the length of the longest end of `joined` that is an incomplete prefix (`head`)."""
     longest = min(len(head) - 1, len(joined))
     return next((n for n in range(longest, 0, -1) if joined.endswith(head[:n])), 0)
 

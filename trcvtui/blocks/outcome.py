@@ -79,7 +79,7 @@ class Cause(Struct, frozen=True):
 
     @property
     def underlying_call(self) -> str:
-        """Return the call that took part, as `fault` names it; "" where none did."""
+        """Return the call that took part, by its name in a `fault` command; "" if none did."""
         if self.call == "resolve" and not self.errno:  # `@NAME` of the bench
             return ""
         return UNDERLYING_CALLS.get(self.call, self.call)
@@ -99,7 +99,7 @@ NEXT_REQ: Final = Cause(
 
 
 def send_full_cause(fault: Fault, name: str, need: int, peer: str) -> Cause:
-    """Return the cause of a send of which the stack took no byte; `fault`: FULL, or a planned one."""
+    """Return the cause if the stack took no byte of a send; `fault`: FULL, or one of a fault plan."""
     call, error, injected = fault.call, fault.error, fault.injected
     return Cause(
         CauseKind.BYTES, name, call=call, error=error, injected=injected, peer=peer, have=0, need=need
@@ -107,7 +107,7 @@ def send_full_cause(fault: Fault, name: str, need: int, peer: str) -> Cause:
 
 
 def cause_of_fault(fault: Fault, peer: str = "") -> Cause:
-    """Return the cause of a failed call, or of what fails without one (PSEUDO_CALL_CAUSES)."""
+    """Return the cause of a failed call, or of a failure without a call (PSEUDO_CALL_CAUSES)."""
     why, name = PSEUDO_CALL_CAUSES.get(fault.call, (CauseKind.KERNEL, f"{fault.call} failed"))
     if fault.call == "resolve" and fault.error.startswith("EAI_"):  # the network's names, not `@NAME`
         why, name = CauseKind.KERNEL, "no address is known for the partner's name"
@@ -118,7 +118,7 @@ def cause_of_fault(fault: Fault, peer: str = "") -> Cause:
 
 
 class Lamp(Enum):
-    """BUSY or DONE of an outcome whose condition alone does not decide it."""
+    """Whether an outcome is BUSY or DONE, if its condition alone does not decide that."""
 
     BUSY = "busy"
     DONE = "done"
@@ -129,8 +129,8 @@ class Outcome(Struct, frozen=True, eq=False):
 
     Blocks on a ComBuffer keep `rcvd_len` until the next frame begins, and have `rx_timeout` or a `byte`.
 
-    `stable`: every further call gives this very object and changes nothing, until an input changes, the poll
-    sees the CONNECT, or another block ends its connection.
+    `stable`: every further call gives this very object and changes nothing, until an input changes, the
+    CONNECT has a poll event, or another block ends its connection.
     """
 
     condition: Condition

@@ -34,9 +34,9 @@ PLAIN_SET_UP_CONDITIONS: Final[SetUpConditions] = {
 class StatusSequence(Struct, frozen=True):
     """What shows when. A tuple of conditions shows one a scan.
 
-    `job_begins`: the first scan of a connection for which a job waits; the job has its lock from then on. One
-    that would be refused shows `established`. None: "connected".
-    `established`: the first scan of a connection without a waiting job.
+    `job_begins`: the first scan of a connection shows it if a job waits, which then has its lock. If that
+    job would be refused, the scan shows `established`. None: "connected".
+    `established`: the first scan of a connection shows it if no job waits.
     `waiting_req_sends`: a REQ that is still 1 when the connection comes up sends; False: an edge without a
     connection is an error of its own.
     `en_r_keeps_job`: a running receive job outlives EN_R. `first_data_keeps_job`: only once it has data.
@@ -53,7 +53,7 @@ class StatusSequence(Struct, frozen=True):
     `teardown`: "closing" shows before the error of a loss that ends a job.
     `silent_connect`: a failed attempt shows no error; `silent_dead_link`: while a link is dead it shows none.
     `reset_closes`: COM_RST closes the connection and its listener, and builds both anew.
-    `request_connects`: an edge of REQ or EN_R = 1 connects too; CONT decides whether that outlives the job.
+    `request_connects`: an edge of REQ or EN_R = 1 connects too; with CONT the connection outlives the job.
     `faults_once`: a receive job that every call refuses shows its error once, else with each call.
     `set_up`: the error of a set-up step.
     """

@@ -25,8 +25,8 @@ class BlockRow(Struct, frozen=True):
     `data_pin`: the manual's name of DATA, "" for none; `data_length`: the pin of its size.
     `buffer_pin`: the pin of its ComBuffer; such a block has no CONNECT.
     `pointers`: further variables: prefix first, then suffix; `mark_lengths`: the pins of their lengths.
-    `has_id`: it has an ID where connections have one; `id_alone`: and no CONNECT beside it.
-    `runs_as`: the condition while its job runs, of a single instruction whose STATUS does not say it.
+    `has_id`: it has an ID pin if connections have IDs; `id_alone`: then it has no CONNECT pin.
+    `runs_as`: the condition while its job runs; the STATUS of a single instruction does not say it.
     """
 
     name: str

@@ -58,10 +58,10 @@ class IpPayload(NamedTuple):
 
 
 class Fragment(NamedTuple):
-    """A piece of an IP packet: `at` which byte of its content; `head`: the bytes before the whole content.
+    """A piece of an IP packet. `at`: its offset in the content; `head`: the bytes before the whole content.
 
-    `of`: what the pieces of one packet have in common; `length_at`: offset of the length in the head. The
-    length includes `counted` bytes of the head.
+    `of`: equal in all pieces of one packet; `length_at`: offset of the length in the head. That length
+    counts `counted` bytes of the head, too.
     """
 
     of: tuple[bytes, ...]
@@ -138,7 +138,7 @@ class Fragments:
         self._packets.pop(of, None)
 
     def _is_lost(self, of: tuple[bytes, ...]) -> bool:
-        """Return whether a datagram lacks pieces; its first one alone may be due to a capture filter."""
+        """Return whether a datagram lacks pieces; its first alone does not count (capture filter)."""
         pieces = self._packets[of]
         is_datagram = of not in self._done and of[3:] in ((), (bytes((UDP,)),))
         return is_datagram and (len(pieces.content) > 1 or pieces.first is None)
@@ -155,7 +155,7 @@ def _count_bounded(known: Counter[tuple[bytes, ...]], ends: tuple[bytes, ...]) -
 
 
 def find_ip_header(link_type: int, data: bytes, types: tuple[bytes, ...] = _IP_TYPES) -> int:
-    """Return the offset of the IP header (or of another of these EtherTypes); -1: the packet has none."""
+    """Return the offset of the IP header, or of the content of another of `types`; -1: there is none."""
     if link_type in _ETHERTYPE_PLACES:
         kind, at = _parse_ethertype(link_type, data)
         return at if kind in types else -1

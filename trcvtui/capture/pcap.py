@@ -80,8 +80,8 @@ class Interface(NamedTuple):
 class Packet(NamedTuple):
     """One packet; `length`: bytes on the wire, `data` may have fewer; `at`: its offset in the file.
 
-    `sent`: True by the PLC, False to it, None unknown. Only a recording of ours (an interface of USER0) says
-    it: in other captures the flags are seen from the capturing host.
+    `sent`: True by the PLC, False to it, None unknown. Only our own recordings (interface of USER0) say it:
+    in other captures the flag tells the direction at the capturing host.
     """
 
     ns: int

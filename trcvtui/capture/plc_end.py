@@ -127,7 +127,7 @@ def guess_plc(
 def make_no_match_error(where: str, given: str, found: Iterable[Conversation], offer: str = "") -> UserError:
     """Return the error for an end or a project without a conversation, with the ends of the capture.
 
-    `offer`: what you can do with one of them.
+    `offer`: words before the list of ends: what the user can do with one of them.
     """
     ends = sorted({address_text(end.address) for each in found for end in (each.there, each.back)})
     return mistake(where, given, f"{offer}one of the ends that are there: " + ", ".join(ends[:8]))

@@ -95,10 +95,10 @@ class SegmentKind(Enum):
 
 
 class ConversationEvent(NamedTuple):
-    """One event: `at` is the byte of its direction, `size` its bytes, of a silence its nanoseconds.
+    """One event. `at`: the byte of its direction; `size`: its bytes, or the nanoseconds of a silence.
 
     Of a datagram that the capture has cut off, `size` counts the bytes on the wire, `data` has fewer.
-    An ACK is one without bytes: `size` is its window. EARLY bytes are captured before earlier ones; LATE ones
+    An ACK event has no bytes: `size` is its window. EARLY bytes are captured before earlier ones; LATE ones
     fill the hole and left their host after the early ones: a retransmission. A LINE_ERROR of a serial line
     has framing, parity, break or overrun as `data`.
     """
@@ -209,7 +209,7 @@ class Conversation:
 
     @property
     def forget_after_ns(self) -> int:
-        """Return the silence after which a growing capture forgets it."""
+        """Return how long it must be silent until a growing capture forgets it."""
         if self.protocol == "udp" and not self.tap:
             return SILENT_NS
         return ENDED_KEPT_NS if self.end is not None else FOREVER_NS

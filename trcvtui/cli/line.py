@@ -146,7 +146,7 @@ def _tap(args: Args) -> int:
 
 
 def tap_screen(tap: str, asked: str, kernel: str) -> int:
-    """Show a tap, from a child of the process that forwards; `tap` is the number of its socket."""
+    """Show a tap; runs in a child of the process that forwards. `tap` is the number of the socket to it."""
     import json
 
     from trcvtui.line.live_screen import TapDriver

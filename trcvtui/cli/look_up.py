@@ -92,7 +92,7 @@ def _completion(args: Args) -> int:
 
 
 def _make_completable(parser: CommandParser) -> None:
-    """Show the commands, which help leaves out; complete file arguments with names of files."""
+    """Let completion offer the commands that help leaves out, and file names as file arguments."""
     from argparse import _SubParsersAction
 
     import shtab

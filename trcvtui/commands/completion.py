@@ -36,12 +36,12 @@ def offer_none(words: list[str], project: Project) -> Iterable[str]:
 
 
 def offer_words(*choices: str) -> NextWords:
-    """Return a function that offers always the same words."""
+    """Return a function that always offers the same words."""
     return lambda words, project: choices
 
 
 def _offer(names: Callable[[Project], Iterable[str]], *then: str, is_last: bool = True) -> NextWords:
-    """Return a function that offers names of the project, after a name `then`; `is_last`: only once."""
+    """Return a function that offers names of the project, then the words `then`; `is_last`: only once."""
 
     def offer(words: list[str], project: Project) -> Iterable[str]:
         if len(words) == 1:

@@ -88,7 +88,7 @@ FILL_KINDS: Final = (*NUMBER_KINDS, *CHECKSUMS)
 class Fill:
     """`width` bytes at `offset`: n (binary), digits (decimal) or a checksum of all bytes before.
 
-    `hole`: the payload's text has it as {n}, not as an option at its end.
+    `hole`: it is written as {n} inside the payload's text, not as an option after it.
     """
 
     kind: str

@@ -256,7 +256,7 @@ def _check_cuts(decl: MessageDecl, project: Project, where: str) -> None:
 
 
 def _read_pairs(words: Words, runs_on: bool = False) -> dict[str, Any]:
-    """Return KEY=VALUE; with `runs_on`, words without a key belong to the value before them."""
+    """Return the KEY=VALUE pairs; with `runs_on`, a word without a key continues the value before it."""
     pairs: dict[str, str] = {}
     lists: dict[str, list[str]] = {}
     key, severals = "", array_keys()
@@ -315,7 +315,7 @@ def parse_change(words: Words, project: Project) -> Change | None:
 
 
 def _read_kind_and_name(words: Words, project: Project) -> tuple[str, str]:
-    """Return the kind, taken from the words, and the name after `set` or `remove`; kind "": none has it."""
+    """Return kind and name after `set` or `remove`; take a written kind. Kind "": nothing has this name."""
     if words.peek() in PART_KINDS and words.peek(1) and "=" not in words.peek(1):
         return words.next(""), words.peek()
     name = words.peek()
@@ -337,7 +337,7 @@ def _join_kinds(texts: list[str]) -> str:
 
 
 def _changes_declaration(words: Words, name: str, project: Project) -> bool:
-    """Return whether a key is no input, but belongs to the instance: its CONNECT, its DATA, its task."""
+    """Return whether a key belongs to the declaration and is no input: a CONNECT, DATA or a task."""
     decl = project.instance(name)
     if decl is None:
         return False
@@ -386,7 +386,7 @@ def parse_undo(words: Words, project: Project) -> Undo:
 
 
 def _check_users(edits: Edits, project: Project, where: str) -> None:
-    """Raise UserError if these edits would make an entry invalid that is not part of them."""
+    """Raise UserError if these edits would make another entry invalid."""
     users = find_broken_users(edits, project)
     if users:
         names = [f"{kind_text(kind_name(decl))} {decl.name}" for decl, _ in users]

@@ -197,7 +197,7 @@ BREAK_WORD: Final = "break"
 
 
 def can_be_fed(buffer: ComBufferDecl) -> bool:
-    """Return whether `feed` may let bytes arrive in a ComBuffer: of `sim` or `serial`, without a `line`."""
+    """Return whether `feed` may use a ComBuffer: its source is `sim` or `serial`, it has no `line`."""
     return buffer.source in (SIMULATED, SERIAL) and not buffer.line
 
 

@@ -100,7 +100,7 @@ NO_MARK: Final = "none"
 
 @dataclass(frozen=True, slots=True)
 class SetFrameMark:
-    """`suffix RD hex 0D 0A`, `prefix RD none`; `pin` is the length, "" of a STRING."""
+    """`suffix RD hex 0D 0A`, `prefix RD none`; `pin`: the pin of its length, "" if it is a STRING."""
 
     instance: str
     mark: str
@@ -286,7 +286,7 @@ class FeedSerial:
 
 
 class SetLink(Struct, frozen=True):
-    """`link C1 down`: the wire goes silent, without FIN or RST; `link C1 up`: it speaks again."""
+    """`link C1 down`: the wire goes silent, without FIN or RST; `link C1 up`: it carries bytes again."""
 
     connect: str
     up: bool
@@ -295,7 +295,7 @@ class SetLink(Struct, frozen=True):
 class TapAct(Struct, frozen=True):
     """`tap T to-plc edit 3 hex 0A conversation 2`: a tap acts on the bytes of one direction.
 
-    `sizes`: of drop, edit (offset), delay (ns), split (pieces); `conversation` 0: the newest.
+    `sizes`: the numbers of drop, edit (offset), delay (ns) or split (pieces); `conversation` 0: the newest.
     """
 
     tap: str

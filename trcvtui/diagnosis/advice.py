@@ -1,6 +1,6 @@
 """Evidence to sentences: why a block shows its STATUS, what proves it, and what to do about it.
 
-Rule 1: the condition selects the rules, never a STATUS number. Each rule answers a sentence or "".
+Rule 1: the condition selects the rules, never a STATUS number. Each rule returns a sentence or "".
 Rule 2: a rule is one row of ADVICE_RULES: conditions, traffic, function. Rows for one kind of traffic replace
 the general rows of a condition. The order of the rows is the order of the sentences.
 Rule 3: while a block waits for the next attempt, the code of the last one and its advice come first, as if it
@@ -20,7 +20,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis import handshake, job, link, receive, serial
 from trcvtui.diagnosis.evidence import Evidence
 from trcvtui.diagnosis.job import (
-    AdviceRule,
+    AdviceFunction,
     AdvisedCause,
     SuggestedAction,
     as_advised_cause,
@@ -48,33 +48,33 @@ class Traffic(Enum):
     RESULT = auto()  # of T_DIAG
 
 
-class Rule(NamedTuple):
-    """One row: `tell` is called in these conditions, if `moves` is the traffic of the block.
+class AdviceRule(NamedTuple):
+    """One row: `tell` is called in these conditions, if `traffic` is the traffic of the block.
 
     `says_why`: the answer describes the present state, which says more than the cause of the edge does.
     """
 
     conditions: frozenset[Condition]
-    moves: Traffic
-    tell: AdviceRule
+    traffic: Traffic
+    tell: AdviceFunction
     says_why: bool = False
 
 
 def make_rules(
     conditions: Condition | tuple[Condition, ...],
-    *tells: AdviceRule,
+    *tells: AdviceFunction,
     of: Traffic | tuple[Traffic, ...] = Traffic.ANYTHING,
     says_why: bool = False,
-) -> tuple[Rule, ...]:
+) -> tuple[AdviceRule, ...]:
     of_these = frozenset((conditions,) if isinstance(conditions, Condition) else conditions)
-    moves = (of,) if isinstance(of, Traffic) else of
-    return tuple(Rule(of_these, each, tell, says_why) for each in moves for tell in tells)
+    traffic = (of,) if isinstance(of, Traffic) else of
+    return tuple(AdviceRule(of_these, each, tell, says_why) for each in traffic for tell in tells)
 
 
 DATAGRAMS: Final = (Traffic.DATAGRAMS, Traffic.DATAGRAMS_OF_A_CONNECT)
 ALL_DATAGRAMS: Final = (*DATAGRAMS, Traffic.DATAGRAM_JOBS)
 # Advice without numbers is in the STATUS table, on the same card.
-ADVICE_RULES: Final[tuple[Rule, ...]] = (
+ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
     # the present state, for `why`
     *make_rules(Condition.RECEIVING, receive.describe_receive_job, says_why=True),
     *make_rules(Condition.ESTABLISHING, link.describe_setup_wait, says_why=True),
@@ -322,21 +322,21 @@ JOB_CONDITIONS: Final = frozenset({Condition.STARTED, Condition.RUNNING})
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """`why` is the present state, `causes` what is proven, the most telling first; `do` is what to do.
+    """`why`: the present state; `causes`: what is proven, the most telling first; `do`: what to do.
 
-    `code`: a STATUS whose row of the table says more than the row of the shown one. `rules`: those that
-    answered.
+    `code`: the STATUS of the last failed attempt; its row of the table says more than the shown one.
+    `rules`: those that returned a sentence.
     """
 
     why: str
     causes: tuple[str, ...] = ()
     do: tuple[SuggestedAction, ...] = ()
     code: int | None = None
-    rules: tuple[AdviceRule, ...] = ()
+    rules: tuple[AdviceFunction, ...] = ()
 
     @property
     def checks(self) -> tuple[str, ...]:
-        """Return all that is more than `why`."""
+        """Return `causes` and the texts of `do`, all that goes beyond `why`."""
         return (*self.causes, *(each.text for each in self.do))
 
 
@@ -354,25 +354,25 @@ def make_advice(e: Evidence) -> Advice:
     return Advice(explain_status(e), causes, do, _attempt_code(e), tuple(tell for tell, _ in answers))
 
 
-def _ask_rules(e: Evidence, rules: Iterable[AdviceRule]) -> list[tuple[AdviceRule, AdvisedCause]]:
+def _ask_rules(e: Evidence, rules: Iterable[AdviceFunction]) -> list[tuple[AdviceFunction, AdvisedCause]]:
     return [(tell, as_advised_cause(answer)) for tell in rules if (answer := tell(e))]
 
 
-def _select_rules(e: Evidence) -> tuple[AdviceRule, ...]:
-    found = _find_rules(e, _transfer_kind(e)) or _find_rules(e, Traffic.ANYTHING) or (link.name_fault,)
+def _select_rules(e: Evidence) -> tuple[AdviceFunction, ...]:
+    found = _find_rules(e, _traffic_of(e)) or _find_rules(e, Traffic.ANYTHING) or (link.name_fault,)
     return (*found, job.suggest_description_key)
 
 
-def _find_rules(e: Evidence, moves: Traffic, says_why: bool = False) -> tuple[AdviceRule, ...]:
+def _find_rules(e: Evidence, traffic: Traffic, says_why: bool = False) -> tuple[AdviceFunction, ...]:
     condition = _condition(e)
     return tuple(
         rule.tell
         for rule in ADVICE_RULES
-        if rule.moves is moves and condition in rule.conditions and rule.says_why is says_why
+        if rule.traffic is traffic and condition in rule.conditions and rule.says_why is says_why
     )
 
 
-def _transfer_kind(e: Evidence) -> Traffic:
+def _traffic_of(e: Evidence) -> Traffic:
     row = block_row(e.block)
     if row.speaks_udp:
         return Traffic.DATAGRAM_JOBS if row.datagrams else Traffic.DATAGRAMS
@@ -392,9 +392,9 @@ def _condition(e: Evidence) -> Condition:
 
 def explain_status(e: Evidence) -> str:
     """Return why a block shows its STATUS: the present state, or the edge's cause where no rule fits."""
-    moves = _transfer_kind(e)
-    found = _find_rules(e, moves, says_why=True)
-    if not found and moves not in (Traffic.DATAGRAMS, Traffic.DATAGRAM_JOBS):
+    traffic = _traffic_of(e)
+    found = _find_rules(e, traffic, says_why=True)
+    if not found and traffic not in (Traffic.DATAGRAMS, Traffic.DATAGRAM_JOBS):
         found = _find_rules(e, Traffic.ANYTHING, says_why=True)
     describing = [tell for tell in found if e.need or tell is link.describe_setup_wait]
     state = as_advised_cause(describing[0](e)).cause if describing else ""
@@ -404,7 +404,7 @@ def explain_status(e: Evidence) -> str:
 
 
 def describe_cause(cause: Cause, block: str) -> str:
-    """Return the cause of an edge: what happened, which call and errno, whose, and whether injected."""
+    """Return the cause of an edge: what happened, call and errno, partner or holder, whether injected."""
     text = cause.name
     if cause.call == "session":  # the answer came inside the connection
         text = SESSION_ERROR_TEXTS.get(cause.error, f"{cause.name} ({cause.error})")
@@ -455,7 +455,7 @@ def _is_building(e: Evidence) -> bool:
 
 
 def _attempt_code(e: Evidence) -> int | None:
-    """Return the code of the last failed attempt; None: no next one is due, or the block showed none."""
+    """Return the code of the last failed attempt; None: no next one follows, or the block showed none."""
     attempt = e.facts.attempt
     return attempt.status if attempt is not None and attempt.condition and _is_building(e) else None
 

@@ -159,7 +159,7 @@ class BlockSymptoms:
         return replace(made, **more)
 
     def _explain_by_framing(self, found: Finding) -> Finding:
-        """Return the finding with the framing that fits its line, if the block cuts the bytes anywhere."""
+        """Return the finding; if another suffix fits its line, as a finding about the framing."""
         decl = self._bench.project.instance(found.instance)
         shown = self._bench.runtime.snapshot().instance(found.instance)
         advice = (
@@ -185,7 +185,7 @@ class BlockSymptoms:
         return feeds.connect if feeds is not None else own
 
     def _unconnected(self, shown: InstanceSnapshot) -> Iterator[Finding]:
-        """Yield that a requested connection does not exist, if no ERROR says so."""
+        """Yield a finding if a requested connection does not exist and no ERROR says so."""
         config = self._bench.project.connect(shown.connect)
         is_stream = config is not None and not config.is_datagram
         if shown.condition not in BUILDING_CONDITIONS or not shown.pin("CONT") or not is_stream:
@@ -196,7 +196,7 @@ class BlockSymptoms:
             yield self._finding(shown.name, "not-connected", text, since, connect=shown.connect)
 
     def _unfinished(self, shown: InstanceSnapshot) -> Iterator[Finding]:
-        """Yield that a job holds bytes, and none came for twice the usual pause."""
+        """Yield that a job holds bytes, and none came for twice the usual pause (QUIET_NS at least)."""
         last = shown.last_receive_ns
         if not block_row(shown.block).receives_on_net or not 0 < shown.have < shown.need or last is None:
             return

@@ -106,7 +106,7 @@ def _has_shifting_frames(e: Evidence) -> bool:
 
 
 def _name_missing(e: Evidence, decl: DataDecl | None) -> str:
-    """Return at which member the bytes of a stuck frame end; "": not known, as in a shifted one."""
+    """Return a sentence on where the bytes of a stuck frame end; "": not known, or it is shifted."""
     if decl is None or decl.size != e.need or not is_stuck(e):
         return ""
     if e.facts.drop is not None or _has_shifting_frames(e):
@@ -145,7 +145,7 @@ def _note_shift(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
 
 
 def _note_unfinished_frame(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
-    """The newest message has arrived, but the job waits for bytes that were not sent."""
+    """Note that the newest message has arrived, but the job waits for bytes that were not sent."""
     messages = index.list_messages(instance.name, of_job=True)
     if not messages or not 0 < instance.have < instance.need:
         return []

@@ -71,7 +71,7 @@ class EndsGroup:
 
     @cached_property
     def sequential_lines(self) -> tuple[LineFacts, ...]:
-        """Return those that were built one after the other, without any that was parallel to one of them."""
+        """Return those that were built one after the other; without those parallel to the one before."""
         found: list[LineFacts] = []
         for one in self.built:
             if not found or found[-1].last_ns <= one.first_ns:
@@ -134,7 +134,7 @@ class EndsGroup:
 
 
 class LineCase(NamedTuple):
-    """A conversation, those between the same ends, those before it (`older`) at the same listener."""
+    """A conversation, all between its ends (`group`), and earlier ones at its listener (`older`)."""
 
     line: LineFacts
     group: EndsGroup
@@ -181,7 +181,7 @@ def _judge_turned_away(case: LineCase) -> Finding | None:
     if end is None or not _is_tcp(case) or not _is_turned_away(line):
         return None
     is_needed = line.has_harm_at(end.ns) and (case.receiver is not None or line.harms)
-    # One RST or three FINs if a receiver or an ERROR is known, else four of either.
+    # One RST or three FINs if the end may have harmed a known receiver or job, else four of either.
     if often < (STORM if not is_needed else 1 if end.kind == "rst" else FEW_MESSAGES):
         return None
     text = f"the partner listens, accepts the call and ends it with {end.kind.upper()} before any byte"
@@ -377,7 +377,7 @@ def _judge_resets(case: LineCase) -> Finding | None:
 
 
 def _describe_partial_job(line: LineFacts, receiver: Receiver | None) -> str:
-    """Return that the stream ends inside a job; "": it does not, or it is not known."""
+    """Return a text if the stream ends inside a job; "": it does not, or it is not known."""
     flow = line.to_plc
     if receiver is None or receiver.is_secure or not line.has_begin or flow.missing:
         return ""
@@ -777,8 +777,8 @@ def weigh_findings(
 ) -> tuple[Finding, ...]:
     """Return the findings that no other cause silences, the surest first.
 
-    Remedies are tried: `judge` returns what is found with the cured receiver. A remedy that leaves the cause,
-    or brings another one, is not offered.
+    Remedies are tried: `judge` returns what is found if the receiver is changed by the remedy. If the cause
+    remains then, or another one comes, the remedy is not offered.
     """
     found: list[tuple[float, Finding]] = []  # each with the confidence of its rule
     for rule in rules:

@@ -3,8 +3,8 @@
 Rule 1: a pause ends a message. With a type the end of a segment does, too, unless the segment is full: then
 the rest follows. A multiple of the type's size is records of it; any other size is one message.
 Rule 2: no record crosses a hole, or a message of another size.
-Rule 3: several records in one piece wait until a single message has that size, or another one: six messages
-of 10 bytes have the size of five of 12.
+Rule 3: several records in one piece wait for a single message: its size shows whether they are records. Six
+messages of 10 bytes have the size of five of 12.
 Rule 4: held bytes are bounded.
 """
 
@@ -94,7 +94,7 @@ class MessageCutter:
         self._last = ns, 0
 
     def handle_turn(self, ns: int) -> None:
-        """Take a turn: the other end answers, so the message has ended."""
+        """The other end answers: end the message, unless its last segment is full and more must follow."""
         if self._held and not self._is_full:
             self.end_message(ns)
 

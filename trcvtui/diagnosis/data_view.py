@@ -26,7 +26,7 @@ SENSELESS_REAL: Final = (1e-15, 1e18)
 
 
 def judge_swap(row: Elementary, read: float, swapped: float) -> int:
-    """Return 1: makes sense swapped only; -1: makes sense as read only; 0: says nothing."""
+    """Return 1 if the value makes sense only when swapped, -1 if only as read, 0 if neither is clear."""
     if row.kind is ValueKind.REAL:
         good, bad = is_sensible_real, is_senseless_real
         return (bad(read) and good(swapped)) - (good(read) and bad(swapped))
@@ -37,7 +37,7 @@ def judge_swap(row: Elementary, read: float, swapped: float) -> int:
 
 
 def is_sensible_real(value: float, within: tuple[float, float] = SENSIBLE_REAL) -> bool:
-    """Return whether machines send numbers of this magnitude; 0 says nothing, so it is not sensible."""
+    """Return whether machines send numbers of this magnitude; False for 0, which proves nothing."""
     low, high = within
     return math.isfinite(value) and low <= abs(value) <= high
 

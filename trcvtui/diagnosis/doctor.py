@@ -68,7 +68,7 @@ class RecordedFacts(NamedTuple):
     """What our own recording knows beyond its packets; `connects` as in KnownEnds.
 
     `harms`: when (UTC) a block of each CONNECT showed an ERROR, or lost a job. `until_ns`: UTC of its last
-    scan; silence until then is a fact. `lint`: what is wrong with its project, with the pins of the end.
+    scan; silence until then is a fact. `lint`: what is wrong with its project, with the pins as at the end.
     """
 
     receivers: tuple[Receiver, ...]
@@ -175,7 +175,7 @@ def _judge_hosts(
 
 
 def _assign_line(one: Finding, cases: Sequence[LineCase]) -> tuple[LineFacts | None, Finding]:
-    """Return a finding with its conversation: that at its time, else the last one before, else the first."""
+    """Return a finding and its conversation: the one at its time, else the last before, else the first."""
     ns = one.at[0] if one.at is not None else 0
     lines = [case.line for case in cases if case.line.connect in (None, one.connect)]
     line = next((each for each in lines if each.first_ns <= ns <= each.last_ns), None)
@@ -246,8 +246,8 @@ def _select_lines(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts
 def judge_line(case: LineCase, troubles: Sequence[Finding] = (), is_running: bool = False) -> LineVerdict:
     """Return the verdict on one conversation; `troubles`: what its program did wrong.
 
-    In a running run, causes that end connections are over once one stays open, and other causes once their
-    conversation has ended and another one still sends.
+    While the run continues, causes that end connections are over once a connection stays open; other causes
+    are over once their conversation has ended and another one still sends.
     """
     line = case.line
     found, remarks, not_judged = judge_case(case)
@@ -270,7 +270,7 @@ def judge_line(case: LineCase, troubles: Sequence[Finding] = (), is_running: boo
 
 
 def _merge_findings(troubles: Sequence[Finding], found: list[Finding]) -> list[Finding]:
-    """Return one finding per cause; of the program and the packets, that of the packets."""
+    """Return one finding per cause: if program and packets both have it, that of the packets."""
     alone, number_of = [], {one.cause: number for number, one in enumerate(found)}
     for one in troubles:
         if (number := number_of.get(one.cause)) is None:

@@ -89,7 +89,7 @@ def _first_packet_ns(path: str) -> int:
 
 
 class DoctorInput:
-    """Takes a question about files, or null and a run's journal; writes the findings when it is closed."""
+    """Gets a question about files, or null and then a run's journal; writes the findings when closed."""
 
     trouble = ""
 

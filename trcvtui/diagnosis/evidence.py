@@ -60,7 +60,7 @@ class Evidence:
 
     @property
     def is_datagram(self) -> bool:
-        """Return whether its CONNECT is one of UDP, or a UDP_CONFIG."""
+        """Return whether the instance uses UDP: a CONNECT for UDP, or a UDP_CONFIG."""
         if self.config is not None:
             return self.config.is_datagram
         return self.link is not None and self.link.udp
@@ -130,7 +130,7 @@ def _list_active_peers(project: Project, connect: str) -> tuple[str, ...]:
 def make_past_evidence(
     line: Line, edge: StatusEdge, facts: ConnectFacts, until: ScanStamp, project: Project, interval_ns: int
 ) -> Evidence:
-    """Return the evidence of a past edge that showed until `until`, from the ledger and `facts`."""
+    """Return the evidence of a past edge, in force until `until`; it comes from the ledger and `facts`."""
     need = edge.cause.need or 0
     have = edge.cause.have or 0
     if edge.outputs.busy and need and facts.job_offset is not None:

@@ -514,7 +514,7 @@ def _frames(line: LineFacts, receiver: Receiver) -> list[bytes]:
 
 
 def _can_read(line: LineFacts, receiver: Receiver) -> bool:
-    """Return whether the bytes of messages are known and are those of DATA."""
+    """Return whether the bytes of messages are known and reach DATA as they are: no TLS, no ISO-on-TCP."""
     if receiver.is_whole or receiver.is_secure or not line.messages or line.to_plc.cut:
         return False
     return not is_session(line, receiver)
@@ -531,7 +531,7 @@ MOST_CACHED_READINGS: Final = 256
 
 
 def _find_reading(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    """Return a reading of the bytes that makes sense and is not the PLC's; its `cause` is set."""
+    """Return a reading of the bytes that makes sense but differs from the PLC's; its `cause` is set."""
     if receiver is None or receiver.type is None or receiver.rules is None or not _can_read(line, receiver):
         return None
     frames = _frames(line, receiver)
@@ -590,7 +590,7 @@ def _make_reading_judge(cause: str) -> Callable[[LineFacts, Receiver | None], Fi
 
 
 def _judge_unwritten(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    """Judge which members frames never write; an end between two members may be wanted: a remark."""
+    """Judge which members frames never write. A frame may end between two members on purpose: a remark."""
     if receiver is None or not receiver.need or receiver.is_whole or not line.messages:
         return None
     size = receiver.need

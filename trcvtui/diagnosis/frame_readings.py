@@ -1,4 +1,4 @@
-"""A reading of frames that makes sense and is not the PLC's, with all its differences.
+"""A reading of frames that makes sense but differs from the PLC's, with all the differences.
 
 Rule: message = bytes before + members + bytes after. The cause is the first difference, in the order bytes
 before (`header`), packing (`padding`), byte order, bytes after (`frame-long`).
@@ -68,7 +68,7 @@ def _choose_plainest(fits: Sequence[Fit], rules: LayoutRules) -> Fit | None:
 def _read_single_frame(
     frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules
 ) -> Finding | None:
-    """Read the only message in another layout with exactly its size and values that machines send."""
+    """Read the only message in another layout of exactly its size; the values are such as machines send."""
     from trcvtui.udt.compare.fit import rank
 
     size = len(frames[0])

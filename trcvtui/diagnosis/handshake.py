@@ -1,4 +1,4 @@
-"""What a failed TLS handshake proves, and what mends it at which end. No remedy turns a check off."""
+"""What a failed TLS handshake proves, what to correct, and at which end. No remedy turns a check off."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ARP, ICMP and SACK prove: no such host, a double address, no way there, packets too large for it."""
+"""What ARP, ICMP and SACK prove: no such host, a duplicate address, no route, packets too large for it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def is_service(line: LineFacts) -> bool:
 
 
 def _by_icmp(line: LineFacts, some: Sequence[TimedNote], sure: float, *texts: str, mend: str = "") -> Finding:
-    """Return the finding that ICMP messages of one way prove, in the words of the first one."""
+    """Return the finding that ICMP messages about one direction prove, in the words of the first one."""
     first, packets = some[0], tuple([one.packet for one in some])
     way = "from-plc" if first.note.source == line.plc_end[0] else "to-plc"
     mends = (Remedy(mend),) if mend else ()
@@ -49,7 +49,7 @@ def _by_icmp(line: LineFacts, some: Sequence[TimedNote], sure: float, *texts: st
 
 
 def find_icmp_reports(line: LineFacts, receivers: Sequence[Receiver], *kinds: str) -> Finding | None:
-    """Return the finding that a host refuses packets to its port, or a router or filter those to a host."""
+    """Return the finding that a host refuses packets to a port, or a router or filter refuses any to it."""
     some = [one for one in line.undelivered if one.note.kind in kinds]
     is_udp = line.protocol == "udp"
     if not some or (line.is_built and not is_udp):
@@ -126,7 +126,7 @@ def list_host_facts(
 ) -> Iterator[tuple[HostFact, bool]]:
     """Yield addresses without a host, and those of two devices that have no conversation.
 
-    With each: is it in the project, is it `plc` (the chosen address), or is it alone in the capture?
+    With each: whether it is in the project, is `plc` (the chosen address), or is alone in the capture.
     """
     known = {plc, *(end for one in receivers for end in (one.own_address, one.partner_address))} - {b""}
     ends = {end[0] for line in facts.lines for end in (line.plc_end, line.partner_end)}

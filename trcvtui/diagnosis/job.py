@@ -1,7 +1,7 @@
-"""What a send job, a lock, a pin, a buffer, a description or a certificate proves: which of them is wrong.
+"""Rules for a send job, a lock, a pin, a buffer, a description and a certificate: which of them is wrong.
 
-Each rule (also of receive, link, serial) takes the evidence and answers one sentence, or "" where it does not
-apply. `do` says what to do about it; a rule that proves nothing by itself answers `do` alone.
+Each rule (also of receive, link, serial) takes the evidence and returns one sentence, or "" where it does
+not apply. `do` says what to do about it; a rule that proves nothing by itself returns `do` alone.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ class SuggestedAction(NamedTuple):
 
 
 class AdvisedCause(NamedTuple):
-    """What is proven, "": nothing; and what to do about it."""
+    """The cause that is proven ("": none is), and what to do about it."""
 
     cause: str
     do: tuple[SuggestedAction, ...] = ()
 
 
 RuleAnswer = str | AdvisedCause  # a text alone is a cause, "": nothing
-AdviceRule = Callable[[Evidence], RuleAnswer]
+AdviceFunction = Callable[[Evidence], RuleAnswer]
 
 
 def tip(cause: str, text: str, *lines: str, needs_trial: bool = False) -> AdvisedCause:
@@ -86,7 +86,7 @@ def explain_not_reading(e: Evidence) -> str:
 
 
 def explain_stall(e: Evidence) -> RuleAnswer:
-    """The partner is a peer of this bench that a command stopped from reading."""
+    """The partner is a peer of this bench. A command has stopped it from reading."""
     peer = find_connected_peer(e)
     if peer is None or not peer.stalled:
         return ""
@@ -185,7 +185,7 @@ def explain_req(e: Evidence) -> RuleAnswer:
 
 
 def explain_missing_cont(e: Evidence) -> RuleAnswer:
-    """No job: CONT is 0, and where REQ or EN_R can connect, that pin does not ask either."""
+    """There is no job: CONT is 0; where REQ or EN_R can connect, that pin requests no connection either."""
     if e.pin("CONT") != 0 or e.condition != "no job":
         return ""
     stay = f"set {e.instance} CONT=1"
@@ -219,8 +219,8 @@ ISO_PORT: Final = 102
 MOST_BYTES: Final = 8
 
 
-def make_constant_rule(text: str, *lines: str, cause: str = "") -> AdviceRule:
-    """Return the rule that always answers this; {peer} and {instance} are filled in."""
+def make_constant_rule(text: str, *lines: str, cause: str = "") -> AdviceFunction:
+    """Return a rule that always gives this answer; {peer} and {instance} are filled in."""
 
     def constant(e: Evidence) -> RuleAnswer:
         names = {"peer": _partner_name(e), "instance": e.instance}

@@ -93,7 +93,7 @@ class LateAck(NamedTuple):
 
 
 class Outage(NamedTuple):
-    """Copies without an answer: how many, from when, to when; None: to the end."""
+    """Retransmissions without an answer: how many, from when, to when; None: to the end."""
 
     copies: int
     ns: int
@@ -174,7 +174,7 @@ class DirectionFacts:
 
 
 class RecordedReads(NamedTuple):
-    """Our own recordings have reads, not segments: each of at most the bytes that a job lacks."""
+    """Our own recordings have reads, not segments; a read has at most the bytes that its job lacks."""
 
     job: int
     interval_ns: int
@@ -454,7 +454,7 @@ class _Collector:
 
 
 def _end_outage(flow: DirectionFacts, ns: int | None) -> None:
-    """End the time without an answer: at `ns` the other end is heard; None: it is not until the end."""
+    """End an outage: the other end is heard again at `ns`; None: it is not heard again."""
     if flow.resent_since_heard >= OUTAGE_COPIES and len(flow.outages) < MOST_MOMENTS:
         since = flow.copies_since
         flow.outages.append(Outage(flow.resent_since_heard, since.ns, ns, since.packet))
@@ -481,7 +481,7 @@ def collect_facts(
     receives: bool = False,
     until_ns: int = 0,
 ) -> CaptureFacts:
-    """Return the facts of one capture; what is `known` of the PLC names its end.
+    """Return the facts of one capture; what is `known` of the PLC decides which end it is.
 
     `receives`: the PLC is known to receive; if only one end sends, the PLC is the other one.
     `until_ns`: the capture lasts so long; a conversation without an end is silent until then.
@@ -583,7 +583,7 @@ def _join_writes(
 
 
 def fills_segment(size: int, largest: int, gap_ns: int) -> bool:
-    """Return whether bytes fill a segment and the next follow so soon that they continue them."""
+    """Return whether a write fills a segment, and the next one follows so soon that it continues it."""
     soon_ns = JOINED_NS if largest >= LARGE_SEGMENT else JOINED_NS // 25
     return size == largest >= FULL_SEGMENT and gap_ns < soon_ns
 
@@ -591,7 +591,7 @@ def fills_segment(size: int, largest: int, gap_ns: int) -> bool:
 def _find_pause_limit(gaps: Sequence[int], share: int) -> int:
     """Return the shortest pause between messages, in ns; 0: all pauses are of one kind.
 
-    Pauses inside messages and between them: each kind has at least one of `share` pauses.
+    Pauses are inside messages or between them; each kind has at least one in `share` of all pauses.
     """
     ordered = sorted(max(gap, 1000) for gap in gaps)
     low = max(2, len(ordered) // share)

@@ -1,4 +1,4 @@
-"""What the set-up of a connection proves: what is awaited, since when, what answered or was turned away."""
+"""What the set-up of a connection proves: what it waits for, since when, what answered, who was refused."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FAILURE_ANSWERS: Final[dict[str, RuleAnswer]] = {
     "connect ETIMEDOUT": "{peer} does not answer a SYN: wrong address, cable, or a firewall that drops",
     "connect EHOSTUNREACH": "{peer} does not answer ARP, or a router cannot reach it: wrong address, or off",
     "connect ENETUNREACH": tip("no route leads to {peer}", "check LocalAddress, mask and gateway"),
-    "connect EADDRNOTAVAIL": "no local port is free for {peer}: LocalPort is fixed and still in TIME_WAIT",
+    "connect EADDRNOTAVAIL": "the local end towards {peer} is not free: the fixed LocalPort is in TIME_WAIT",
     "connect EADDRINUSE": tip("LocalPort is fixed and in use towards {peer}", "LocalPort 0 takes a free one"),
     "bind EADDRINUSE": _PORT_TAKEN,
     "listen EADDRINUSE": _PORT_TAKEN,

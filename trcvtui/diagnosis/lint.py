@@ -265,7 +265,7 @@ def _judge_ports(project: Project) -> Iterator[Finding]:
 def _assign_to_builder(
     project: Project, config: ConnectConfig, wrong: tuple[SetUpStage, str], said: Finding
 ) -> Finding:
-    """Return a finding with the block that builds its CONNECT, and with the STATUS that this shows."""
+    """Return a finding with the block that builds its CONNECT, and the STATUS that this block will show."""
     for decl in project.instances:
         row = block_row(decl.block)
         if decl.connect == config.name and (row.owns_link or row.runs_as is Condition.ESTABLISHING):

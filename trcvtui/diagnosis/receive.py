@@ -411,7 +411,7 @@ def explain_unread(e: Evidence) -> str:
 
 
 def explain_sent(e: Evidence) -> RuleAnswer:
-    """DONE of a datagram is only about the local stack; a peer of this bench can be checked."""
+    """DONE of a datagram says only that the local stack took it; a peer of this bench can be checked."""
     target = e.cause.peer
     if not target:
         return ""

@@ -19,7 +19,7 @@ LOOPBACK: Final = b"\x7f"  # of a project on one machine: its line has other add
 class Receiver(NamedTuple):
     """A block that receives, or a type; `need` is how many bytes a job wants, or has room for.
 
-    `since_ns`, `until_ns`: UTC, when it took so many, in a run.
+    `since_ns`, `until_ns` (UTC): the part of a run in which the block had this `need`.
     """
 
     instance: str

@@ -124,7 +124,7 @@ def _find_framed_block(snapshot: Snapshot, project: Project, name: str) -> Frame
 
 
 def warn_long_marks(f: FramedBlock) -> str:
-    """Every frame ends with the overrun."""
+    """The marks alone exceed the size: every frame ends with an overrun, none with its suffix."""
     marks = len(f.prefix) + len(f.suffix)
     if not f.suffix or marks <= f.framer.size or f.framer.size <= 0:
         return ""
@@ -153,7 +153,7 @@ def warn_equal_marks(f: FramedBlock) -> str:
 
 
 def warn_only_noise(f: FramedBlock) -> str:
-    """A prefix that never comes looks like silence."""
+    """If the prefix never comes, all bytes are discarded, and the block seems to receive nothing."""
     tally = f.framer.tally
     if f.framer.discarded < MUCH_NOISE or tally.good or tally.gaps or tally.overruns:
         return ""
@@ -175,7 +175,7 @@ def warn_gap_on_tcp(f: FramedBlock) -> str:
 
 
 def warn_no_gap(f: FramedBlock) -> str:
-    """Texts that follow each other sooner than the gap fill the string."""
+    """Without a suffix, texts that follow each other sooner than the gap fill the string together."""
     tally = f.framer.tally
     if f.suffix or not f.framer.timeout_ns or not tally.overruns or tally.gaps:
         return ""
@@ -201,7 +201,7 @@ def warn_short_gap(f: FramedBlock) -> str:
 
 
 def warn_static(f: FramedBlock) -> str:
-    """Section 6: frames come late after blocks of LEN bytes."""
+    """Section 6: a feeder that passes on whole blocks of LEN bytes makes frames late."""
     if f.feeder is None or f.feeder.pin("ADHOC"):
         return ""
     return (

@@ -1,7 +1,7 @@
 """Symptoms: what a block showed that is wrong, and which causes explain it.
 
-A symptom is a Finding: `at` when first (UTC), `leads_to` the condition of an ERROR, `evidence` its text, then
-sentences of the STATUS card. It is a fact if the block knows why the handshake failed: its remedy is better.
+A symptom is a Finding: `at` is its first time (UTC), `leads_to` the condition of an ERROR, `evidence` its
+text, then STATUS card sentences. It is a fact, with a better remedy, if the block knows why TLS failed.
 Rule: a symptom without a cause is itself a finding, so that a run with an ERROR is never healthy.
 """
 

@@ -1,4 +1,4 @@
-"""Messages that are text: where numbers are declared, STRINGs with and without header, UTF-8 of bytes."""
+"""Messages that are text: instead of numbers, as STRINGs with or without header, or bytes sent as UTF-8."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _is_mostly_text(messages: Sequence[bytes]) -> bool:
 
 
 def find_text(messages: Sequence[bytes]) -> FoundText | None:
-    """Return the proof that messages are text: printable with a delimiter, or only digits and separators."""
+    """Return the proof that messages are text: printable and delimited, or only digits, signs, separators."""
     if len(messages) < 2 or sum(map(len, messages)) < LEAST_TEXT_BYTES or not _is_mostly_text(messages):
         return None
     end = next((end for end in _TEXT_ENDS if all(one.endswith(end) and one != end for one in messages)), b"")
@@ -78,7 +78,7 @@ def find_string_header(messages: Sequence[bytes]) -> int:
 
 
 def offer_string(receiver: Receiver, messages: Sequence[bytes]) -> RemedyOffer | None:
-    """Return the remedy if a STRING gets text without its header, or with another one's; else None."""
+    """Return the remedy if a STRING gets text without header, or with one of another length; else None."""
     type_, rules = receiver.type, receiver.rules
     if (
         not isinstance(type_, StringType)

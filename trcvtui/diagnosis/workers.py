@@ -163,7 +163,7 @@ def _judge_in_workers(
 
 
 def _judge_at_worker(path: str, asked: Question, judge: JudgeFunction[Question, Answer]) -> bytes:
-    """Return JSON of worker, answer and problems; neither of the last two: it cannot open the file."""
+    """Return JSON of worker, answer and problems; with neither of these two, the worker cannot open it."""
     from distributed import get_worker
 
     answer: Answer | UserError | None = None

@@ -66,8 +66,8 @@ class Dialect(Struct, frozen=True):
     `describes_connects`: a CONNECT is a connection description (TCON_IP_v4, ...), no TCP_CONNECTCONFIG.
     `structures`: the connection descriptions that it takes, () all of them.
     `folder`: of its scenarios, if that has another name.
-    `follows`: the document that describes its sequence, where dialects with one table differ in that.
-    `words`: its own words for conditions whose neutral word is another vendor's.
+    `follows`: the document that describes its sequence, if dialects with the same table differ in sequence.
+    `words`: its own words for conditions; it uses them where the neutral word is another vendor's.
     """
 
     name: str

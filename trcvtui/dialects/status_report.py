@@ -40,14 +40,14 @@ class Explanation(Struct, frozen=True):
     def select_scenarios(self) -> tuple[str, ...]:
         """Return the scenarios named for this code, first those whose name begins with it.
 
-        After them, of an error: a few that play a note of the manual. Where there are none: the first few.
+        For an error, a few that play a note of the manual follow. If there are none of both: the first few.
         """
         named = sorted(filter(self._is_named_in, self.scenarios), key=lambda file: self._place_in(file) > 0)
         notes = [file for file in self.scenarios if _is_note_scenario(file) and file not in named]
         return (*named, *notes[: MOST_SCENARIOS if self.row.error else 0]) or self.scenarios[:MOST_SCENARIOS]
 
     def may_select(self, file: str) -> bool:
-        """Return whether a scenario of this name goes before all others, if it shows this code."""
+        """Return whether a scenario of this name is named before all others, if it shows this code."""
         return self._is_named_in(file) or (self.row.error and _is_note_scenario(file))
 
     def _is_named_in(self, file: str) -> bool:
@@ -112,9 +112,9 @@ def find_explanations(
 
 
 def select_one_dialect(found: Sequence[Explanation], name: str | None) -> tuple[list[Explanation], list[str]]:
-    """Return the rows of a dialect, and which others have some too; None: the first that has any.
+    """Return the rows of a dialect (None: the first that has any), and the other dialects with rows.
 
-    Raise UserError where the named one has none.
+    Raise UserError if the named dialect has none.
     """
     names = list(dict.fromkeys(one.dialect for one in found))
     chosen = names[0] if name is None else name.casefold()
@@ -125,14 +125,14 @@ def select_one_dialect(found: Sequence[Explanation], name: str | None) -> tuple[
 
 
 def is_number(row: StatusRow) -> bool:
-    """Return whether its blocks show the code as a number, Error, and not as a WORD."""
+    """Return whether the blocks of a row show the code as a number (Error), not as a WORD."""
     return all(block_row(block).has_com_buffer for block in row.blocks)
 
 
 def add_scenarios(
     found: Iterable[Explanation], by_dialect: Mapping[str, ScenariosByCode]
 ) -> list[Explanation]:
-    """Return the rows with the scenarios that show them; `by_dialect` are those of the dialects by name."""
+    """Return the rows with the scenarios that show them; `by_dialect`: those of each dialect, by name."""
     return [
         replace(one, scenarios=_look_up(one.row, by_dialect.get(one.dialect, NO_SCENARIOS))) for one in found
     ]

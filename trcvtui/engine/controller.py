@@ -62,7 +62,7 @@ UDT_USAGE: Final = "udt reload, or udt constant NAME=VALUE; the rest of `udt` is
 
 
 def reload_types(rest: str, project: Project, where: str) -> tuple[Project, dict[str, int], str]:
-    """Return the project with its types as its files have them now, the constants, and the message.
+    """Return the project with its types read again from its files, the given constants, and the message.
 
     `rest`: the words after `udt`. A type that DATA has and that is broken now is refused.
     """
@@ -155,7 +155,7 @@ def _recording_path(name: str) -> Path:
 
 
 class Controller:
-    """The bench as the screen drives it. While `holding`, only the scans in `wanted` or of a step pass."""
+    """The bench as the screen drives it. While `holding`, `wanted` more scans pass, and those of a step."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench

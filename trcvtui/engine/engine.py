@@ -1,8 +1,8 @@
 """The live engine: absolute deadlines, and the screens served in the gaps.
 
 Rule 1: a scan is never caught up in a burst: deadlines that have passed are skipped and counted.
-Rule 2: a screen is served between two scans, and only as long as the gap lasts: a picture is made at once,
-so that it is of one scan, then pickled and written slice by slice. Several screens are served in turns.
+Rule 2: screens are served between two scans, in turns, only while the gap lasts. A picture is made in one
+go, so that it shows one scan; then it is pickled and written slice by slice.
 Rule 3: a fresh bench begins with its own time, its own deadlines and its own punctuality.
 """
 
@@ -243,7 +243,7 @@ class Engine:
     def _may_make_picture(self, screen: AttachedScreen, until: int) -> bool:
         """Return whether a picture like the last one can be made before the next scan, or has to be.
 
-        With short intervals there are ten a second, and one at once where a line waits for its answer.
+        With short intervals a screen gets ten a second, and one at once if an answer is to be sent.
         """
         least = PICTURE_PAUSE_NS if self._interval < FAST_INTERVAL_NS and not screen.answers else 0
         now = clock.now_ns()

@@ -87,7 +87,7 @@ def path_prefixes(instance: str, data: DataDecl | Layout | None) -> tuple[str, .
 def find_member(layout: Layout | None, name: str, *before: str) -> tuple[int, Node] | None:
     """Return the number of the first leaf at a path, and its node; None: there is none.
 
-    `data`, the type, or one of `before` may precede the path; so a type that is one value has a name.
+    `data`, the type's name, or one of `before` may precede the path; alone it names a type of one value.
     """
     if layout is None or not layout.leaf_count:
         return None

@@ -5,7 +5,7 @@ Rule: `create`, `delete` and `resize` change the program that runs; `add`, `set`
 to the session (`save scenario`).
 Rule of saving 1: what the file has now stays, also what was written there since it was opened.
 Rule of saving 2: the new text is loaded before it is written, and takes the place of the old one in one step.
-Rule of saving 3: another file gets the project of the bench, on the text that was opened or saved last.
+Rule of saving 3: another file gets the text that was opened or saved last, with the edits of the bench.
 """
 
 from __future__ import annotations
@@ -191,7 +191,7 @@ class ProjectEdits:
 
     @property
     def unsaved_count(self) -> int:
-        """Return how many entries the file has otherwise, or not at all."""
+        """Return how many entries differ from those in the file, or are missing there."""
         return len(self._edits) + len(self._constants)
 
     @property
@@ -263,13 +263,13 @@ class ProjectEdits:
         return message
 
     def _keep_text(self, text: str) -> None:
-        """Keep the text of the file: the file may be gone when it is needed."""
+        """Keep the text of the file, in case the file is gone when the text is needed."""
         self.text = text
         with suppress(OSError):
             self._inode = os.stat(self.project.path).st_ino if text else 0
 
     def _restore_types(self, folder: Path) -> None:
-        """Write the missing type files as they were, into `folder` in place of the project's."""
+        """Write the missing type files as they were; their names begin in `folder`."""
         for each in self.project.udts:
             place = folder / each.name
             if each.content and not place.exists():

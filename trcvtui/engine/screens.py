@@ -2,7 +2,7 @@
 
 Rule 1: no screen stops a scan: nothing here waits, and all screens share one limit of messages.
 Rule 2: an answer goes to the screen that sent the line, a message without a line to all.
-Rule 3: a screen that ends, or sends an invalid message, is closed; with the first one the engine ends.
+Rule 3: a screen that ends, or sends an invalid message, is closed. If it is the first, the engine ends.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class AttachedScreen:
 
 
 class AttachedScreens:
-    """The first screen, or `serve` in its place, and the tabs that come in by the door of `serve`."""
+    """The first screen, or `serve` in its place, and the tabs that connect at the door of `serve`."""
 
     def __init__(self, channel: Channel, project: Project, read_only: bool, door: TabListener | None) -> None:
         self.first = AttachedScreen(channel, 0)

@@ -37,10 +37,10 @@ def be_punctual() -> str:
 
 
 def freeze_collector() -> None:
-    """Move what exists out of the cyclic collector's sight and switch it off.
+    """Exempt the present objects from cyclic garbage collection, and switch the collector off.
 
     A full collection took 45 to 138 ms; the engine makes no reference cycles while it scans.
-    Earlier objects are checked again, so that a bench that is no longer in use is freed.
+    Objects exempted earlier are collected first, so that a bench that is no longer in use is freed.
     """
     gc.unfreeze()
     gc.collect()
@@ -104,7 +104,7 @@ class ScanTiming:
     def count_scan(self, due: int, began: int, ended: int, interval: int) -> None:
         """Count one scan; it overran when it ended after the next one was due.
 
-        It is late when it began later than half an interval, as in `Bench.late_ns`.
+        It is late if it began more than half an interval after `due`.
         """
         self._scans += 1
         has_overrun, late = ended > due + interval, began - due

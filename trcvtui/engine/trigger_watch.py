@@ -59,7 +59,7 @@ class PinCondition(Struct, frozen=True):
         return OPERATORS[self.operator](pin_now(bench, self.instance, self.pin), self.value)
 
     def fires_by(self, event: InputEdge) -> bool:
-        """Return whether an edge within a scan fires it: a pin may rise and fall in one scan."""
+        """Return whether an edge within a scan fires the trigger: a pin may rise and fall in one scan."""
         is_it = (event.instance, event.pin) == (self.instance, self.pin)
         return is_it and OPERATORS[self.operator](event.value, self.value)
 
@@ -78,7 +78,7 @@ class MemberCondition(Struct, frozen=True):
         return self._holds(bench.runtime.data_part(self.data, self.offset, self.offset + self.size))
 
     def holds_in(self, message: bytes) -> bool:
-        """Return whether it holds in a message for DATA; never where the message lacks its bytes."""
+        """Return whether it holds in a message for DATA; False if the message is too short for it."""
         return self._holds(message[self.offset : self.offset + self.size])
 
     def _holds(self, part: bytes) -> bool:
@@ -192,7 +192,7 @@ NamedBytes = tuple[tuple[str, bytes], ...]
 
 
 class FrozenScan(Struct, frozen=True):
-    """The bench in the scan of a trigger; `events`: the newests of the ledger then."""
+    """The bench in the scan of a trigger; `events`: the newest ones of the ledger then."""
 
     fired: TriggerEvent
     snapshot: Snapshot

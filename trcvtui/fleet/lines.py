@@ -36,7 +36,7 @@ class AgentInstance:
         self._base = 0, 0  # counts of the engines before
 
     def edge(self, boot: str, at: float, edge: StatusEdge, place: dict[str, object]) -> EventMessage | None:
-        """Return the event of an edge that begins an ERROR, else None; `place`: its scan and recording."""
+        """Return the event of an edge to a new ERROR or ERROR STATUS; `place`: its scan and recording."""
         shown = edge.outputs.error, edge.outputs.status
         is_new = edge.outputs.error and shown != self._last
         self._last = shown
@@ -57,7 +57,7 @@ class AgentInstance:
         return RecentMessage(at, self.count, tuple(self.recent))
 
     def begin_run(self) -> None:
-        """Keep the counts: a new engine starts at 0."""
+        """Keep the counts so far: a new engine counts from 0."""
         self._base = self.jobs_done, self.errors
         self._last = False, 0
 

@@ -28,7 +28,7 @@ MOST_UNDERWAY: Final = 200  # messages that the broker has not acknowledged
 
 
 class _PendingMessage(NamedTuple):
-    """A message that the broker has not acknowledged; `number` is that of the queue, 0: not in the queue."""
+    """A message that the broker has not acknowledged; `number`: its number in the queue, 0: none."""
 
     topic: str
     number: int

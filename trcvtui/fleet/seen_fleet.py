@@ -32,7 +32,7 @@ HOUR_S: Final = 3600
 HOUR_BUCKETS: Final = 12  # columns of the sparkline
 BUCKET_S: Final = HOUR_S // HOUR_BUCKETS
 UP_STATES: Final = frozenset(("connected", "created", "up"))  # states of a line that works
-STUCK_S: Final = 10  # an unfinished job that got no byte for so long
+STUCK_S: Final = 10  # a job with some of its bytes that got no more for so long
 CLOCK_TOLERANCE_S: Final = 2.0  # a smaller error of a clock is ignored
 CLOCK_BUCKET_S: Final = 300  # the least delay in this bucket and the one before gives the error of a clock
 MOST_DELAY_S: Final = 3e8  # about 10 years: a message with a larger error of time gets our time
@@ -43,7 +43,7 @@ STATES: Final = ("offline", "no scan", "ERROR", "finding", "stuck", "not connect
 
 CAUSE_TEXTS: Final = {
     STALE: "the agent's engine makes no scan",
-    STUCK: "an unfinished job gets no more bytes",
+    STUCK: "a job has some of its bytes and gets no more",
     AWAY: "the line is not connected",
 }
 
@@ -78,7 +78,7 @@ class FleetAgent:
 
     @property
     def skew_s(self) -> float:
-        """Return how far its clock is behind ours, below 0: ahead."""
+        """Return how far the agent's clock is behind ours; below 0: it is ahead."""
         skew = min((delay for _, delay in self._delays), default=0.0)  # the network only adds to it
         return skew if abs(skew) > CLOCK_TOLERANCE_S else 0.0
 
@@ -136,7 +136,7 @@ class FleetLine:
 
     @property
     def lacks_messages(self) -> bool:
-        """Return whether retained messages of it should be on the broker that have not come."""
+        """Return whether the broker should have retained messages of this line that have not come."""
         has_status = any(each.status is not None for each in self.instances.values())
         return self.figures is None or not has_status or self.missing > 0
 
@@ -155,7 +155,7 @@ class FleetLine:
         return self.agent.to_our_time(status.t, wall) - max(0.0, age)
 
     def stuck_s(self, instance: FleetInstance, wall: float) -> float:
-        """Return how long an unfinished job of an instance has got no more bytes."""
+        """Return for how long a job with some of its bytes has got no more; 0.0: there is none."""
         status = instance.status
         if status is None or not 0 < status.here < status.wanted:
             return 0.0

@@ -1,4 +1,4 @@
-"""The facts that outlive a flood of lines: small counters of each CONNECT, counted line by line.
+"""Facts that remain when the ledger overwrites its lines: small counters of each CONNECT, line by line.
 
 Rule 1: a screen gets a bounded number of lines, the statistics read every one; nothing grows with them.
 Rule 2: lines that are overwritten before they are read are missing here; nothing is guessed.

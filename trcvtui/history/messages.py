@@ -60,8 +60,8 @@ CONTENT_INDEX: Final = MessageRow._fields.index("content")
 class MessagesDelta(Struct, frozen=True):
     """Rows `first` .. of an instance, which has had `count` in all; those before `oldest` have no values.
 
-    `share`: how much of a recording has been read for them. `gaps`, `errors`: from when to when, in ns, the
-    connection was down; when an ERROR came.
+    `share`: how much of a recording has been read for them. `gaps`: from when to when the connection was
+    down; `errors`: when an ERROR came; both in ns.
     """
 
     instance: str
@@ -141,7 +141,7 @@ class NewestRows:
         return content[: row.have] if len(content) == row.size else None
 
     def _find_oldest(self, of: _InstanceRows) -> int:
-        """Return the first row after the last one whose bytes are gone; one of 0 bytes loses none."""
+        """Return the row after the last one whose bytes are gone; a row of 0 bytes has none to lose."""
         for number in range(max(of.oldest, of.first), of.count):
             row = of.rows[number - of.first]
             ring = self._received(row.stream)
@@ -178,7 +178,7 @@ class NewestRows:
 
 
 class MessageRows(NewestRows):
-    """The rows of a bench after scan `after`: a keyframe has older lines, too."""
+    """The rows of a bench after scan `after`; a keyframe also brings older lines, which are skipped."""
 
     def __init__(self, bench: Bench, reader: LedgerReader, streams: ReceivedStreams, after: int = 0) -> None:
         super().__init__(bench.runtime.received_ring, reader.catch_up, after)

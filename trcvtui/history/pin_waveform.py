@@ -158,13 +158,13 @@ NO_PINS: Final[PinValues] = ()
 
 
 class KnownPins(Struct, frozen=True):
-    """The values of these pins from now on, without an edge; None: unknown."""
+    """The values of these pins from now on; they do not come from an edge; None: unknown."""
 
     values: PinValues
 
 
 class PinChange(NamedTuple):
-    """What changed in one scan; `seq` is the ledger's; of several in one scan the last counts."""
+    """A change in one scan; `seq` is its number in the ledger; of several in one scan the last counts."""
 
     seq: int
     scan: int
@@ -175,7 +175,7 @@ class PinChange(NamedTuple):
 class WaveformDelta(Struct, frozen=True):
     """The changes of one instance from its change number `first` on (1: its very first), in order.
 
-    `before` is what every pin was up to then, since `before_scan`; nothing else changed up to `until_scan`.
+    `before`: every pin from `before_scan` to the first change; nothing else changed up to `until_scan`.
     """
 
     instance: str
@@ -189,7 +189,7 @@ class WaveformDelta(Struct, frozen=True):
 
 
 def cut_delta(news: WaveformDelta, scan: int, t_ns: int) -> WaveformDelta | None:
-    """Return the news as they were after a scan of the past; None: what is kept begins later."""
+    """Return the changes up to a past scan; None: what is kept begins later."""
     if news.before and news.before_scan > scan:
         return None
     changes = tuple(change for change in news.changes if change.scan <= scan)
@@ -284,7 +284,7 @@ class Waveform:
         return self._polled[pin]
 
     def find_pin(self, what: str) -> str | None:
-        """Return the output that shows it, such as Error or STATUS for `status`; None: it has none."""
+        """Return the output for a field, such as Error or STATUS for `status`; None: it has none."""
         return next((pin for pin in self.lanes if outcome_field(pin) == what), None)
 
     @property

@@ -1,8 +1,8 @@
 """Which recv call, job or frame has the received bytes of each ring, and what was dropped, by position.
 
-Rule 1: only facts of the ledger are kept; after overwritten lines, bytes without an owner stay so.
+Rule 1: only facts of the ledger are kept; if their lines were overwritten, bytes remain without an owner.
 Rule 2: the bytes are those of the ring (net/received_ring.py): nothing is copied here, and nothing is late.
-Rule 3: all of it is bounded: spans of one stream, the fewer the more streams there are; the oldest go first.
+Rule 3: all of it is bounded: the more streams, the fewer spans each one keeps. The oldest are forgotten.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class ReceivedStream:
         self.arrivals: deque[RecvSpan] = deque(maxlen=MOST_ARRIVALS)  # of a ComBuffer: untaken
 
     def add(self, *spans: JobSpan) -> None:
-        """Put the pieces of a job in their places: of two that read in turns, the later may end first."""
+        """Insert the pieces of a job by position: of two that read in turns, the later may end first."""
         place = len(self.jobs)
         if spans and place and self.jobs[-1].position > spans[0].position:
             place = bisect_right(self.jobs, spans[0].position, key=BY_POSITION)
@@ -70,7 +70,7 @@ class ReceivedStream:
         self.add(*spans)
 
     def forget_oldest(self, most: int, begin: int) -> None:
-        """Forget the oldest spans of too many, and those whose bytes are gone."""
+        """Forget the oldest spans if there are too many, and those whose bytes are gone."""
         for spans in (self.jobs, self.recvs, self.blanks):
             if len(spans) > most + SLACK or (len(spans) > SLACK and spans[SLACK].stop <= begin):
                 del spans[:SLACK]
@@ -90,7 +90,7 @@ class ReceivedStream:
         return join_pieces(found)
 
     def take_last(self, stop: int, size: int) -> Pieces:
-        """Take the last `size` untaken bytes of a ComBuffer before `stop`; none: unknown."""
+        """Take the last `size` untaken bytes of a ComBuffer before `stop`; []: not all are known."""
         held: list[RecvSpan] = []
         while self.arrivals and self.arrivals[0].offset < stop:
             recv = self.arrivals.popleft()
@@ -143,7 +143,7 @@ class ReceivedStream:
         return next(found, None)
 
     def find_next_ended(self, position: int, is_forward: bool, is_done: bool = True) -> int | None:
-        """Return where the next job that ended with DONE begins, or the one before.
+        """Return where the next job, or the previous one, that ended with DONE begins.
 
         Without `is_done`: the next bytes that were dropped.
         """

@@ -110,7 +110,7 @@ Pieces = list[tuple[int, int]]  # position and size of the bytes of one job; ano
 
 
 def join_pieces(parts: Iterable[tuple[int, int]]) -> Pieces:
-    """Return the stretches, those joined that follow each other without a hole."""
+    """Return the stretches; those that follow each other without a hole are joined."""
     found: Pieces = []
     for position, size in parts:
         if found and sum(found[-1]) == position:
@@ -127,7 +127,7 @@ def span_at(spans: Sequence[Span], position: int) -> Span | None:
 class SeekRequest(Struct, frozen=True):
     """A search from position `start` on: for a DONE, one of the `patterns`, or `dropped` bytes.
 
-    `job`: for that job, an instance and a number, wherever it is.
+    `job`: a search for this job (its instance and number), wherever it is.
     """
 
     number: int
@@ -150,8 +150,8 @@ class SeekResult(Struct, frozen=True):
 class HistoryRequest(Struct, frozen=True):
     """What the screen wants of a CONNECT's stream. `before`: also the bytes of the job before each job.
 
-    `job_at` asks for all bytes of the job at a position; `data` for those of the job before the present DATA
-    of an instance: (instance, first byte, size). All of it as it was after `scan`.
+    `job_at`: also all bytes of the job at this position. `data`: (instance, first byte, size), also
+    the bytes that DATA held before its newest job. All of it as it was after `scan`.
     """
 
     connect: str
@@ -165,7 +165,7 @@ class HistoryRequest(Struct, frozen=True):
 
 
 class PreviousJobBytes(Struct, frozen=True):
-    """Bytes of the job before, `position` bytes into the stream or into DATA."""
+    """Bytes of the previous job, to compare with those at `position` of the stream or of DATA."""
 
     position: int
     content: bytes

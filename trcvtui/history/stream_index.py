@@ -1,4 +1,4 @@
-"""Which message, recv call, job and scan has a byte of a received stream: kept once, for all that ask.
+"""To which message, recv call, job and scan a byte of a received stream belongs: one index for all readers.
 
 The index gets each line of the ledger first; after it, the other listeners (`add_listeners`).
 A line costs only a note of its fields: records are made when they are requested.

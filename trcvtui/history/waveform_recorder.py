@@ -1,7 +1,7 @@
 """The recorder of the timing pane: every change of every pin, kept in the process of the scans.
 
 Rule 1: it reads every line of the ledger, so no frame of the screen and no flood can lose a pulse.
-Rule 2: after dropped changes, a delta has the value of every pin before its first change.
+Rule 2: if changes were dropped, a delta has the value that each pin had before the delta's first change.
 Rule 3: an instance that does not change costs nothing; a change costs about a microsecond.
 """
 
@@ -29,7 +29,7 @@ HANDLED_NOTES: Final = frozenset({CREATED_NOTE, DELETED_NOTE, DOWNLOADED_NOTE})
 
 
 class PinHistory:
-    """The changes of one instance; of dropped ones, get_pins_before has the result."""
+    """The newest changes of one instance; `get_pins_before` has the pin values after the dropped ones."""
 
     def __init__(self, before: PinValues, keep: int) -> None:
         self._before = dict(before)
@@ -56,7 +56,7 @@ class PinHistory:
                 self.on_drop(dropped)
 
     def get_pins_before(self) -> dict[str, int | None]:
-        """Return what each pin was after the last change that was dropped."""
+        """Return the value of each pin after the last change that was dropped."""
         if self._edge is not None:
             self._before.update(event_pins(self._edge))
             self._edge = None
@@ -140,9 +140,9 @@ class WaveformRecorder:
     def make_delta(
         self, instance: str, number: int, now: tuple[int, int], most: int = MOST_CHANGES_SENT
     ) -> WaveformDelta | None:
-        """Return what is new of an instance after its change `number`; None: no such instance.
+        """Return the changes of an instance after its change `number`; None: no such instance.
 
-        `now` is the last scan and its time; at most `most` changes, the oldest of them, come at once.
+        `now` is the last scan and its time. If there are more than `most` changes, the oldest are returned.
         """
         self._catch_up()
         self._add_downloads(now[0] + 1)

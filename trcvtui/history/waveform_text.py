@@ -149,7 +149,7 @@ def _get_edge_kind(line: Line | None) -> str:
 
 
 def _draw_lengths(wave: Waveform, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
-    """Yield RCVD_LEN, which is not 0 for one scan only: its values, if there is room up to the next."""
+    """Yield the row of RCVD_LEN (not 0 only in single scans): each value, if there is room for it."""
     pulses = [x for x, column in enumerate(columns) if column is not None and column.high]
     nexts = dict(zip(pulses, [*pulses[1:], window.width], strict=False))
     x = 0
@@ -215,7 +215,7 @@ def _place_labels(taken: dict[int, tuple[str, str]], width: int) -> list[Piece]:
 
 
 def draw_ruler(window: Window, until: int, marks: Iterable[RulerMark]) -> list[Piece]:
-    """Return the scans as ticks, and the marks over them."""
+    """Return the ruler: ticks with their scan numbers, and the marks, which overwrite them."""
     signs = [" "] * window.width
     for x in range(-window.first % TICK_COLUMNS, window.width, TICK_COLUMNS):
         first = window.column_scans(x)[0]
@@ -251,7 +251,7 @@ def merge_pieces(pieces: Iterable[Piece]) -> list[Piece]:
 
 
 class ScanRange(NamedTuple):
-    """The scans that go into the file."""
+    """The first and the last scan that go into the VCD file."""
 
     first: int
     last: int
@@ -261,7 +261,7 @@ class ScanRange(NamedTuple):
 
 
 def format_vcd(waves: Sequence[Waveform], span: ScanRange) -> str:
-    """Return the waves as a Value Change Dump: 1 ns, a scope for each instance, x for unknown values.
+    """Return the waves as a Value Change Dump: unit 1 ns, a scope for each instance, x for unknown values.
 
     Several changes of one pin in one scan are 1 ns apart, so that none of them is lost.
     """
@@ -307,7 +307,7 @@ VCD_SUFFIX: Final = "vcd"
 
 
 def free_path(folder: Path, name: str) -> Path:
-    """Return the path of a VCD in a folder; it does not exist yet."""
+    """Return a path in a folder for a new VCD file: no file has it yet."""
     plain = _make_vcd_name(name) or "timing"
     names = (f"{plain}{'' if n == 1 else f'-{n}'}.{VCD_SUFFIX}" for n in range(1, 100_000))
     return next(folder / name for name in names if not (folder / name).exists())

@@ -64,14 +64,14 @@ class ShadowOutput(Protocol):
     first_ns: int = 0  # of the first packet, with which scan 1 begins
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
-        """Take the changes of a scan; `lacking`: instances whose job ended and lacks bytes."""
+        """Take the changes of a scan; `lacking`: instances whose ended job has missing bytes."""
 
     def note(self, ns: int, number: int, text: str) -> None:
         """Take a note on a conversation; `ns` counts from the first packet."""
 
 
 class CaptureOutcome(NamedTuple):
-    """By number of a conversation: its CONNECTs, why it has none, bytes that never reached a shadow.
+    """By conversation number: its CONNECTs, or why it has none, and the bytes that never reached a shadow.
 
     `not_run`: scans of silence that were skipped, though they might have changed something.
     """
@@ -135,7 +135,7 @@ class CapturePlayer:
         shadows.forbid_skipping()
 
     def forget_conversation(self, number: int) -> None:
-        """Forget an ended conversation, unless the last line lists it or a CONNECT still holds it."""
+        """Forget an ended conversation, unless the last output line lists it or it still has a CONNECT."""
         if number > MOST_LISTED:
             self._over.append(number)
         if len(self._over) <= MOST_LISTED:
@@ -292,7 +292,7 @@ class CapturePlayer:
                     end.fall_silent()
 
     def resolve_overlap(self, number: int, last_ns: int) -> None:
-        """Give a conversation its CONNECT: the one that holds it was silent after this time."""
+        """Give a conversation its CONNECT: the conversation that holds it was silent after this time."""
         self._last_ns[self.overlaps.pop(number)] = last_ns
         self._plan.unassigned.pop(number, None)
 
@@ -365,7 +365,7 @@ def plan_capture(
 def plan_maker(
     project: Path | None, plc: str | None, dialect: str | None, sets: Sequence[str] = ()
 ) -> tuple[PlanMaker, Project | None]:
-    """Return a function that makes a plan of conversations, and its project; raise UserError."""
+    """Return a function that plans for conversations, and the loaded project or None; raise UserError."""
     if project is None:
         name = dialect or next(iter(DIALECTS))
         return lambda found: _change_ad_hoc_keys(plan_ad_hoc(found, plc, name), sets), None
@@ -377,7 +377,7 @@ def plan_maker(
 
 
 def _change_ad_hoc_keys(plan: ShadowPlan, sets: Sequence[str]) -> ShadowPlan:
-    """Return ad-hoc shadows with other values of their keys; raise UserError."""
+    """Return the plan with the values that `--set` gives to keys of its ad-hoc shadows; raise UserError."""
     project = plan.project
     for text in sets:
         path, _, value = text.partition("=")

@@ -136,7 +136,7 @@ class ConversationFigures:
         self.set_held(number, False, None, b"")
 
     def make_snapshots(self) -> tuple[ConversationSnapshot, ...]:
-        """Return the open ones, the newest first, then the ended ones."""
+        """Return the open conversations, the newest first, then the ended ones."""
         listed = sorted(self._figures.values(), key=lambda each: (each.is_over, -each.talk.number))
         return tuple([self._make_snapshot(each) for each in listed[:MOST_SHOWN]])
 

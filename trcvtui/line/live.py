@@ -1,9 +1,9 @@
 """Packets of a growing capture, played to shadows as they come; a conversation gets shadows when it begins.
 
-Rule 1: time is the capture's. An event is played when packets 40 ms younger have come: then the shadows of a
-new PLC end exist before its first event, and the cuts between reads change nothing.
+Rule 1: time is that of the packets. An event is played when a packet 40 ms younger has come. So the shadows
+of a new PLC end exist before its first event, and it does not matter where one read ends.
 Rule 2: after 30 ms without a packet all events are played, and time follows the clock: some scans at once,
-more after a second. A program that pipes packets may hold some back so long; they are older than the clock.
+more after a second. Until then older packets may come: the program that pipes them may hold them back.
 Rule 3: ended conversations are forgotten, so that only open ones use memory.
 """
 
@@ -156,7 +156,7 @@ class LivePlan:
         self._of_first[talk.number] = parts
 
     def add_shadow(self, talk: Conversation) -> str:
-        """Give a conversation without shadows its own, beside all others; return an error, "" if none."""
+        """Add shadows for a conversation that has none; return an error or ""."""
         number, plan = talk.number, self.plan
         plc = address_text(plan.guesses[number].says.address if number in plan.guesses else talk.back.address)
         made = plan_ad_hoc([talk], plc, plan.project.dialect.name)
@@ -218,7 +218,7 @@ def _make_decision_key(talk: Conversation, is_under_way: bool) -> tuple[object, 
 def list_expected(project: Project, plc: str | None) -> list[Conversation]:
     """Return the expected conversations of the named PLC ends: an end with a port listens, others call.
 
-    The row or the CONNECT names the called partner; without one no conversation is expected.
+    The [[watch]] row or the CONNECT names the called partner; if neither does, no conversation is expected.
     """
     rows = [(each.plc, each.partner, project.connect(each.connect)) for each in project.watches]
     if plc is not None:
@@ -341,7 +341,7 @@ class LiveWatch:
         return self.player
 
     def _advance_to(self, player: CapturePlayer, ns: int) -> None:
-        """Advance to a time of UTC; before the first packet there is no time."""
+        """Advance to a UTC time; do nothing before the first packet."""
         if player.first_ns:
             player.shadows.advance_to(max(ns - player.first_ns, 0))
             if player.talks is not None:
@@ -357,7 +357,7 @@ class LiveWatch:
             player.resolve_overlap(number, last_ns)
 
     def add_shadow(self, name: str) -> str:
-        """Give shadows to `C7`, "": the newest conversation without any; return an error, "" if none."""
+        """Add shadows for `C7`, or for "" the newest conversation without any; return an error or ""."""
         plan, player = self._plan.plan, self.player
         left = [talk for talk in self.found.all if talk.number in plan.unassigned]
         chosen = [talk for talk in left if name in ("", f"C{talk.number}")]
@@ -384,7 +384,7 @@ class LiveWatch:
                 player.forget_conversation(number)
 
     def handle_idle(self, idle_ns: int) -> None:
-        """Advance time after so long without a packet (rule 2)."""
+        """Advance time after `idle_ns` without a packet (Rule 2)."""
         if idle_ns < IDLE_HOLD_NS or (self.player is None and not self._waiting):
             return
         player = self._play_until(self._newest)

@@ -57,7 +57,7 @@ class TapEnded(EngineStopped):
 
 
 class TapDriver(ProcessDriver):
-    """Shadows of the tap that started this screen, and hands over channels to its packets.
+    """Shadows of the tap that started this screen; it hands over channels that carry its packets.
 
     `kernel`: TAP, or ARMED_TAP for a screen whose keys act without a question.
     """
@@ -70,7 +70,7 @@ class TapDriver(ProcessDriver):
         """Return the newest picture that has arrived; raise TapEnded."""
         picture = super().poll_picture()
         if picture is not None and picture.over:
-            raise TapEnded(f"{picture.over}: both ends have got a FIN or RST")
+            raise TapEnded(f"{picture.over}: both ends have seen an end (TCP: FIN or RST)")
         return picture
 
     def describe_cuts(self) -> str:
@@ -138,7 +138,7 @@ def _run_capture(channel: Channel, command: Sequence[str], asked: ShadowChoice) 
 class ShadowServer:
     """Serves a screen with playing shadows.
 
-    `way`: to the tap that started the screen; None: packets of a pipe, or of a tap that runs by itself.
+    `way`: to the tap that started the screen; None: a pipe, or a tap that another command started.
     """
 
     first_ns = 0

@@ -4,9 +4,9 @@ Rule 1: a scan sees all events up to its time. Scans that change nothing are cou
 Rule 2: a partner does not react. Bytes that a shadow sends are discarded; keep-alive is answered.
 Rule 3: bytes that a shadow does not read wait, up to a bound. Then scans run until there is room, as a closed
 window would make the partner wait. Bytes that are never read are left out, and counted.
-Rule 4: a PLC end that closes or resets in the capture ends its shadow: the shadow reads the bytes that the
-PLC can have read, and ends in its next scan, not before its first job; if it connected late, it ends later by
-the same number of scans. In a recording of ours all bytes were read: it ends after them.
+Rule 4: if a PLC end closes or resets in the capture, its shadow ends. The shadow reads the bytes that the
+PLC can have read. It ends in its next scan, not before its first job; if it connected N scans late, N scans
+later. In a recording of ours the PLC has read all bytes: the shadow ends after them.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _WASTE_BUFFER: Final = memoryview(bytearray(1 << 16))
 class ShadowBench:
     """A bench whose partners are played; `on_scan` gets the changes of a scan, and instances that lack bytes.
 
-    It is called after each scan with a change or an event.
+    `on_scan` is called after each scan with a change or an event.
     """
 
     def __init__(
@@ -76,11 +76,11 @@ class ShadowBench:
         self.network.advance(max(ns, self.network.now_ns))
 
     def forbid_skipping(self) -> None:
-        """Run the next scans, even without an event: a calling CONNECT checks its call without one."""
+        """Run the next scans even without an event: then a CONNECT that calls can check its call."""
         self._quiet = 0
 
     def refuse_call(self, connect: str) -> None:
-        """Refuse the call of a shadow; if it pauses between calls, it calls now, as the PLC did."""
+        """Refuse the call of a shadow; a shadow that pauses between calls must call now, as the PLC did."""
         runtime = self.bench.runtime
         for _ in range(NEXT_CALL_SCANS):
             is_ahead = runtime.scans * self._interval > self.network.now_ns + PATIENCE_NS
@@ -209,7 +209,7 @@ class ReplayedPartner:
                 self._shadows.waiting.append(self)
 
     def note_plc_bytes(self) -> None:
-        """Note bytes of the PLC end: the first ones are an answer, so the partner waits for the shadow's."""
+        """Note bytes of the PLC end: if they are the first, the partner waits for the shadow's answer."""
         if self._asks:
             self._asks = False
             self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
@@ -349,7 +349,7 @@ class ReplayedPartner:
         self.is_over = True
 
     def end_shadow(self, unread: int, may_read: bool, has_read: bool) -> None:
-        """End the PLC end: it has not read `unread` bytes, may have read the others, or (`has_read`) has."""
+        """End the PLC end; `unread`: unread bytes; `may_read`: the partner ended; `has_read`: rule 4."""
         self._shadows.forbid_skipping()
         self.has_left = self.has_ended = True
         self._stood, self._has_read = self._shadows.bench.runtime.scans - self._begun, has_read
@@ -407,7 +407,7 @@ class ConnectionlessPartner:
         self._address = of_udp.local.address if of_udp is not None else ""  # "": a serial line
 
     def send(self, number: int, source: Endpoint, data: bytes, missing: int) -> None:
-        """Send a datagram or bytes; `missing`: so many more are missing in the capture."""
+        """Send a datagram or bytes; `missing`: how many more bytes of it the capture lacks."""
         ns = self._shadows.packet_ns
         if not self._waiting and self._try_deliver(ns, number, source, data, missing):
             return

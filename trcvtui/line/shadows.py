@@ -65,7 +65,7 @@ class ShadowPart(NamedTuple):
 
 
 class ShadowPlan(NamedTuple):
-    """The project of the shadows; by number of a conversation its parts, or why it has none."""
+    """The project of the shadows; by conversation number: its parts, or why it has none."""
 
     project: Project
     parts: dict[int, tuple[ShadowPart, ...]]
@@ -75,7 +75,7 @@ class ShadowPlan(NamedTuple):
 
 
 def find_directions(guess: PlcGuess, conversation: Conversation) -> tuple[WireDirection, WireDirection]:
-    """Return the directions of the PLC end and its partner; the guess may be of another reading."""
+    """Return the directions of the PLC end and its partner; the guess may be of another reading pass."""
     there, back = conversation.there, conversation.back
     is_there = guess.says.conversation.there is guess.says
     return (there, back) if is_there else (back, there)
@@ -156,7 +156,7 @@ def _explain_no_shadow(base: Project, conversation: Conversation, is_asked: bool
 
 
 def begins_late(conversation: Conversation) -> bool:
-    """Return whether the capture begins inside a connection that has sent bytes since."""
+    """Return whether the capture begins inside a connection, and has bytes of it."""
     return not conversation.begins_with_syn and bool(conversation.there.bytes or conversation.back.bytes)
 
 
@@ -173,7 +173,7 @@ def _make_local_address(packed: bytes) -> str:
 
 
 def make_endpoint(end: tuple[bytes, int]) -> Endpoint:
-    """Return an end of a capture for the simulated network; for a serial line its name."""
+    """Return an end of a capture for the simulated network; for a serial line, its name is the address."""
     if end[1] < 0:
         return Endpoint(end[0].decode(errors="replace"), 0)
     address = ip_address(end[0])
@@ -183,7 +183,7 @@ def make_endpoint(end: tuple[bytes, int]) -> Endpoint:
 def _make_connect(
     name: str, active: bool, own: tuple[bytes, int], partner: tuple[bytes, int], is_free: bool = False
 ) -> ConnectConfig:
-    """Return a CONNECT at an end of the capture; `is_free`: on any port, since another one has the end's."""
+    """Return a CONNECT at an end of the capture; `is_free`: on any port, as its own is taken."""
     local = _make_local_address(own[0])
     port = 0 if active or is_free or local == STAND_IN_ADDRESS else own[1]
     return ConnectConfig(
@@ -276,7 +276,7 @@ def make_tap_rows(taps: Sequence[TapDecl]) -> tuple[WatchDecl, ...]:
 
 
 def plan_for_project(found: Sequence[Conversation], project: Project, plc: str | None) -> ShadowPlan:
-    """Return a plan with the links of a project: by its [[watch]] rows, else the only one that fits."""
+    """Return a plan with links of a project: those of its [[watch]] rows, else the only one that fits."""
     given = None if plc is None else parse_plc(plc)
     unassigned: dict[int, str] = {}
     rows = [(parse_plc(w.plc), parse_plc(w.partner) if w.partner else None, w) for w in project.watches]
@@ -351,7 +351,7 @@ def _link(project: Project, name: str) -> AnyLink:
 
 
 def _find_fitting_link(project: Project, guess: PlcGuess, listens: bool, is_given: bool) -> str | None:
-    """Return the link that fits the ends; with `--plc` also a link that is the only one."""
+    """Return the link that fits the ends; with `--plc` else the only one of its role, or at all."""
     protocol = guess.says.conversation.protocol
     if protocol == "serial":
         return _find_fitting_line(project, guess.says.address[0].decode(errors="replace"))
@@ -391,7 +391,7 @@ def _find_fitting_socket(project: Project, receiving: set[str], port: int, is_gi
 
 
 def _adapt_link(config: AnyLink, guess: PlcGuess, listens: bool, is_free: bool) -> AnyLink:
-    """Return a link with the ends of the wire; `is_free`: another link has this end already."""
+    """Return a link with the captured ends; `is_free`: on any port, as another link has this end."""
     if isinstance(config, ComBufferDecl):
         return replace(config, source=SERIAL, serial=SerialSettings(config.name))
     own, other = guess.says.address, guess.says.other.address

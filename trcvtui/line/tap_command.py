@@ -174,7 +174,7 @@ class _ServerProcess:
             pipes.hand_over_observer(kind, way)
 
     def hand_over_observer(self, kind: bytes, way: Any) -> None:
-        """Give an observer to the process; if it does not run, when it does."""
+        """Hand an observer over to the process, at once or as soon as the process runs again."""
         if self._pipes is None:
             self._pending.append((kind, way))
         else:
@@ -195,7 +195,7 @@ class _ServerProcess:
         self._pause = min(2 * self._pause or SECOND, MOST_PAUSE_NS)
 
     def wait_for_end(self) -> None:
-        """Wait until it has handed over its last bytes, and end it: the tap has ended."""
+        """Wait until the process has handed over its last bytes, and end it, since the tap has ended."""
         for _, way in self._pending:
             way.close()
         if self._process is not None:

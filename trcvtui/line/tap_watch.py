@@ -1,7 +1,7 @@
 """The pcapng of a tap, played to shadows: packets of conversations, and notes of the tap; orders go back.
 
-It is played like any growing capture. The notes announce the conversations and the tap of each; a note on a
-conversation is played at its time between the events.
+It is played like any growing capture. The notes announce each conversation and its tap. A note on a
+conversation is played between the events, at the time of the note.
 """
 
 from __future__ import annotations

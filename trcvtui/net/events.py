@@ -50,7 +50,7 @@ class ConnectionChanged(Struct, frozen=True):
 class BytesReceived(NamedTuple):
     """One recv call took `size` bytes that begin at `offset` of the incarnation's received stream.
 
-    `instance` took them: jobs of tasks of other priority can alternate (resources.py, DirectionClaims).
+    `instance` received them: jobs of tasks of other priority can alternate (resources.py, DirectionClaims).
     `position`: of the first byte in the ring of the CONNECT (received_ring.py). `cut`: bytes at the end of a
     datagram that had no room in the buffer.
     """

@@ -95,7 +95,7 @@ class Kernel(Protocol):
         """
 
     def poll(self) -> None:
-        """Take the readiness of every handle once; `readable` answers from that picture."""
+        """Check once which handles are ready; `readable` answers from this result."""
 
     def readable(self, handle: Handle) -> bool:
         """Return whether the last poll saw data, a FIN, an error or a waiting client on the handle."""
@@ -151,19 +151,19 @@ class Kernel(Protocol):
         """Write what the stack takes now and return that count."""
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
-        """Make a UDP socket, used as any other; set_reuse is for those bound to one broadcast address."""
+        """Make a UDP socket, used as any other; with `set_reuse` several can have one broadcast address."""
 
     def set_broadcast(self, handle: Handle) -> Fault | None:
-        """Let a UDP socket send to broadcast addresses; without it that is EACCES."""
+        """Let a UDP socket send to broadcast addresses; without this call such a send fails with EACCES."""
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
-        """Send one datagram whole, from a free port if none is bound; the Fault's call is `send`.
+        """Send one datagram whole, from a free port if none is bound; a Fault names the call `send`.
 
         No call reports that the datagram found no receiver.
         """
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
-        """Take one datagram, an empty one too; the Fault's call is `recv`."""
+        """Take one datagram, which may be empty; a Fault names the call `recv`."""
 
     def loss(self, handle: Handle) -> KernelLoss | None:
         """Return why the connection is gone, without consuming data; None while it is up.
@@ -173,7 +173,7 @@ class Kernel(Protocol):
         """
 
     def discard(self, handle: Handle, most: int) -> int:
-        """Read away at most so many queued bytes and return how many; no planned fault counts this."""
+        """Read away at most so many queued bytes and return how many; fault plans do not count it."""
 
     def unread(self, handle: Handle) -> int:
         """Return how many received bytes wait in the stack."""

@@ -142,7 +142,7 @@ class Unread(NamedTuple):
     `end`: fin, rst, "" if the poll has seen no end. `is_full`: the partner's window may be small, or a
     session takes no more out of the stack. `messages`: those after the first `skip`; None: it is a stream.
     `clients`: those that wait at a listener. `dropped`: datagrams that the stack had no room for.
-    `has_session`: the bytes on the wire are others (TLS, ISO-on-TCP).
+    `has_session`: the bytes on the wire differ from these (TLS, ISO-on-TCP).
     """
 
     size: int = 0

@@ -28,7 +28,7 @@ class TapPlace(NamedTuple):
     line: SerialSettings | None = None
 
     def __str__(self) -> str:
-        """Return it as the user writes it."""
+        """Return the place as the user writes it; of a serial one without the settings."""
         if self.line is not None:
             return f"serial:{self.line.port}"
         return ("udp:" if self.kind == "udp" else "") + format_end(self.address, self.port)
@@ -128,7 +128,7 @@ FIGURES_DATA: Final = struct.Struct("<IIQ")  # round trip in us, window, bytes r
 
 
 def read_events(read: Callable[[int], bytes]) -> Iterator[list[TapEvent]]:
-    """Yield the events that one read brought, until `read` returns b""."""
+    """Yield, after each `read`, the events that are complete, until it returns b""."""
     waiting = b""
     head, unpack = EVENT_HEAD.size, EVENT_HEAD.unpack_from
     while got := read(MOST_EVENT_BYTES):
@@ -176,7 +176,7 @@ VERB_SIZES: Final = {
 
 
 def parse_order(line: bytes, routes: int) -> TapOrder:
-    """Return the order in a line, for one of so many routes; raise ValueError if it is no order."""
+    """Return the order in a line; raise ValueError if it is no order. `routes`: how many there are."""
     route, number, way, verb, rest = line.decode("ascii").split(" ")
     sizes, _, data = rest.partition(";")
     numbers = tuple([int(size) for size in sizes.split(",") if size])

@@ -34,7 +34,7 @@ class UpdateRequest(Struct, frozen=True):
     """A request: lines of the ledger after `since_seq`, and the bytes of these variables and jobs.
 
     `waves`: instances whose pins are drawn over time, with the number of the last change on the screen.
-    `bench` and `project`: their numbers in the last picture; other numbers since then bring them again.
+    `bench` and `project`: their numbers in the last picture; what has another number now is sent anew.
     """
 
     since_seq: int = 0
@@ -66,9 +66,9 @@ class BenchUpdate(Struct, frozen=True):
     """The bench after its last scan. `holding`: the scans are held.
 
     `bench` counts the benches, `project_number` the versions of the project; `project` comes only if the
-    screen does not have this version. `player`: while a scenario is loaded; `trial`: from the first
-    `try-splits` on. `facts` are those of the instances in `partial_of`. `armed` is the waiting trigger; with
-    `fired` this is the picture of the scan in which a trigger fired, while the PLC is already further.
+    screen does not have this version. `player`: None without a scenario; `trial`: None before the first
+    `try-splits`. `facts` are those of the instances in `partial_of`. `armed` is the waiting trigger. With
+    `fired` the picture shows the scan in which a trigger fired; the PLC has run on since.
     """
 
     snapshot: Snapshot

@@ -1,7 +1,7 @@
 """The transport of a picture from the engine to the screen: a pickle with the changed parts of the snapshot.
 
-Rule 1: the cost depends on the changed parts only. On the screen's side the others stay the same objects.
-Rule 2: pickling and writing stop when the time of a gap is up, and continue in the next: a picture is frozen.
+Rule 1: the cost depends on the changed parts only. The screen keeps the objects of the others.
+Rule 2: pickling and writing stop at the end of a gap, and continue in the next: a picture is frozen.
 Rule 3: a screen that does not read never delays a scan: the engine writes only what the channel takes.
 """
 
@@ -73,7 +73,7 @@ class UpdatePipe:
             pass
 
     def finish(self) -> None:
-        """Write the rest of a begun message, however long the screen takes: another one must follow it."""
+        """Write the rest of a begun message, however long the screen takes, so that another can follow."""
         while self._unsent:
             self._unsent = self._unsent[os.write(self._channel.fileno(), self._unsent) :]
 
@@ -170,7 +170,7 @@ class UpdateReader(MessageReader):
         self._parts: Sequence[list[Any]] = [], [], []  # of the last picture
 
     def next(self) -> Any:
-        """As `read_message`, with a picture put together."""
+        """Return the next message as `read_message` does, but a picture as a whole."""
         message = self.read_message()
         return None if message is None else self._load_message(message)
 

@@ -6,7 +6,7 @@ order of the program. An idle CONNECT costs nothing, and no output shows the dif
 (tests/properties/test_ready_only.py).
 
 A task is due at the multiples of its interval; its instances are called in the first scan that has reached
-the time: every 25 ms with scans of 10 ms are the scans at 0, 30, 50, 80, ...
+the time. An interval of 25 ms with scans of 10 ms means the scans at 0, 30, 50, 80, ...
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from trcvtui.plc.ledger import StatusEdge
 class CallOrder:
     """The instances in call order, each with the interval of its task; times in ns.
 
-    A CONNECT without instances can change too (PLC STOP): `connects` names all CONNECTs.
-    `failed` takes an instance that raised out of service and returns whether its outputs differ; `check`
-    raises where a replay has a recorded exception.
+    `connects` names all CONNECTs: one without instances can change, too (PLC STOP).
+    `failed` is called for an instance that raised: it takes the instance out of service, and returns
+    whether its outputs differ. `check` raises where a replay has a recorded exception.
     """
 
     def __init__(
@@ -50,12 +50,12 @@ class CallOrder:
         self._awake_since = set(self._places)  # which CONNECTs have been awake since `take_awake`
 
     def wake_all(self) -> None:
-        """Call every instance when it is due next."""
+        """Have `call` include every instance when it is due next."""
         self.awake.update(self._places)
         self._awake_since.update(self._places)
 
     def wake(self, connects: Iterable[str]) -> None:
-        """Call the instances on these CONNECTs when they are due next."""
+        """Have `call` include the instances on these CONNECTs when they are due next."""
         self.awake.update(connects)
 
     def call(self, turn: int) -> list[StatusEdge]:

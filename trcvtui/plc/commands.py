@@ -48,7 +48,7 @@ class RunPlc(Struct, frozen=True):
 
 
 class CreateInstance(Struct, frozen=True):
-    """A new instance: it is called from this scan on, after those of its task that are there already."""
+    """A new instance: it is called from this scan on, after the older instances of its task."""
 
     decl: InstanceDecl
     place: int | None = None  # in the call order of all; None: the last

@@ -2,7 +2,7 @@
 
 Rule 1: the exception is an entry of the journal. A replay takes the part out of service in that scan because
 the entry says so, whether or not the program still raises there.
-Rule 2: the UserError of a replay is passed on, for it says where run and journal differ; so is a command's.
+Rule 2: a UserError in a replay is passed on: it says where run and journal differ. So is one of a command.
 Rule 3: with TRCVTUI_EXCEPTIONS=raise nothing is contained, as in the tests.
 """
 
@@ -25,21 +25,21 @@ RunPart = tuple[str, str]  # its kind and its name: ("instance", "TRCV_C_1")
 
 
 class ExceptionNote(NamedTuple):
-    """An exception with the name of its report; `in_connection`: it left a connection in no known state."""
+    """An exception and the name of its report; `in_connection`: it left a connection in unknown state."""
 
     why: str
     in_connection: bool
 
 
 class RecordedException(UserError):
-    """An exception of the recorded run, at its place in the replay; it reads as a difference."""
+    """Raised in a replay where the recorded run had an exception; it is shown as a difference."""
 
 
 class Containment:
     """The parts of one run that are out of service.
 
-    `record(part, report)` records the exception and returns its note; `is_due(part)`: the next entry of a
-    replay is an exception of this part, None: no replay. `report` writes a report and returns its note.
+    `record(part, report)` records the exception and returns its note; `report` writes a report and returns
+    its note. `is_due(part)`: is the next entry of a replay an exception of this part? None: no replay.
     `off_record` runs calls that a replay does not repeat.
     """
 
@@ -76,7 +76,7 @@ class Containment:
         return ExceptionNote(*raised)
 
     def add_message(self, what: str) -> None:
-        """Keep a message about an internal error: MOST_REPORTED of them until `take_messages`."""
+        """Keep a message about an internal error, at most MOST_REPORTED until `take_messages`."""
         if len(self._newest) < MOST_REPORTED:
             self._newest.append(f"an internal error of {what}")
 

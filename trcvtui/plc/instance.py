@@ -192,7 +192,7 @@ class Instance:
         return self.outputs != before
 
     def drop_job(self, reason: str) -> None:
-        """Drop the running job; its lock on the connection may stay (rules)."""
+        """Drop the running job; its lock on the connection stays if the rules say so."""
         if isinstance(self._bound, ConnectBinding):
             self._bound.connection.readers.pop(self.name, None)
         self._block.detach(reason)

@@ -1,6 +1,6 @@
 """The ledger: what happened, in which scan, and why. Every view of the past is a view of this one list.
 
-Rule: events of every frame are NamedTuples: making one takes a quarter of a frozen dataclass's time.
+Rule: events that a frame causes are NamedTuples: making one takes a quarter of a frozen dataclass's time.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Outputs(NamedTuple):
     byte: int | None = None
 
     def pin(self, name: str) -> PinValue:
-        """Return the value of an output pin; what a block does not have is 0."""
+        """Return the value of an output pin, 0 if the block does not have it."""
         value: PinValue | None = getattr(self, outcome_field(name))
         return 0 if value is None else value
 
@@ -72,7 +72,7 @@ NO_END = "none:"  # in place of the local end: the remote one is the name of a l
 class PeerSent(NamedTuple):
     """A peer's message: its number (from 1), and where it lies in the peer's sent stream.
 
-    `ns`: when a captured packet came, in ns from the first one; -1: in the scan of its line.
+    `ns`: when a captured packet came, in ns from the first one; -1: the time of its line counts.
     """
 
     peer: str
@@ -142,7 +142,7 @@ class Ledger:
         self._ring.append((self.scan, self.t_ns, event))
 
     def write_at(self, t_ns: int, event: Event) -> None:
-        """Append one event of another time than that of the newest scan."""
+        """Append one event with a time of its own, not the time of the newest scan."""
         self.last_seq += 1
         self._ring.append((self.scan, t_ns, event))
 

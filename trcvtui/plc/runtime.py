@@ -81,7 +81,7 @@ def element_kind_of(type_: Type) -> ElementKind:
 
 
 def text_lens_of(type_: Type, size: int) -> LeastTextLens:
-    """Return the smallest LEN of a variable that is one text: all of its `size` bytes, or the header's."""
+    """Return the smallest LENs of a variable that is one text: `size` to send; a constant to receive."""
     if not isinstance(type_, StringType):
         return NO_TEXT_LENS
     return LeastTextLens(sent=size, received=LEAST_WSTRING_LEN if type_.wide else LEAST_STRING_LEN)
@@ -244,7 +244,7 @@ class Runtime:
         return bytes(self._data[name].content[start:stop])
 
     def received_ring(self, name: str) -> ReceivedRing | None:
-        """Return the newest bytes received by a CONNECT, UDP_CONFIG or ComBuffer; `sent_ring_name`: sent."""
+        """Return the newest bytes that a link or ComBuffer received; for its `sent_ring_name`, sent."""
         return self._resources.received.get(name)
 
     def job_bytes(self, instance: str) -> bytes:
@@ -264,7 +264,7 @@ class Runtime:
         return SentBytes(*ends, connection.bytes_sent, connection.unacknowledged())
 
     def quiet_until(self) -> int | None:
-        """Return the time (ns) at which time alone changes something, once scans change nothing; None: never.
+        """Return when (ns) a change comes by time alone, while the scans change nothing; None: never.
 
         The time of the last scan means: not known. A handle that becomes ready may change something earlier.
         """
@@ -382,10 +382,7 @@ class Runtime:
         )
 
     def _stop_instance(self, instance: Instance, why: str, in_connection: bool = False) -> bool:
-        """Let an instance show ERROR and hold no lock; close its connection if no other works on it.
-
-        A connection in no known state is closed for all: the others rebuild it.
-        """
+        """Let an instance show ERROR and hold no lock; close its connection if no other instance uses it."""
         name, connect = instance.name, instance.decl.connect
         self._containment.clean_up(("instance", name), partial(instance.drop_job, INTERNAL_ERROR))
         is_changed = instance.fail(why)

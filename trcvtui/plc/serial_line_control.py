@@ -1,8 +1,8 @@
 """The bytes of a ComBuffer: from and to a serial port, a TRCV_C or a TSEND_C, chunk by chunk.
 
-Rule 1: its knowledge of the connection outlives the TRCV_C: one created under the same name takes it over.
+Rule 1: what is known of the connection outlives the TRCV_C: a new one of the same name takes it over.
 Rule 2: a ComBuffer without room for a whole DATA holds the TRCV_C: it is called with EN_R = 0, so that the
-bytes stay with the network, which slows the sender. Never in a job that has bytes: they would be dropped.
+bytes stay with the network, which slows the sender. A job that has bytes is not held: it would drop them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ NO_ANSWER_FAULT: Final = Fault("open", "EINPROGRESS", words="there is no answer 
 class PortExchange:
     """One port: received bytes go to `rx`, bytes in `tx` are sent. `note` writes to the ledger.
 
-    `fault`: why it is not there, None while unknown.
+    `fault`: why the port is not there, None while unknown.
     """
 
     def __init__(self, port: SerialPort, rx: ComBuffer, note: Callable[[str, str], None]) -> None:
@@ -184,7 +184,7 @@ class StreamDrain:
         self._incarnation, self._size, self._ready = None, 0, False
 
     def check_connection(self) -> None:
-        """Empty the ComBuffer when the connection that its bytes were for is gone."""
+        """Empty the ComBuffer if its bytes were for a connection that is gone."""
         connection = self._connection
         is_up = connection.state is State.CONNECTED
         if not is_up or connection.incarnation != self._incarnation:
@@ -194,10 +194,7 @@ class StreamDrain:
 
 
 class StreamFeed:
-    """One TRCV_C in front of one ComBuffer. Without `holds` bytes that have no room are dropped.
-
-    With `follows_en_r` a part of a frame ends when EN_R falls.
-    """
+    """One TRCV_C in front of one ComBuffer. Without `holds`, bytes that have no room are dropped."""
 
     def __init__(
         self,

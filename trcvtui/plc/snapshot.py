@@ -110,7 +110,7 @@ class InstanceSnapshot(Struct, frozen=True):
 
     @property
     def data_pin(self) -> str:
-        """Return what the manual calls the pin of DATA, "" where the block has none."""
+        """Return the name of the DATA pin in the manual, "" where the block has none."""
         return block_row(self.block).data_pin
 
     def pin(self, name: str) -> PinValue | None:
@@ -137,7 +137,7 @@ class DataSnapshot(Struct, frozen=True):
 
 
 class AddrSnapshot(Struct, frozen=True):
-    """One ADDR_PARAM: `end` is `127.0.0.1:2000`, `@P1` for the port until a datagram replaces it."""
+    """One ADDR_PARAM: `end` is like `127.0.0.1:2000`; the port may be `@P1` until a datagram comes."""
 
     name: str
     end: str

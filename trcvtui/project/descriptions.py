@@ -1,6 +1,6 @@
 """CONNECT and ADDR in a dialect with connection descriptions: read and written, by field or as bytes of a DB.
 
-Rule: only what has no type is refused; what a CPU would find wrong is a `flaw`, which the block shows.
+Rule: only what fits no type is refused; what a CPU would find wrong is a `flaw`, which the block shows.
 The bench has further keys, which no CPU has: they set what this machine does.
 """
 
@@ -79,7 +79,7 @@ _TIA_TSAP: Final = re.compile(r"[0-9a-fA-F]{2}\.[0-9a-fA-F]{2}")  # as TIA write
 def parse_selector(text: str) -> bytes | None:
     """Return a TSAP: `16#E002` and TIA's `E0.02` are bytes, `text:E002` and what cannot be hex are text.
 
-    A text that could be either is None (see `unambiguous_spellings`), and so is one that is no TSAP.
+    Return None for a text that could be either (see `unambiguous_spellings`) or is no TSAP.
     Older files have `hex E0 02` and `text E0 02`.
     """
     if text.startswith(("16#", "hex ")):
@@ -117,7 +117,7 @@ def try_parse_hex(text: str) -> bytes | None:
 
 
 def parse_db_bytes(text: str) -> bytes | None:
-    """Return the bytes of a DB, None for a group with an odd digit: that copy was cut off."""
+    """Return the bytes of a DB, None if a group has an odd number of digits: a copy that was cut off."""
     groups = text.replace(",", " ").split()
     lone = any(len(group.lower().removeprefix("0x").removeprefix("16#")) % 2 for group in groups)
     return None if lone else try_parse_hex(text)
@@ -180,8 +180,8 @@ def resolve_tls(
 ) -> TlsSettings | DescriptionFlaw:
     """Return the TLS settings: the active end trusts TLSServerCertRef and shows TLSClientCertRef.
 
-    On the passive end it is the other way round. 0 as the trusted one: all certificates without a key; 0 as
-    its own: none.
+    On the passive end it is the other way round. If the trusted one is 0, all certificates
+    without a key are trusted; if its own is 0, it shows none.
     """
     server, client = description.number("TLSServerCertRef"), description.number("TLSClientCertRef")
     own, trusted = (client, server) if spec.is_active else (server, client)
@@ -247,7 +247,7 @@ _ADDR_FIELDS: Final = ("rem_ip_addr", "rem_port_nr", "reserved")
 
 
 def is_structure(table: Table) -> bool:
-    """Return whether a table has a key of a structure; RemoteAddress and RemotePort are none."""
+    """Return whether a table has a key of a structure; RemoteAddress and RemotePort do not count."""
     return any(table.has(key) for key in ("type", "bytes", *_ADDR_FIELDS))
 
 
@@ -467,7 +467,7 @@ def make_config_fields(
     certificates: Certificates,
     structures: tuple[str, ...],
 ) -> dict[str, Any]:
-    """Return a CONNECT's arguments but for the name; `structures`: what the instructions take, () all."""
+    """Return a CONNECT's arguments without its name; `structures`: what the instructions take, (): all."""
     spec = read_spec(written.description)
     session = _make_session(written.description, spec, bench, rules, certificates)
     remote, name_flaw = _remote_address(written, spec, bench)

@@ -63,7 +63,7 @@ class AddField(Struct, frozen=True):
 
 
 class LineKeys(NamedTuple):
-    """The keys of a kind whose value a line has without the key, and those whose text may have blanks."""
+    """Keys of a kind. `bare`: a line has the value without the key; `quoted`: the text may have blanks."""
 
     bare: frozenset[str]
     quoted: frozenset[str]
@@ -227,7 +227,7 @@ def append_entry(project: Project, decl: Declaration) -> Project:
 def read_change(decl: Declaration, pairs: Mapping[str, Any], project: Project, where: str) -> Declaration:
     """Return a declaration with some keys changed, a None removes the key; raise UserError.
 
-    The entry is written in its first form with the same meaning, and read as a file is.
+    The entry is written in the first of its equivalent forms that can be read with the changes.
     """
     edit = make_change(decl, None, project)
     others = apply_edits(project, (edit,))

@@ -1,6 +1,6 @@
 """Reads a project file into a Project, or reports all of its mistakes together.
 
-Rule 1: only what has no type is refused; every value that a pin or a CONNECT can hold goes to the block.
+Rule 1: only what fits no type is refused; every value that a pin or a CONNECT can hold goes to the block.
 Rule 2: an instance and a DATA variable may not have the same name, because `expect NAME` takes either; nor
 may CONNECTs, UDP_CONFIGs and peers, because `@NAME` takes any of them. `peer`, a word of the bench commands,
 is no name for an instance or DATA.

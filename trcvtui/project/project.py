@@ -336,7 +336,7 @@ class Project(Struct, frozen=True, eq=False):
         return replace(self, layout=decl.choice.rules(self.layout), data=as_peer)
 
     def layout_rules_of(self, type_name: str) -> LayoutRules:
-        """Return the layout of a UDT in messages: that of its DATA if they agree, else the PLC's."""
+        """Return the layout of a UDT in messages: the one that all its DATA have, else the PLC's."""
         choices = {d.choice for d in self.data if d.type_name.casefold() == type_name.casefold()}
         return choices.pop().rules(self.layout) if len(choices) == 1 else self.layout
 

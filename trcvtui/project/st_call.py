@@ -27,7 +27,7 @@ POINTER_PREFIX: Final = "p"  # the first letter of a pin that takes an address
 
 
 class CallForm(NamedTuple):
-    """How a call is written. `is_short`: without defaults; `written`: DATA after `start`, by variable."""
+    """How a call is written. `is_short`: no defaults; `written`: DATA content after `start`, by name."""
 
     is_short: bool = False
     is_multi: bool = False
@@ -69,7 +69,7 @@ def _has_db(project: Project, form: CallForm) -> bool:
 
 
 def _pins(project: Project, decl: InstanceDecl, values: Inputs, form: CallForm) -> list[Pin]:
-    """Return the pins that a call names; a short call keeps in-outs (CODESYS) or CONT, which TIA hides."""
+    """Return the pins that a call names; a short one keeps in-outs (CODESYS) or CONT (hidden in TIA)."""
     pins = project.pins(decl.block)
     in_outs = {pin.name for pin in _filter(pins, Direction.IN_OUT)}
     kept = {"CONT"} if project.dialect.describes_connects else in_outs
@@ -205,7 +205,7 @@ def _declarations(project: Project, decl: InstanceDecl, form: CallForm) -> Itera
 
 
 def _type_of(decl: InstanceDecl, pin: Pin) -> str:
-    """Return the type as the manual declares it: Error is an enumeration there, a number here."""
+    """Return the type as in the manual; its Error is an enumeration, the one of the bench a number."""
     return "ComError_t" if _row(decl).has_com_buffer and pin.name == "Error" else pin.iec_type
 
 

@@ -2,7 +2,7 @@
 
 Rule 1: a new entry comes after the last one of its kind if tomlkit can keep the rest of the text unchanged,
 else at the end of the file, which means the same to the loader.
-Rule 2: the new text is parsed and compared with the document it shall have; one that differs is not returned.
+Rule 2: the new text is parsed and compared with the wanted document; a text that differs is not returned.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def add_constants(text: str, constants: Mapping[str, int], where: str) -> str:
 
 
 def relocate(file: str, old: Path, new: Path) -> str:
-    """Return the path from the folder `new` to a file that is named from the folder `old`."""
+    """Return the path of a file relative to the folder `new`; `file` is relative to `old`."""
     if Path(file).is_absolute():
         return file
     try:

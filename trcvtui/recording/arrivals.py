@@ -37,7 +37,7 @@ class _ReceiveQueue:
 
 
 class ArrivalRecorder:
-    """Notes what `kernel` has unread; `owners` has the owner of each handle."""
+    """Notes unread bytes and messages in `kernel`; `owners` has the owner of each handle."""
 
     def __init__(self, log: ArrivalLog, kernel: Kernel, owners: dict[Handle, str], label: str) -> None:
         self._log, self._kernel, self._owners, self._label = log, kernel, owners, label
@@ -59,12 +59,12 @@ class ArrivalRecorder:
         self._emptied.clear()
 
     def note_ready(self, handle: Handle) -> None:
-        """Add a handle that is ready since the poll."""
+        """Add a handle that became ready after the poll."""
         if self._seen is not None and handle not in self._seen:
             self._seen = {*self._seen, handle}
 
     def note_read(self, handle: Handle, size: int, room: int) -> None:
-        """Take a read of a stream: `size` bytes, with room for `room`."""
+        """Count a read of a stream: it got `size` bytes, and had room for `room`."""
         queue = self._queues.get(handle)
         if size < room:  # a short read has emptied the handle
             self._emptied.add(handle)
@@ -133,7 +133,7 @@ class ArrivalRecorder:
         self._log_arrival(BYTES_ARRIVED, handle, (handle, whole, found.size, flags), found.data)
 
     def _note_message(self, handle: Handle, source: Endpoint, data: bytes, whole: int, flags: int) -> None:
-        """Note a message, at the wire only a datagram: a session has other bytes there."""
+        """Note a message; at the wire only if it is a datagram: a session has other bytes there."""
         if self._queues[handle].is_udp:
             self._log.note_wire(self._get_owner(handle), MESSAGE, handle, (source, whole), None, data)
         self._log_arrival(MESSAGE, handle, (handle, source, whole, flags), data)

@@ -1,6 +1,6 @@
 """The newest part of a run, always kept in memory: `record` writes it, and what follows, into a file.
 
-Rule 1: at most MOST_KEPT_BYTES are kept; dropped entries are counted. After each half of that, a process
+Rule 1: at most MOST_KEPT_BYTES are kept; dropped entries are counted. When half that is new, a process
 replays the kept entries and returns the last state: the keyframe of a file that begins in the middle.
 Rule 2: processes write the files; only the end of the run waits for them.
 Rule 3: a box that takes too much time gives up (recorder.py), unless it is recording into a file.

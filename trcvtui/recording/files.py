@@ -2,11 +2,11 @@
 
 Rule 1: a name is never used again; only files of this run are removed.
 Rule 2: each file begins with `RunHeader`. If scans are missing after it, `LostEntries` is next: such a file
-runs again from its first keyframe.
-Rule 3: while a run beside makes keyframes, a file that begins in the middle ends only after its first one.
+is replayed from its first keyframe.
+Rule 3: if a replay beside makes keyframes, a file that begins in the middle ends only after its first one.
 Rule 4: a file of a trigger has the journal from the beginning of the run, of at most MOST_OLD_BYTES: a
-what-if begins there; and it has keyframes.
-Rule 5: connections keep sequence numbers and ports from file to file, through entries that no file has, too.
+what-if begins there. The file has keyframes, too.
+Rule 5: connections keep sequence numbers and ports from file to file, even across entries that no file has.
 Bound: MOST_WAITING entries wait for a trigger.
 """
 
@@ -81,7 +81,7 @@ class NumberedFile(FileSink, Protocol):
     size: int
 
     def continue_packets(self, packets: RunPackets, old: Iterable[Entry]) -> None:
-        """Take old entries without packets; then continue the connections of the files before."""
+        """Take old entries, but make no packets of them; then continue connections of earlier files."""
 
 
 class OldBlock(NamedTuple):
@@ -319,7 +319,7 @@ class RecordTarget:
         return sink if self.follow is None else self.follow(sink, str(file))
 
     def make_file_sink(self, file: Path) -> FileSink:
-        """Return what writes, without a run beside it."""
+        """Return what writes, without the replay that makes keyframes."""
         from trcvtui.recording.recording import RecordingWriter
         from trcvtui.recording.run_packets import RunPackets
 

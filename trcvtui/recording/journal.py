@@ -1,7 +1,7 @@
 """The journal of a run: its entries (calls at the seam with their answers), and their bytes.
 
-Rule 1: a run asks the same again, in the same order, as long as it gets the same answers (replay.py).
-Rule 2: a call in a gap between two scans (for a screen) begins with IN_GAP. A replay may ask it or skip it.
+Rule 1: a run repeats its calls, in the same order, as long as it gets the same answers (replay.py).
+Rule 2: a call in a gap between two scans (for a screen) begins with IN_GAP. A replay may make or skip it.
 Rule 3: bytes become values by fixed layouts alone (docs/recording-format.md); no length is trusted.
 """
 
@@ -46,7 +46,7 @@ SIM_WALL_NS: Final = 946_684_800_000_000_000  # when a simulated run begins: 200
 
 
 class CallRecord(NamedTuple):
-    """One call and its answer; `args` are what a replay has to ask again."""
+    """One call and its answer; a replay must repeat the call with these `args`."""
 
     owner: str
     call: str
@@ -66,8 +66,8 @@ class DeferredWork(NamedTuple):
 class RunHeader(NamedTuple):
     """The first entry of a journal: what is needed to run again, without a disk.
 
-    `path` and `options` (`PATH=VALUE` of `--set`) are those of the command line; `wall_ns` is UTC at time 0
-    of the run, from 1970. `files`: names as they were requested, and contents; relative ones begin in
+    `path` and `options` (`PATH=VALUE` of `--set`) are those of the command line; `wall_ns`: UTC of time 0
+    of the run, ns from 1970. `files`: names as they were requested, and contents; relative ones begin in
     `folder`. `digests` has the SHA-256 of certificates and keys.
     """
 
@@ -121,7 +121,7 @@ class Secrets(NamedTuple):
 
 
 class Keyframe(NamedTuple):
-    """The state of a run after a scan, as the program that made it keeps it (state.py), compressed.
+    """The state of a run after a scan, compressed, in the form of the program that made it (state.py).
 
     `steps`: scans that have begun in the file by then; `beyond`: entries since the newest of these.
     """
@@ -285,16 +285,13 @@ def encode_value(value: object) -> bytes:
 
 
 class PacketRuns(NamedTuple):
-    """Bytes in packets before their block: of each run the first packet, bytes to skip in it, and its size.
-
-    A run may continue in the packets that follow.
-    """
+    """Byte runs in packets before their block: for each its first packet, bytes to skip there, its size."""
 
     runs: tuple[tuple[int, int, int], ...]
 
 
 class _BlockReader:
-    """Reads values out of the bytes of one block; raises UserError for bytes that are none.
+    """Reads values out of the bytes of one block; raises UserError if they are no values.
 
     `payloads`: what the packets before the block carry.
     """

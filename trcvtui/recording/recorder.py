@@ -244,7 +244,7 @@ def attach_black_box(recorder: RunRecorder | None, reads: FilesRead) -> tuple[Ru
 
 
 def make_recorder(record: RecordTarget, file: Path, waits: bool) -> RunRecorder:
-    """Return a recorder into a file; if the run does not wait, a process of its own writes."""
+    """Return a recorder into a file; this process writes it if the run `waits`, else another one."""
 
     def make_sink() -> EntrySink:
         if waits:

@@ -60,7 +60,7 @@ AT_DATA: Final = 28  # of a block with a packet
 
 
 class BlockPlace(NamedTuple):
-    """Where a block of the journal is; `scans`: how many have begun before it; `ns` of the run then."""
+    """Where a block of the journal is; `scans`: how many began before it; `ns`: time of the run then."""
 
     packets_at: int
     journal_at: int
@@ -206,9 +206,9 @@ class RecordingWriter:
 
 
 class Recording:
-    """A recording to read; raises UserError if the file cannot be opened or is none of ours.
+    """A recording to read; raises UserError if the file cannot be opened or is no recording.
 
-    `stopped`: why reading ended before the end of the file, or "". Places in a .gz are those when unpacked.
+    `stopped`: why reading ended before the end of the file, or "". Places in a .gz count unpacked bytes.
     """
 
     def __init__(self, path: FileName) -> None:

@@ -33,7 +33,7 @@ COMPARED_ARGS: Final = {"set_options": 1, "set_user_timeout": 1}  # so many; lat
 
 
 class ReplaySeam:
-    """Answers from entries that is_valid_answer let in; `write_note` writes recorded notes into the ledger.
+    """Answers from entries that passed is_valid_answer; `write_note` writes recorded notes into the ledger.
 
     `begins`: the RunHeader of the journal, if it has one; `files`: those that were read so far.
     """
@@ -57,7 +57,7 @@ class ReplaySeam:
             self.front = next(entries, None)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what a keyframe keeps: its head has the place in the journal, and any file may have it."""
+        """Return the state for a keyframe, which has the place in the journal and may be in any file."""
         return self.__dict__ | {"entries": None, "where": ""}
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
@@ -83,7 +83,7 @@ class ReplaySeam:
     def bind_call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
     ) -> Callable[..., T]:
-        """Return a function for this call: it takes one step if the call is the next entry, else `ask`."""
+        """Return a function for this call: it answers at once if the next entry fits, else by `ask`."""
         nothing = cast(Callable[[], T], None)
 
         def answer_call(handle: Handle, *args: object) -> T:
@@ -136,7 +136,7 @@ class ReplaySeam:
             self._known[owner, "path", args] = answer
 
     def _answer_in_gap(self, owner: str, call: str, args: tuple[object, ...]) -> object:
-        """Return the answer of this gap or the newest before; None: it was not asked then."""
+        """Return the answer of this gap, else the newest earlier one; None: there is none."""
         while isinstance(self.front, CallRecord) and self.front.call.startswith(IN_GAP):
             found = self.front[:3] == (owner, IN_GAP + call, args)
             self._skip_entry(self.front)

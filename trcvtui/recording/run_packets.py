@@ -201,7 +201,7 @@ class RunPackets:
     # -- the next file ----------------------------------------------------------------------------------
 
     def skip_entries(self, entries: Iterable[Entry]) -> None:
-        """Pass entries that are in no file, so that the next file knows the open connections."""
+        """Follow connections through entries of no file, so that the next file can continue them."""
         for entry in entries:
             if isinstance(entry, CallRecord):
                 self.replace_bytes(entry)

@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 
 class Seam(Protocol):
-    """Where calls leave a bench: a recorder makes them and keeps the answers, a replay answers itself."""
+    """Where calls leave a bench: a recorder makes them and keeps the answers, a replay returns these."""
 
     @property
     def has_answers(self) -> bool:
@@ -117,7 +117,7 @@ class SeamRecorder:
         self._keep(WireCall(at, owner, call, handle, args, answer, data))
 
     def handle_ledger_note(self, note: LedgerNote) -> None:
-        """Keep notes from inside a call; those of the PLC and the bench, a replay writes again."""
+        """Keep notes from inside a call; a replay itself writes those of the PLC and the bench."""
         if self._is_inside and not self.is_off:
             self._keep(note)
 
@@ -239,7 +239,7 @@ class _SeamKernel:
         return self._inner.recv_from(handle, into)
 
     def note_arrivals(self) -> None:
-        """Do nothing: a replay has the notes in its journal, and of peers there are none."""
+        """Do nothing: a replay has the notes in its journal, and peers are not noted."""
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
         self._buffer = data

@@ -246,7 +246,7 @@ def encode_state(one: object, shared: SharedObjects) -> bytes:
 
 
 class _StateDecoder:
-    """Makes the objects of one state: first each of them, then what they hold, as they may be in circles."""
+    """Makes the objects of one state: first all, empty; then what each holds, as they may form circles."""
 
     def __init__(self, content: bytes, shared: SharedObjects, where: str, instead: StandIns) -> None:
         self._content, self._shared, self._where = content, shared.objects, where

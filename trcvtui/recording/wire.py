@@ -81,10 +81,7 @@ class Flow:
         del self.tail[: max(0, len(self.tail) - MOST_TAIL_BYTES)]
 
     def find_job_end(self, scan: int, expected: int, is_sent: bool) -> int:
-        """Return where the job has ended that shows DONE in a scan, 0 if that is not known.
-
-        Of a send job that is the first end so far, of a receive job the last one, or the expected one.
-        """
+        """Return where the job that shows DONE in `scan` has ended, 0 if that is not known."""
         places = [place for since, place in self.ends if since <= scan]
         if not places:
             return 0
@@ -92,7 +89,7 @@ class Flow:
         return self.job
 
     def find_failed_job_end(self, scan: int) -> int:
-        """Return where the bytes end that a job with ERROR took in this scan or the one before, or 0."""
+        """Return the end of the bytes that a job with ERROR took in this scan or the one before, or 0."""
         since, place = self.ends[-1] if self.ends else (-9, self.job)
         self._end_job(place)
         return place if since >= scan - 1 else 0
@@ -284,7 +281,7 @@ class WirePackets:
             yield from self._note_partner_end(call, stream, ACK | (RST if call.args[0] == "rst" else FIN))
 
     def _add_partner_bytes(self, call: WireCall, stream: _TcpStream, at: int) -> Iterator[WirePacket]:
-        """Yield the new ones of the partner's bytes, which begin at `at`, and its end, if it is due."""
+        """Yield packets of the partner's new bytes (`call.data` begins at `at`) and of its end, if due."""
         flow = stream.flows[1]
         new = call.data[max(0, flow.in_packets - at) :] if call.data else b""
         if new:
@@ -520,7 +517,7 @@ def _is_reset(answer: object) -> bool:  # an injected fault has nothing at the w
 
 
 def checksum(data: bytes) -> int:
-    """Return the checksum of RFC 1071: a sum of 16-bit words modulo 65535 is that of one large number."""
+    """Return the checksum of RFC 1071: modulo 65535 a sum of 16-bit words equals them as one number."""
     number = int.from_bytes(data + b"\0" if len(data) & 1 else data, "big")
     rest = number % 0xFFFF
     return 0xFFFF - (rest or (0xFFFF if number else 0))

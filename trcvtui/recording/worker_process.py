@@ -1,4 +1,4 @@
-"""A process with one answer, in a file when it is over; until then a line of the file has its progress."""
+"""A process that leaves one answer in a file; until it is over, the first line there is its progress."""
 
 from __future__ import annotations
 

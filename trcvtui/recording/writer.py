@@ -1,6 +1,6 @@
 """The writer of a recording is another process: fed through a pipe in the gaps, so that no scan waits for it.
 
-Rule 1: what the pipe does not take waits, at most MOST_WAITING_BYTES, of whole blocks twice as many; entries
+Rule 1: what the pipe does not take waits: at most MOST_WAITING_BYTES, of whole blocks twice that. Entries
 beyond that are left out, and the journal counts them (`LostEntries`).
 Rule 2: without the writer the bench continues; `trouble` says in one line why nothing is recorded any more.
 Rule 3: the writer ends with its pipe, even if the run was killed: it writes what it has and ends the file.
@@ -280,7 +280,7 @@ def _write_answer(line: str) -> None:
 
 
 def _read_messages(idle: Callable[[int], bool]) -> Iterator[bytes]:
-    """Yield messages; while none comes, `idle` works until a moment of the clock, if it has work."""
+    """Yield messages; while none comes, call `idle` with the time until which it may work."""
     waiting = bytearray()
     while read := _read_input(idle):
         waiting += read

@@ -1,6 +1,6 @@
 """The messages of a whole recording: it runs once more, in slices, from its first scan to its last.
 
-Rule: wherever the replay goes, rows that were read keep their values and numbers.
+Rule: rows that were read keep their values and numbers, whichever scan the replay shows.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class AllMessages:
 
 
 class TimedRows:
-    """Rows that are known already, with the scans of the run that shows them."""
+    """Rows that are known already; their scan numbers come from the replay, by their times."""
 
     def __init__(self, rows: NewestRows, survey: Survey) -> None:
         self._rows, self._survey = rows, survey

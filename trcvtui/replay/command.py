@@ -31,7 +31,7 @@ def check_replay(run: ReplayRun) -> str:
 
 
 def print_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
-    """Write what the run printed, or would have; return whether all expectations held."""
+    """Write what the run printed, or would have printed; return whether all expectations held."""
     bench, scenario = run.bench, run.scenario
     report = JsonLines(write, bench.runtime.interval_ns, bench)
     if scenario is None or bench.runtime.scans:  # in the middle of a run, nothing says which step is next
@@ -54,7 +54,7 @@ def print_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
 def run_what_if(
     path: Path, is_check: bool, form: str | None, sets: Sequence[str], dialect: str | None
 ) -> int:
-    """Run a recording beside itself with other parameters; return 0, or 1 if the file is damaged."""
+    """Run a recording as it was, and with other parameters; return 0, or 1 if the file is damaged."""
     from trcvtui.recording.recording import Recording
     from trcvtui.replay.what_if import WhatIf, print_both_runs
 

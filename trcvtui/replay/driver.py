@@ -97,7 +97,7 @@ class ScreenChannel:
         self._request: UpdateRequest | None = None
 
     def handle_messages(self, take: Callable[[int, str], object], waits: float | None = 0.0) -> None:
-        """Take what comes; wait for it so many seconds, None: without end."""
+        """Take all messages; wait `waits` seconds for the first, None: without end."""
         while self._channel.poll(waits):
             message, waits = decode_request(self._channel.recv_bytes()), 0.0
             if isinstance(message, UpdateRequest):

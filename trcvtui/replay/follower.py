@@ -127,7 +127,7 @@ class RecordedRunWriter:
                     self.advance(NO_DEADLINE)
 
     def close(self) -> None:
-        """End the file, after a keyframe that is due; raise UserError if a file lacks its first."""
+        """End the file, after a keyframe that is due; raise UserError if a file lacks its first one."""
         self._has_all, until = True, clock.now_ns() + PATIENCE_NS
         while self._sink.first_scan != self._file and clock.now_ns() < until and self.advance(0):
             pass
@@ -233,7 +233,7 @@ class _CompleteRunWriter(RecordedRunWriter):
 
 
 def writer_main(path: str, asked: str) -> None:
-    """Be the process that writes a recording (recording/writer.py)."""
+    """Run as the process that writes a recording (recording/writer.py)."""
     run_writer(asked, lambda record: RecordedRunWriter(record.make_file_sink(Path(path)), path), path)
 
 

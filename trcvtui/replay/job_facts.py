@@ -68,7 +68,7 @@ TROUBLE_ROWS: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
 
 
 class _StackWaits:
-    """What waits in the stack of each CONNECT, from the entries in gaps: the least of each second."""
+    """How much waits in the stack of each CONNECT: the least of each second, by the entries in gaps."""
 
     def __init__(self, run: ReplayRun) -> None:
         self._run = run
@@ -130,13 +130,13 @@ class _StackWaits:
             yield from ((connect, *run) for run in _find_long_run(waiting))
 
     def find_partner_not_reading(self) -> Iterator[tuple[str, int, int]]:
-        """Yield each CONNECT on which bytes wait to leave although all that left is acknowledged."""
+        """Yield each CONNECT on which unsent bytes wait although all sent ones are acknowledged."""
         for connect, paths in self._paths.items():
             waiting = [second for second, path in paths if path.unsent and not path.unacked]
             yield from ((connect, *run) for run in _find_long_run(waiting))
 
     def find_dead_links(self) -> Iterator[tuple[str, int, int]]:
-        """Yield each CONNECT on which bytes have left, and nothing comes back."""
+        """Yield each CONNECT on which sent bytes are not acknowledged for long."""
         for connect, paths in self._paths.items():
             silent = [second for second, path in paths if path.unacked and path.last_ack_ms >= SILENT_MS]
             yield from ((connect, *run) for run in _find_long_run(silent))
@@ -154,7 +154,7 @@ def _find_long_run(seconds: Sequence[int]) -> Iterator[tuple[int, int]]:
 def collect_recorded_facts(
     path: str, sets: Sequence[str] = (), is_running: bool = False, tell: ReportScan | None = None
 ) -> RecordedFacts | None:
-    """Return the facts of a recording of ours; None: it is none, or it cannot run.
+    """Return the facts of a recording of ours; None: it is no recording of ours, or cannot run.
 
     `sets`: with these parameters, `instance.TRCV_C_1.LEN=20`; raise UserError for a wrong one. While the run
     continues, the present pins count: a remedy that was applied is no fault any more. `tell` is called for
@@ -179,7 +179,7 @@ def collect_recorded_facts(
 
 
 def judge_main(path: str, asked: str) -> None:
-    """Be the process of the doctor (diagnosis/judges.py)."""
+    """Run as the process of the doctor (diagnosis/judges.py)."""
     run_writer(asked, lambda _: DoctorInput(path, collect_recorded_facts, load_bench), path)
 
 
@@ -355,7 +355,7 @@ class _RunFacts:
     def find_troubles(self, is_running: bool) -> tuple[Finding, ...]:
         """Return what the program did wrong, and what the stack of a CONNECT shows for long.
 
-        While the run continues, a trouble is over after two good jobs, and only the last RECENT_S count.
+        While the run continues, two good jobs end a trouble, and only the last RECENT_S seconds count.
         """
         if is_running:
             then = self._done_then

@@ -101,7 +101,7 @@ class Keyframes:
         return self.run_at(self.first)
 
     def start_other_run(self, kind: type[OtherRun], seam: ReplaySeam) -> OtherRun:
-        """Return the run at the first keyframe as one of this class, at this seam; raise UserError."""
+        """Return the run at the first keyframe, as a `kind` that uses `seam`; raise UserError."""
         frame = self._journal.read_keyframe(self._places[0])
         instead: StandIns = {ReplayRun: lambda: kind.__new__(kind), ReplaySeam: lambda: seam}
         return cast(OtherRun, _decode_run(frame, self._shared, self._where, instead))

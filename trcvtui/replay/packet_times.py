@@ -1,4 +1,4 @@
-"""When the packets of a recording came, read beside its run: a scan reads bytes after they came."""
+"""When the packets of a recording came, read beside its replay; a scan reads their bytes later."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class PacketTimes:
         self._reached_ns = 0
 
     def find_time(self, ends: tuple[str, str], turn: int, offset: int) -> int | None:
-        """Return when a byte came, ns of the run, on the connection of that turn of its ends."""
+        """Return when a byte came, ns of the run; `turn` counts the connections of `ends` from 0."""
         while True:
             directions = self._directions.get(ends, ())
             if turn < len(directions):

@@ -2,7 +2,7 @@
 
 Rule 1: a partner does not react. From the scan in which it would see something else of us, or at another
 time, the answer is a guess: `guess_from` (docs/recording.md, "What if").
-Rule 2: a scan meets what the recorded run met in that scan: bytes that had come, an end, a client, a refusal.
+Rule 2: a scan gets what the recorded run got in it: bytes that had come, an end, a client, a refusal.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ class _Socket:
 class ReplayedPartners(ReplaySeam):
     """A seam on which partners do what they did; `peers`: the names of those that the bench has itself.
 
-    `recorded` advances with the recorded run, which passes first. `intervals_ns`: of the bench that asks and
-    of the recorded one, if they differ: each scan passes at a multiple of the first one, after the recorded
-    scans up to then and one more.
+    `recorded` advances with the recorded run, which runs first. `intervals_ns`: of the bench that asks and
+    of the recorded one, if they differ. Each scan then runs at a multiple of the first interval, when the
+    recorded run has done its scans up to that time and one more.
     `guess_from`: the first scan of the recorded run from which on the answer is a guess, None: none.
     """
 
@@ -147,7 +147,7 @@ class ReplayedPartners(ReplaySeam):
 
     @property
     def slack_ns(self) -> int:
-        """Return by how much the times of two scans may differ that count as one time."""
+        """Return by how much two scans may differ in time, and still count as simultaneous."""
         return (min(self.intervals_ns) - 1) // 2 if self.intervals_ns is not None else 0
 
     def _begin_scan(self) -> int:
@@ -220,7 +220,7 @@ class ReplayedPartners(ReplaySeam):
             self.note_guess(GuessReason.PARTNER)
 
     def _match(self, acts: deque[PlcAct], what: tuple[object, ...], is_deaf: bool = False) -> PlcAct | None:
-        """Do what a partner sees; return the same act of the recorded run; None: it did something else."""
+        """Remove and return the recorded act if it is `what`, in this scan; None: it is not."""
         if acts and acts[0].scan == self.scan and acts[0].what == what and self._is_on_time:
             return acts.popleft()
         if not is_deaf:

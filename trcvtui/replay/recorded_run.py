@@ -2,7 +2,7 @@
 
 Rule 1: a place is a scan and a call in it, so that a run that makes the same calls gets the same answers.
 Rule 2: what came counts from its arrival on, not from the call that read it (arrivals.py).
-Bound: MOST_PARTNER_BYTES of all partners wait for the run that asks; of more only the number is kept.
+Bound: MOST_PARTNER_BYTES of all partners wait for the run that asks; further ones are only counted.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ DatedMessage = tuple[CallPlace, Datagram | Fault, bytes]
 
 
 class PlcAct(NamedTuple):
-    """One thing of this end that a partner sees: bytes sent, or how it ended; `what` is compared."""
+    """One act of this end that a partner sees: it sent bytes, or ended; `what` is compared."""
 
     scan: int
     what: tuple[object, ...]
@@ -78,7 +78,7 @@ class Partner:
 
     @property
     def ended_in_fault(self) -> bool:
-        """Return whether it ended with an error: it sees no more of this end."""
+        """Return whether the connection ended with an error: the partner sees no more of this end."""
         return self.fault is not None
 
     def note_bytes(self, at: CallPlace, whole: int) -> None:
@@ -87,7 +87,7 @@ class Partner:
             self._arrived.append((at, whole))
 
     def note_end(self, at: CallPlace, fault: Fault | None, is_told: bool = True) -> None:
-        """Take the end; the Fault of a call says more than the state of the socket."""
+        """Take the end; the Fault of a call replaces one from the state of the socket."""
         self.fault = fault if is_told and fault is not None else self.fault or fault
         self.ended = min(self.ended, at)
 
@@ -118,7 +118,7 @@ class DialledAttempt:
         self.partner: Partner | None = None
 
     def is_before(self, scan: int) -> bool:
-        """Return whether it was over before this scan."""
+        """Return whether the attempt, or its connection, was over before this scan."""
         over = self.gone if self.partner is None else self.partner.released_at
         is_refused = self.answer is not None and self.answered.scan < scan
         return is_refused or over.scan < scan
@@ -180,7 +180,7 @@ class RecordedRun:
             self._add_inherited(one)
 
     def advance_time_to(self, scan: int) -> int:
-        """Return when a scan began, and forget those before the one before it."""
+        """Return when a scan began; forget the times of all scans earlier than the one before it."""
         while len(self._times) > self.scan - scan + 2:
             self._times.popleft()
         return self._times[scan - self.scan - 1]
@@ -211,7 +211,7 @@ class RecordedRun:
         return bool(next((handles for since, handles in reversed(known) if since <= scan), ()))
 
     def read_beginning(self, entries: Iterator[Entry]) -> None:
-        """Take the entries before the first command or scan; `advance` takes these, scan by scan."""
+        """Take the entries before the first command or scan; `advance` takes the rest, scan by scan."""
         self._entries, self._next = entries, next(entries, None)
         self._read_up_to(BENCH_CALLS)
 
@@ -304,7 +304,7 @@ class RecordedRun:
             partner.is_known = len(data) == unread  # the file repeats what was unread
 
     def _add_new_bytes(self, partner: Partner, start: int, data: bytes) -> None:
-        """Take bytes of a stream from a position on; those between the known ones and it are lost."""
+        """Take bytes of a stream from `start` on; bytes between the known ones and `start` are lost."""
         if start < partner.hole:
             self._keep_bytes(partner, start, data[: partner.hole - start])
         new = data[max(0, partner.known - start) :]
@@ -466,7 +466,7 @@ class RecordedRun:
         (self.hearing.add if is_hearing else self.hearing.discard)(handle)
 
     def knows_earlier_messages(self, owner: str, partner: Partner | None) -> bool:
-        """Return whether the unread messages are known: not those from before the file."""
+        """Return whether the unread messages are known; those from before the file are not."""
         return owner not in self._unknown if partner is None else partner.is_known
 
     def _note_send(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:

@@ -1,4 +1,4 @@
-"""A recorded run once more: project and bench come from its journal, which it follows entry by entry.
+"""Repeats a recorded run: its journal gives project and bench, and its entries are followed one by one.
 
 Rule: nothing is read from the disk here; a file that a journal names is in the journal.
 """
@@ -35,7 +35,7 @@ def _do_nothing() -> None:
 
 
 def roots_of(begins: RunHeader, files: FilesRead, sets: Sequence[str] = ()) -> RunRoots:
-    """Return what a run is made of; raise UserError."""
+    """Return the header, the scenario (None: none) and the project of a recorded run; raise UserError."""
     path, options = Path(begins.path), (*begins.options, *sets)
     with read_from(files):
         if not begins.is_scenario:
@@ -46,7 +46,7 @@ def roots_of(begins: RunHeader, files: FilesRead, sets: Sequence[str] = ()) -> R
 
 @contextmanager
 def guard_state(is_restored: bool, where: str) -> Iterator[None]:
-    """Turn any exception of a run from a keyframe into UserError: bytes of a file have made the run."""
+    """Turn any exception of a run restored from a keyframe into UserError: the run was made from a file."""
     try:
         yield
     except (UserError, OSError):
@@ -58,7 +58,7 @@ def guard_state(is_restored: bool, where: str) -> Iterator[None]:
 
 
 class ReplayRun:
-    """The bench of a recorded run; `scenario`: if it was one. `is_whole`: the run has come to its end."""
+    """The bench of a recorded run. `scenario` None: it was none; `is_whole`: it has come to its end."""
 
     def __init__(
         self,
@@ -92,7 +92,7 @@ class ReplayRun:
         return lines
 
     def scan(self) -> bool:
-        """Run the commands before the next scan, then the scan; return False if none followed.
+        """Run the commands before the next scan, then the scan; return False if there is no next scan.
 
         Raise UserError at the first difference.
         """

@@ -1,4 +1,4 @@
-"""What is where in a recording: its journal is read once, for the time of each scan, edges and ERRORs."""
+"""An index of a recording: its journal is read once, for the time of each scan, edges and ERRORs."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Survey:
         return ns + (scan - before) * took // scans
 
     def scan_at(self, ns: int) -> int:
-        """Return the first scan at this time or after it; after all that were read, the next one."""
+        """Return the first scan at this time or after it; if all known ones are earlier, the next."""
         at = bisect_left(self.times, ns)
         if at == len(self.times):
             return self.last_scan + 1
@@ -91,7 +91,7 @@ class Survey:
         return before + scans if scans == 1 or not took else before - (began - ns) * scans // took
 
     def _get_stretch(self, at: int) -> tuple[int, int, int, int]:
-        """Return the scan that was run before another, its time, and how many scans and ns lie between."""
+        """Return the scan before the one at index `at`, its time, and the scans and ns between both."""
         scan, ns = (self._scans[at - 1], self.times[at - 1]) if at else (self.first, 0)
         return scan, ns, self._scans[at] - scan, self.times[at] - ns
 
@@ -150,7 +150,7 @@ class Survey:
             self.trouble = str(make_early_end_error(self._where, self._lost, self.last_scan, self._left))
 
     def end_after(self, scan: int, why: str) -> None:
-        """Let the run end after a scan: it cannot continue."""
+        """End the run after this scan, because it cannot continue; forget the later scans."""
         known = bisect_right(self._scans, scan)
         del self.times[known:], self._scans[known:]
         for scans in (self.errors, *self.edges.values()):

@@ -1,4 +1,4 @@
-"""A recording on the screen: a bench at a scan of it, which moves by lines instead of the clock.
+"""A recording on the screen: a bench at one of its scans. Command lines move it, not the clock.
 
 Rule 1: a shown scan is replayed from the recording: from a keyframe well before it, or from scan 1.
 Rule 2: all work is done in slices; between two of them the newest line says where to go.
@@ -43,7 +43,7 @@ LEAST_SCANS_BEFORE: Final = 500  # scans that run before the one that is shown: 
 
 
 class WhatIfRun:
-    """The run with another parameter, as far as it has run; `text` is that of the prompt."""
+    """The run with another parameter, up to its last scan so far; `text`: what you typed after `if`."""
 
     def __init__(self, run: WhatIf, text: str) -> None:
         self.run, self.is_over = run, False
@@ -69,7 +69,7 @@ class WhatIfRun:
         return (f"what if {self._text}: {first}", *rest, *filter(None, [self.run.trouble]))
 
     def make_wave_delta(self, name: str, number: int, scan: int, t_ns: int) -> WaveformDelta | None:
-        """Return what is new of an instance up to a scan, after its change `number`."""
+        """Return the changes of an instance after its change `number`, up to a scan."""
         ledger, (_, waves) = self.run.what_if.runtime.ledger, self._get_readers()
         news = waves.make_delta(name.removeprefix(WHAT_IF), number, (ledger.scan, ledger.t_ns))
         known = cut_delta(news, scan, t_ns) if news is not None else None
@@ -163,7 +163,7 @@ class ReplayController(Controller):
 class CaptureRun(NamedTuple):
     """A run made from a capture: instances that only observe, UTC of its first packet in ns, remarks.
 
-    `rows`: the messages, if the shadows do not know where they end.
+    `rows`: the messages, if the shadows do not know where a message ends.
     """
 
     project: Project

@@ -1,9 +1,9 @@
-"""What-if: a recorded run beside itself with other parameters; where they part, and their results.
+"""What-if: a recorded run and the same run with other parameters; where they part, and their results.
 
 Rule 1: partners do what they did, when they did it (replay/partners.py).
 Rule 2: only keys that are declared replayable may change: a recording cannot answer for the others.
 Rule 3: commands act in their recorded scans; those that write a held pin are left out and counted.
-Rule 4: with another interval both runs pass by time, and the recorded one is a scan ahead.
+Rule 4: with another interval both runs advance by time, and the recorded run is a scan ahead.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ class _ChangedRun(ReplayRun):
 class WhatIf:
     """Both runs, scan by scan; `recorded` and `what_if` are their benches.
 
-    `change` makes the project with other parameters, if it comes from a capture.
+    `change` makes the project with other parameters, if the run was made from a capture.
     """
 
     def __init__(
@@ -196,7 +196,7 @@ class WhatIf:
         return (begins, scenario, project), notes
 
     def _check_late_changes(self, project: Project, dialect: str | None) -> None:
-        """Raise UserError for what cannot change in the middle of a run."""
+        """Raise UserError for a --set or --dialect that cannot apply in the middle of a run."""
         wrong = "" if dialect is None else "--dialect"
         for text in self._sets:
             match text.partition("=")[0].strip().split("."):
@@ -232,7 +232,7 @@ class WhatIf:
         return self._what_if.bench
 
     def scan(self) -> bool:
-        """Let a scan of both pass, or one of one of them; return False where both have ended."""
+        """Let one scan pass in both runs, or in one of them; return False if both have ended."""
         if not (self._scan_in_step() if self._partners.intervals_ns is None else self._scan_in_time()):
             return False
         if self.parts_at is not None and self.what_if.plan.active:

@@ -38,7 +38,7 @@ EXIT_WHOLE, EXIT_ENDS_EARLY = 0, 1
 
 
 class _ReplayPace:
-    """The scans of a scenario; raises UserError if the journal has no more of them."""
+    """Lets the recorded scans of a scenario pass; raises UserError if the journal has no call left."""
 
     def __init__(self, run: ReplayRun, notes: RunNotes) -> None:
         self._run, self._notes = run, notes
@@ -51,7 +51,7 @@ class _ReplayPace:
 
 
 class _CommandNotes:
-    """The entries of a journal on their way to a replay; notes each command with the scan before it."""
+    """Hands the entries of a journal to a replay, and notes each command with the scan before it."""
 
     def __init__(self, entries: Iterator[Entry], scan: int = 0) -> None:
         self.events: FirstAndLast[EventNote] = FirstAndLast(MOST_EVENTS)
@@ -77,7 +77,7 @@ class _CommandNotes:
 def replay_with_notes(
     journal: Journal, where: str, has_payload: bool
 ) -> tuple[ReplayRun, RunNotes, Verdict | None, str]:
-    """Run again; return the run, its notes, the verdict of a scenario, and why it ended early or ""."""
+    """Repeat a run; return it, its notes, the verdict of a scenario, and why it ended early or ""."""
     keyframes = Keyframes(journal, where)
     with guard_state(keyframes.first > 0, where):
         if keyframes.first:

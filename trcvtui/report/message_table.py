@@ -1,7 +1,7 @@
 """Messages as a table: its columns, and each row as a line of csv, jsonl or text.
 
-Rule: a value looks as in `udt decode`, but a text in csv has no quotes, and a `'` before it if a spreadsheet
-would run it. A member without bytes in a message is empty, never 0.
+Rule: a value is written as by `udt decode`. A text in csv has no quotes; a `'` is put before it if a
+spreadsheet would run it. A member without bytes in a message is empty, never 0.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ CellFormatter = Callable[[Any, bytes], object]  # a value, and the bytes of its 
 
 
 class MessageType(NamedTuple):
-    """The DATA of an instance; or the type of all messages of a direction."""
+    """The type of the messages of an instance (its DATA), or of one direction of a capture."""
 
     instance: str
     data: DataDecl | Layout
@@ -88,7 +88,7 @@ class MessageTable:
         self._second, self._date = -1, ""
 
     def write(self, labels: tuple[str, ...], row: MessageRow, of: str | None = None) -> None:
-        """Write a row; `of`: the instance or direction of its type, else its first label."""
+        """Write a row; `of`: the instance or direction that has its type; None: the first label."""
         if not self.rows and self._form != "jsonl":
             self._write_cells([*self._columns, *self._names])
         self.rows += 1
@@ -193,7 +193,7 @@ def _paths(layout: Layout) -> list[str]:
 
 
 class _Fields:
-    """The columns of one type; the first is column `first` of all members."""
+    """The columns of one type; `first`: how many columns of other types come before them."""
 
     def __init__(self, layout: Layout, numbers: Sequence[int], instance: str, first: int, form: str) -> None:
         self.layout, self.first = layout, first

@@ -64,7 +64,7 @@ class _NoRow(Exception):
 
 
 def write_messages(asked: MessagesQuestion) -> int:
-    """Write the messages; return 0, or 1 where there is none; raise UserError."""
+    """Write the messages; return 0, or 1 if there is none; raise UserError."""
     first, is_project = asked.files[0], any(file.endswith(".toml") for file in asked.files)
     if is_project and (len(asked.files) > 1 or asked.time_ns is None):
         found = first if asked.time_ns is None else f"{first} and other files"
@@ -118,7 +118,7 @@ class _FilteredRows:
         self.begun_ns = 0
 
     def begin_table(self, project: Project | None, begun_ns: int) -> None:
-        """Begin the table: of a project's instances; without one, of the two directions of a capture."""
+        """Begin the table for a project's instances; without one, for both directions of a capture."""
         asked, self.project, self.begun_ns = self.asked, project, begun_ns
         if project is None and asked.instance is not None:
             raise mistake("--instance", "a capture without instances", "--project beside it, or a recording")
@@ -160,7 +160,7 @@ class _FilteredRows:
         return wrong
 
     def change_project(self, project: Project) -> frozenset[str]:
-        """Read the filters for another project; return the instances whose type has no columns."""
+        """Read the filters for another project; return the instances with another type than the columns."""
         types, first = self._list_types(project), self._list_types(self.project)
         self._read_filters(types, project)
         return frozenset(name for name in types if not is_same_type(types[name], first.get(name)))
@@ -266,7 +266,7 @@ def _replay_recording(rows: _FilteredRows, path: str) -> None:
 
 
 def _zero_ns(paths: Sequence[str], first_ns: int) -> int:
-    """Return the time at which t_s is 0: the begin of our own run, else the first packet."""
+    """Return the time at which t_s is 0: the beginning of a run of ours, else the first packet."""
     begins = read_run_header(paths[0])
     return first_ns if begins is None else begins.wall_ns
 
@@ -275,7 +275,7 @@ class _NoLines:
     first_ns = 0
 
     def scan(self, *_: object) -> None:
-        """Do nothing: the ledger has it."""
+        """Do nothing: the ledger already has all of it."""
 
     note = scan
 
@@ -340,7 +340,7 @@ class _CaptureMessages:
         _warn_about_capture(found, troubles)
 
     def _make_cutter(self, direction: WireDirection) -> MessageCutter | None:
-        """Return the cutter of a direction; None: its conversation is not of the PLC end of `--plc`."""
+        """Return the cutter of a direction; None: no end of its conversation is the `--plc`."""
         guess = guess_plc(direction.conversation, self._given, NO_KNOWN_ENDS)
         if self._given is not None and guess.why != "--plc":
             return None

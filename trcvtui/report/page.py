@@ -62,7 +62,7 @@ LANE_SHAPES: Final = (  # what a column has seen, its class, its top and height:
 
 
 class ReportSource(NamedTuple):
-    """The origin of a report. `seen`: how the whole run was seen; else `stopped`: why it was not.
+    """The origin of a report. `seen`: how the whole run was replayed; else `stopped`: why that ended early.
 
     `files` (name, bytes, SHA-256) and `conversations` (by the titles in the template) are rows of tables.
     `findings` are the doctor's, the surest first.
@@ -290,7 +290,7 @@ class _PageParts:
         return str(note.at.scan), stamp_text(note.at.t_ns), note.subject or "command", what, note.detail
 
     def _format_command(self, line: str) -> str:
-        """Return a command; without payload, only its words before any bytes."""
+        """Return a command; in a report without payload, only its words before any bytes."""
         words = line.split()
         if self._has_payload or not words or words[0] in PLAIN:
             return line
@@ -343,7 +343,7 @@ def _members(content: bytes, data: DataDecl) -> Iterable[Sequence[str]]:
 
 
 def _bars(columns: Sequence[int], bit: int, wide: float, y: int, high: int) -> Iterator[str]:
-    """Yield a bar, of visible width, for each run of columns with a bit."""
+    """Yield a bar for each unbroken row of columns with this bit, wide enough to see."""
     begin = None
     for number, seen in enumerate((*columns, 0)):
         if seen & bit and begin is None:

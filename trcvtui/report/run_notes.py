@@ -1,6 +1,6 @@
 """The notes of a run for a report, taken scan by scan from a bench; each list is bounded.
 
-Rule: a run may have any length. Lists keep the first and the last entries, of ERRORs more of them. Whenever
+Rule: a run may have any length. Lists keep the first and the last entries, and more of the ERRORs. Whenever
 the time line is full, its columns get twice the width.
 """
 
@@ -43,7 +43,7 @@ LAMP_BITS: Final = {"": 0, "busy": BUSY, "done": DONE, "error": ERROR}
 
 
 class FirstAndLast(Generic[T]):
-    """The first and the last of many, `most` of each; `count` counts all."""
+    """Keeps the first `most` and the last `most` of many entries; `count` counts all."""
 
     def __init__(self, most: int) -> None:
         self.count = 0
@@ -56,7 +56,7 @@ class FirstAndLast(Generic[T]):
         (self._first if len(self._first) < self._most else self._last).append((self.count, one))
 
     def __iter__(self) -> Iterator[tuple[int, T]]:
-        """Yield the kept ones with their numbers, from 1."""
+        """Yield the kept entries with their numbers; the first of all entries is 1."""
         yield from self._first
         yield from self._last
 
@@ -100,7 +100,7 @@ class FrameNote(NamedTuple):
 
 
 class EventNote(NamedTuple):
-    """An event outside the blocks; without a subject: a command after this scan."""
+    """An event outside the blocks; if `subject` is "", a command after this scan."""
 
     at: ScanStamp
     subject: str
@@ -109,7 +109,7 @@ class EventNote(NamedTuple):
 
 
 class CauseNote(NamedTuple):
-    """A cause of an ERROR, or a remark on a frame: the advice at the first, how often, the last scan."""
+    """A cause of an ERROR, or a remark on a frame: its first edge and advice, how often, the last scan."""
 
     first: EdgeNote
     advice: Advice
@@ -177,7 +177,7 @@ class RunNotes:
         self._fresh.clear()
 
     def note_end(self) -> None:
-        """Note the present state of the bench: the run has ended, or cannot run again any further."""
+        """Note the state of the bench at the end of the run, or where the replay cannot continue."""
         self.add_scan()
         if self.snapshot is not None:
             return
@@ -190,7 +190,7 @@ class RunNotes:
             lane.extend_to(self.seen.t_ns)
 
     def add_outputs(self, at: ScanStamp, instance: str, args: tuple[object, ...]) -> None:
-        """Note outputs that a journal has after the last scan that ran again; their cause is not known."""
+        """Note outputs that a journal has after the last repeated scan; their cause is not known."""
         decl = self.bench.project.instance(instance)
         if decl is None or len(args) != len(Outputs._fields) + 1 or not isinstance(args[1], int):
             return

@@ -34,7 +34,7 @@ TRAFFIC_COMMANDS: Final = (words.PeerSend, words.PeerPlaySequence, words.AddRepl
 
 
 def convert_scenario(names: Sequence[str], scenario: Scenario, path: Path) -> list[Scenario]:
-    """Return the scenario in each of these dialects; each line of `about` is something that it lacks.
+    """Return the scenario in each of these dialects; each line of `about` says what the dialect lacks.
 
     Raises UserError if one of them cannot describe a CONNECT.
     """
@@ -67,7 +67,7 @@ def _convert_steps(steps: Iterable[words.Step], project: Project, lacks: list[st
 
 
 class DialectRun:
-    """The run in one dialect: `changes` are an instance's outputs from a scan on, None: its end."""
+    """The run in one dialect; `changes`: outputs by instance and first scan, None: the run has ended."""
 
     def __init__(self, scenario: Scenario) -> None:
         self.dialect = scenario.project.dialect.name
@@ -142,7 +142,7 @@ class DialectReport(JsonLines):
 
 
 class WalkComparison:
-    """One instance in all dialects: `rows` are (first scan, last scan, outputs by dialect) of equal scans."""
+    """One instance in all dialects: `rows` are (first scan, last scan, outputs by dialect)."""
 
     def __init__(self, instance: str, block: str, runs: Sequence[DialectRun]) -> None:
         self._head = f"{instance} ({block})"

@@ -3,8 +3,8 @@
 Rule 1: only commands that were carried out are kept, each with the number of scans that had passed before it.
 Rule 2: a mark begins the expectations anew; the commands before it stay, as they led to the state there.
 Rule 3: a command before the first scan comes after those of the project's `start`, which are not kept.
-Rule 4: on real sockets peers and scans act by two clocks: that a job is done between two events is expected
-there, but not how often.
+Rule 4: on real sockets peers and scans act by two clocks: there, a scenario expects that a job is done
+between two events, but not how often.
 Bounds: MOST_COMMANDS commands of MOST_CHARACTERS characters; of each trace its first and its newest runs.
 """
 
@@ -90,7 +90,7 @@ class StatusPattern:
         return self._count > FIRST_RUNS
 
     def add_gap(self) -> None:
-        """Allow any scans here: some that were shown were not read."""
+        """Allow any scans here, because some scans were not read."""
         self._scan = None
         self._append(None)
 
@@ -112,7 +112,7 @@ class StatusPattern:
     def format_pattern(self, by_turns: Collection[int] = (), done: Collection[int] = ()) -> str:
         """Return the scans in the notation of a pattern, "" for none.
 
-        After a first `done` any number of scans `by_turns` may follow.
+        After a scan with a STATUS of `done`, any number of scans with one of `by_turns` may follow.
         """
         newest = self._atoms(self._newest, self._count - len(self._newest) + 1)
         atoms = [*self._atoms(self._first, 1), *[ANY_SCANS] * self._is_cut, *newest]
@@ -126,7 +126,7 @@ class StatusPattern:
 
 
 def _loosen_turns(atoms: list[Atom], by_turns: Collection[int], done: Collection[int]) -> Iterator[Atom]:
-    """Yield the atoms; scans `by_turns` after a `done` are replaced by `...`."""
+    """Yield the atoms; after a STATUS of `done`, `...` replaces all scans with one of `by_turns`."""
     is_open = False
     for atom in atoms:
         if is_open and (atom is ANY_SCANS or (atom.scan is not None and atom.scan[0] in by_turns)):
@@ -445,7 +445,7 @@ def scenario_text(session: RecordedSession, bench: Bench, path: Path, before: st
 
 
 def _rebase_step(line: str, old: Path, new: Path) -> str:
-    """Return a step for the folder `new`: the path of a file that it adds begins there."""
+    """Return a step for the folder `new`: the path in an `add udt` line then begins in this folder."""
     start, name = "add udt ", line.removeprefix("add udt ")
     return start + relocate(name, old, new) if line.startswith(start) else line
 

@@ -60,7 +60,7 @@ class JunitSuite(Struct, frozen=True):
 
 
 class Report:
-    """The report of one call, whose methods are called for its files in order. This base writes nothing."""
+    """The report of one command; its methods are called for the files in order. The base writes nothing."""
 
     def __init__(self, write: Write) -> None:
         self._write = write
@@ -135,7 +135,7 @@ def _make_skipped_cases(steps: Iterable[Step]) -> Iterator[JunitCase]:
 
 
 def _add_rest_case(cases: tuple[JunitCase, ...], verdict: Verdict) -> tuple[JunitCase, ...]:
-    """Return the cases, with one more for steps after the last case; so a suite is never empty."""
+    """Return the cases, and one more if time is left that belongs to no case, or if there are no cases."""
     whole = verdict.taken[-1].until_ns if verdict.taken else 0
     rest = whole - sum(case.ns for case in cases)
     return (*cases, JunitCase(WHOLE_CASE_NAME, rest)) if rest or not cases else cases

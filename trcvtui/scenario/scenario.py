@@ -92,7 +92,7 @@ def check_bench(project: Project) -> None:
 
 
 def start_steps(project: Project) -> tuple[Step, ...]:
-    """Return the commands of `start`, all as step 0; they come before scan 1 and may let no scan pass."""
+    """Return the commands of `start`, all as step 0; they come before scan 1; none may let a scan pass."""
     where = f"{project.path}: start"
     steps = tuple(parse_script(project.start, project, where))
     waiting = [step for step in steps if _lets_scans_pass(step.command)]
@@ -255,7 +255,7 @@ def _project_fields(path: Path) -> dict[str, Any]:
 
 
 def _script_lines(steps: str, file: list[str]) -> Iterator[ScriptLine]:
-    """Yield the steps with their line numbers in the file; from 1 on if they are written in another form."""
+    """Yield the steps with their line numbers in the file; if it writes them in another form, from 1 on."""
     lines = steps.rstrip().split("\n")
     head = next((at for at, line in enumerate(file) if _STEPS_PATTERN.fullmatch(line)), -1) + 1
     first = head + 1 if head and file[head : head + len(lines)] == lines else 1

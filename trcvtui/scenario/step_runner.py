@@ -174,7 +174,7 @@ class StepRunner:
             self._fail(step, wrong)
 
     def _ask_doctor(self, step: words.Step, command: words.Doctor) -> Iterator[None]:
-        """Let the doctor look; meanwhile scans pass by the clock, in virtual time none."""
+        """Ask the doctor; until it answers, scans pass on a live bench, but none in virtual time."""
         from trcvtui.bench.doctor_requests import BenchDoctor
 
         if self.judge is None:

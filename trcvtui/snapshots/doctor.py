@@ -10,7 +10,7 @@ from trcvtui.blocks.conditions import Condition
 class Remedy(Struct, frozen=True, forbid_unknown_fields=True):
     """One remedy in words; `command` is its bench command, `set` its `--set` of a what-if; None: it has none.
 
-    `tried`: judged again with this remedy, the evidence has no finding. Any other remedy is advice.
+    `tried`: judged again with it, the evidence lost this cause and got no new one. Otherwise it is advice.
     """
 
     text: str
@@ -70,7 +70,7 @@ class Finding(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class DoctorSnapshot(Struct, frozen=True):
-    """The doctor's findings, the surest first, after `looks` looks; the last look was up to `scan`."""
+    """The doctor's findings, the surest first; it has checked `looks` times, the last time up to `scan`."""
 
     looks: int = 0
     scan: int = 0

@@ -49,7 +49,7 @@ DETACHED_EXIT: Final = 3  # the screen of a tap ends; the tap keeps forwarding
 
 
 # A read-only screen may do only what this function and `reads_only` allow, so a new command or screen is
-# refused by default. `files.refuse_files` also refuses every file that the process opens later.
+# refused by default. `files.refuse_files` also refuses each file that this process or its engine opens.
 
 
 def may_open(screen: object) -> bool:
@@ -143,7 +143,7 @@ class BenchApp(TerminalApp):
             self._due_at = max(now - FRAME_S, min(now, self._due_at)) + REST_FRAME_S  # 8 a second on average
 
     def _is_at_work(self, now: float) -> bool:
-        """Return whether each frame asks for a picture; only the panes of a bench may rest."""
+        """Return whether each frame asks for a picture; only the main screen on a bench may rest."""
         may_rest = self.screen_stack[-1:] == [self.main] and self._is_on_a_bench
         is_slow = self.main.prompt.is_waiting or self.view_model.known_messages.is_behind
         return now < self._worked_at + ACTIVE_S or not may_rest or is_slow
@@ -455,7 +455,7 @@ class BenchApp(TerminalApp):
     async def action_quit(self) -> None:
         """End the bench, after a warning about unsaved edits and connections that are cut.
 
-        After any other key the warning about edits comes again. A tab of `serve` loses nothing.
+        After any other key the warning about edits comes again. A tab of `serve` keeps them: no warning.
         """
         picture, unsaved = self.view_model.live, self.view_model.unsaved
         if unsaved and not self.last_words and not self._engine.is_shared:

@@ -96,7 +96,7 @@ Notify = Callable[[str], None]
 
 
 async def yank(app: App[None], form: CopyFormat, text: str, tell: Notify, complain: Notify) -> None:
-    """Copy a text to each clipboard there is and always into a file; `tell` where it is now."""
+    """Copy a text to each clipboard that works, and always into a file; `tell` gets these places."""
     ways, trouble = [], ""
     if len(text) <= MOST_OSC52:
         App.copy_to_clipboard(app, text)  # not the app's own: that one runs a program, too

@@ -72,5 +72,5 @@ class BenchSuggester(Suggester):
         return complete(value, self._project())
 
     def _get_suggestion(self, requester: DOMNode, value: str) -> Any:
-        """Return a function that makes the coroutine: one made now is never awaited if the app ends."""
+        """Return a function, not a coroutine: if the app ends, a coroutine made now is never awaited."""
         return partial(super()._get_suggestion, requester, value)

@@ -45,7 +45,7 @@ class TimeWindow:
         return end - span, end
 
     def zoom(self, by: float) -> None:
-        """Multiply the time in view; its middle stays, or its end while that follows new messages."""
+        """Multiply the time in view; its middle stays, or its end while the view follows new messages."""
         begin, end = self.bounds
         span = max(SHORTEST_WINDOW_NS, int((end - begin) * by))
         is_whole = span >= self.whole[1] - self.whole[0]
@@ -58,7 +58,7 @@ class TimeWindow:
 
 
 class MemberTrace(NamedTuple):
-    """A member of the picture: its number in the newest message; `curve` None: no number is in view."""
+    """A drawn member; `now`: its value in the newest message; `curve` None: no value is in view."""
 
     leaf: Leaf
     style: str
@@ -184,7 +184,7 @@ class CurveView(TextView, inherit_bindings=False):
         self.show()
 
     def action_other(self) -> None:
-        """Draw the next number of the type as the second curve; after the last one, none."""
+        """Draw the next numeric member as the second curve; after the last one, draw no second curve."""
         declared = self._view_model.message_type
         leaves = declared.layout.leaves(0, declared.layout.leaf_count) if declared is not None else ()
         numbers = [leaf.path for leaf in leaves if declared and is_number(declared.layout, leaf)]

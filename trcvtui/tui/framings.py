@@ -23,7 +23,7 @@ GOOD_ENDINGS: Final = ("suffix", "size reached")
 
 
 def buffer_for(view_model: ViewModel) -> str:
-    """Return the ComBuffer of the selected instance, else the one that it feeds, else any."""
+    """Return the ComBuffer of the selected instance, else one that this instance feeds, else the first."""
     project, instance = view_model.project, view_model.instance
     if instance is not None and block_row(instance.block).buffer_pin:
         return instance.connect
@@ -57,7 +57,7 @@ class FramingList(CardText):
         return proposals[self.cursor] if self.cursor < len(proposals) else None
 
     def lines(self) -> tuple[str, ...]:
-        """Return the bench lines that apply the chosen proposal; raise UserError where the block cannot."""
+        """Return the bench lines that apply the chosen proposal; raise UserError if the block cannot."""
         chosen = self.chosen_proposal
         return make_commands(chosen, self._project(), self._instance) if chosen is not None else ()
 

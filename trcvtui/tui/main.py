@@ -69,7 +69,7 @@ def row_heights(
 ) -> tuple[int, ...]:
     """Return the heights of the rows of panes; they never depend on what the panes show.
 
-    `holds` is the result of `size_classes`; `timing`: timing was open after history.
+    `holds` is the result of `size_classes`; `timing`: of timing and history, timing was opened last.
     """
     tall = holds["-tall"]
     peer = 8 + max(0, min(MOST_PEERS_SHOWN, peers) - 1) if holds["-roomy"] else 8
@@ -530,7 +530,7 @@ class MainScreen(FullScreen[None]):
         return self.focused.id or "" if self.focused is not None else ""
 
     def _find_copy_source(self, pane: str) -> CopySource | None:
-        """Return what a pane shows; None if its bytes are missing, after an error on the prompt."""
+        """Return what a pane shows; None if its bytes are missing, which the prompt then says."""
         from trcvtui.tui.copy_formats import make_copy_source
 
         if pane in ("peers", "payload"):

@@ -19,7 +19,7 @@ MOST_BYTES: Final = 100_000
 
 
 def recent_projects() -> list[str]:
-    """Return their paths, the newest first; raise UserError."""
+    """Return the paths of the recent projects, the newest first; raise UserError."""
     path, expected = paths.state_folder() / FILE, "a JSON list of paths; delete the file for a new list"
     try:
         found = json.loads(read_bounded(path, MOST_BYTES))

@@ -96,7 +96,7 @@ class AccessControl:
         return hmac.compare_digest((shown or "").encode(), self.token.encode())
 
     def grant_cookie(self) -> web.Response:
-        """Set the cookie and redirect to the address without the token, which keeps it out of the history."""
+        """Set the cookie and redirect to the address without the token: the history never has the token."""
         from aiohttp import web
 
         answer = web.Response(status=303, headers={"Location": f"{self.address}/", **QUIET_HEADERS})

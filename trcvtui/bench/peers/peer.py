@@ -26,7 +26,7 @@ MOST_SHOWN_BYTES: Final = 4096  # received bytes in a snapshot
 class Peer:
     """One peer: its queues and its transport. Commands return "" or what is wrong.
 
-    `policy`: the PLC's for its CONNECTs; it decides the size of buffers and about broadcasts.
+    `policy`: that of the PLC's CONNECTs; it sets the size of buffers, and whether broadcasts are possible.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Peer:
         return self.queues.outbox.unsent
 
     def has_received(self, payload: bytes) -> bool:
-        """Return whether exactly these bytes came on this connection, or since this was last true."""
+        """Return whether exactly these bytes came on this connection, or since the last match."""
         return self.queues.inbox.is_exactly(payload)
 
     def snapshot(self) -> PeerSnapshot:
@@ -143,7 +143,7 @@ class Peer:
 
 
 def next_due(planned: int, every_ns: int, now: int) -> int:
-    """Return the next time by the plan; if that has passed, begin a new plan from now."""
+    """Return the planned time plus one period; if that has passed, one period from now."""
     due = planned + every_ns
     return due if due > now else now + every_ns
 
@@ -159,7 +159,7 @@ class AutomaticPeer:
         self._next_attempt = 0
 
     def due_at(self, now: int) -> int | None:
-        """Return when it acts next, None: not because of time alone."""
+        """Return when it acts next; None: only an event makes it act."""
         peer, routine = self._peer, self._routine
         if peer.can_send:
             return self._next_word if routine.says and not peer.unsent else None

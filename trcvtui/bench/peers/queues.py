@@ -61,9 +61,9 @@ class Inbox:
         return bytes(self._last[-KEPT_BYTES:])
 
     def is_exactly(self, payload: bytes) -> bool:
-        """Return whether all bytes of this connection, or all since this last held, are these.
+        """Return whether these are all bytes of this connection, or all bytes since the last match.
 
-        What held once holds until more bytes arrive.
+        A match stays true until more bytes arrive.
         """
         if self._held == (payload, self.count):
             return True
@@ -79,7 +79,7 @@ MOST_WAITING_ANSWERS: Final = 256  # bounds memory if a partner asks but does no
 
 
 class _SendProgress:
-    """One `send` in progress: the running message of its repetitions, its chunk, and the rest of that."""
+    """One `send` in progress: its running message, the running chunk of that, and this chunk's rest."""
 
     def __init__(self, send: PeerSend, now: int, number: int, pause_ns: int) -> None:
         self.send = send
@@ -143,7 +143,7 @@ class Outbox:
     def put(self, send: PeerSend, now: int, number: int = 0, pause_ns: int = 0) -> None:
         """Queue one send command; its first chunk is due `pause_ns` from now, or after the sends before it.
 
-        `number` is that of its first message, for its fills.
+        `number`: the number of its first message, which the fills use.
         """
         self._sendings.append(_SendProgress(send, now, number, pause_ns))
 

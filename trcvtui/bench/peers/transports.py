@@ -25,7 +25,7 @@ LARGEST_BYTES: Final = 65507  # payload of an IPv4 datagram: 65535 without its I
 
 
 class _Transport:
-    """Common to both: the peer's queues, and an own end that stays the same for all its sockets."""
+    """Common to both: the peer's queues, and a local end that stays the same for all its sockets."""
 
     broadcasts = False  # whether datagrams to a broadcast address are sent and received
 
@@ -94,7 +94,7 @@ class StreamTransport(_Transport):
         """Return whether a state word of the bench commands is true.
 
         closed, reset and refused say how the last connection or attempt ended, also while a passive peer
-        listens again; the peer's own RST is a reset and closed.
+        listens again; after the peer's own RST both reset and closed are true.
         """
         if state == self.state:
             return True

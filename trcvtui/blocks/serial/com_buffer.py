@@ -49,7 +49,7 @@ class LineRecording:
         return sum([len(chunk.payload) for chunk in self.chunks])
 
     def first_part(self, most: int) -> LineRecording:
-        """Return the first chunks of it, `most` bytes of them; a chunk may be cut."""
+        """Return a recording of its first `most` bytes; its last chunk may be cut."""
         kept: list[LineChunk] = []
         room = most
         for chunk in self.chunks:
@@ -61,7 +61,7 @@ class LineRecording:
 
 
 class LineRecorder:
-    """One line's recording. It also has bytes without room in the ComBuffer: the line carried them."""
+    """One line's recording; it has the bytes that found no room in the ComBuffer, too."""
 
     def __init__(self) -> None:
         self._chunks: deque[LineChunk] = deque()

@@ -205,7 +205,7 @@ class ReceiveData(JobBlock):
         return None
 
     def _deliver(self, content: bytes) -> None:
-        """Bytes after the frame keep their old values."""
+        """Write a frame into the data; the bytes after it keep their old values."""
         assert self._data is not None
         self._data.write(0, content)
 
@@ -251,7 +251,7 @@ class ReceiveString255(ReceiveString):
 
 
 def string_bytes(area: DataArea | None) -> bytes:
-    """Return the characters of a STRING, up to its byte 00; of no STRING: none."""
+    """Return the characters of a STRING, up to its byte 00; `area` None: no characters."""
     return bytes(area.content).partition(b"\0")[0] if area is not None else b""
 
 

@@ -46,7 +46,7 @@ class TrcvC(JobBlock):
         return self._answer_connected(inputs)
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
-        """Return whether its next call would receive on the connection; found by getattr (plc)."""
+        """Return whether its next call would receive on the connection; plc/instance.py gets it by name."""
         return (inputs.cont or self._course.request_connects) and self.job.would_read(inputs, waits)
 
     def _should_receive(self, inputs: Inputs) -> bool:
@@ -202,7 +202,7 @@ class TsendC(JobBlock):
         return outcome
 
     def _may_show_not_connected(self, outcome: Outcome) -> bool:
-        """Return whether 80A1 may take this scan: the second 7002 and later, or the first 7004.
+        """Return whether 80A1 may show instead of this code: the second 7002 and later, or the first 7004.
 
         Each edge shows its 80A1 (7.15.2), so the 7004 may come one scan later.
         """

@@ -66,7 +66,7 @@ class ConnectionDemand:
     def update(self, cont: bool, asks: bool, is_closing: bool) -> bool:
         """Return whether the connection is wanted.
 
-        `asks`: a request waits for it, or a job runs on it; `is_closing`: a close has codes to show.
+        `asks`: a request waits for it, or a job runs on it; `is_closing`: a close has codes left to show.
         """
         if self._reasons is None:
             return cont
@@ -91,7 +91,7 @@ class ConnectionDemand:
             self.is_due, self.ends_by = True, self._reasons.ended
 
     def keep_connection(self) -> None:
-        """Keep the connection, which is rebuilt: the job that was to end it is gone."""
+        """Keep the connection, which is rebuilt: the job after which it had to end no longer exists."""
         self.is_due = self._is_single = False
 
 
@@ -206,7 +206,7 @@ class ConnectionControl:
 
     @property
     def is_closing(self) -> bool:
-        """Return whether a close has codes to show."""
+        """Return whether codes of a close remain to be shown."""
         return not self.cont and (bool(self._script) or self._close_wanted)
 
     def call(
@@ -330,7 +330,7 @@ class ConnectionControl:
         return Outcome(begins or Condition.CONNECTED, cause)
 
     def first_scan_outcome(self, begun: Outcome, reserved: bool) -> Outcome:
-        """Return what the first scan of a connection shows: its job, unless that would be refused."""
+        """Return what the first scan of a connection shows: its job if that is `reserved`, else no job."""
         if reserved:
             return begun
         return replace(begun, condition=self._course.established or Condition.CONNECTED)

@@ -23,7 +23,7 @@ from trcvtui.net.results import ANY_ADDRESS
 class JobRequest(NamedTuple):
     """What a job asks for. `most`: the limit of its bytes, None: the rules' limit for a connection.
 
-    `least`: the smallest LEN of a text, apart from 0. `rival`: a claim that lets no job start.
+    `least`: the smallest LEN of a text, apart from 0. `rival`: a claim that keeps the job from starting.
     `needs_len`: LEN = 0 does not mean all of DATA.
     """
 
@@ -62,7 +62,7 @@ def can_start(env: Environment, data: DataArea | None, request: JobRequest) -> b
 def reserve(
     env: Environment, data: DataArea | None, request: JobRequest, direction: DirectionClaims, claim: Claim
 ) -> bool:
-    """Take the direction for a job that starts in the next call; False: that call would refuse it."""
+    """Claim the direction for a job that starts in the next call; False: that call would refuse it."""
     if not can_start(env, data, request) or env.resources.buffers.is_full:
         return False
     return direction.try_take(claim) is None

@@ -116,7 +116,7 @@ class StandingRequest:
 
 
 class KnownIncarnation:
-    """The incarnation of the connection that one block knows, and what its loss has still to show."""
+    """The incarnation of the connection that one block knows, and what its loss shows in later scans."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -124,7 +124,7 @@ class KnownIncarnation:
         self._script: deque[Outcome] = deque()
 
     def next_outcome(self) -> Outcome | None:
-        """Return what an earlier loss shows in this scan."""
+        """Take the outcome that an earlier loss shows in this scan; None: it has none left."""
         return self._script.popleft() if self._script else None
 
     def find_loss(self, claim: Claim | None = None) -> ConnectionLoss | None:

@@ -91,7 +91,7 @@ class ReceiveJob(IncomingJob):
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether EN_R asks for a job that can start, now or once another reader frees its lock.
 
-        `waits` False: False, too, if the owner of the lock cannot start a job itself.
+        `waits` False: if the owner of that lock was refused a job, return False, too.
         """
         if not inputs.en_r or self._unfit is not None:
             return False

@@ -36,7 +36,7 @@ class Tcon(ScriptBlock):
         self._has_done = False  # DONE has shown for this trigger
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call: 0001, 7001, 7002, then 7004, with DONE for the first."""
+        """Answer one call: 0001, 7001, 7002, then 7004; the first 7004 has DONE."""
         rose = inputs.req and not self._req
         self._req = inputs.req
         if self._was_disconnected():
@@ -110,7 +110,7 @@ IDLE = Outcome(Condition.NOT_CALLED, Cause(CauseKind.WAITING, "REQ has not risen
 
 
 class TReset(ScriptBlock):
-    """One T_RESET instance. It rebuilds the connection that it has reset (7.15.7), as other blocks may."""
+    """One T_RESET instance. It rebuilds the connection that it has reset (7.15.7); other blocks may too."""
 
     def __init__(self, bound: ConnectBinding) -> None:
         super().__init__()
@@ -211,11 +211,11 @@ class Trcv(JobBlock):
         return self._not_connected_outcome()
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
-        """Return whether its next call would receive on the connection; found by getattr (plc)."""
+        """Return whether its next call would receive on the connection; plc/instance.py gets it by name."""
         return self.job.would_read(inputs, waits)
 
     def _not_connected_outcome(self) -> Outcome:
-        """Return the outcome 80A1, which remains the same object while the same partner is missing."""
+        """Return the outcome 80A1; it is the same object until its cause changes."""
         now = not_connected("EN_R", "EN_R is 1 without a connection", self._connection)
         if self._complaint is None or self._complaint.cause != now.cause:
             self._complaint = replace(now, stable=True)

@@ -1,1 +1,1 @@
-"""Recorded bytes to proposals how to cut them into frames."""
+"""From recorded bytes to proposals for cutting them into frames."""

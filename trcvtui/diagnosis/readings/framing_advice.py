@@ -1,6 +1,6 @@
-"""Recorded bytes to proposals how to cut them into frames, each tried with the real framer; pure and bounded.
+"""Proposals for cutting recorded bytes into frames, each tried with the real framer; pure and bounded.
 
-`advise` takes some 10 ms, for long recordings 50 or more: the screen calls it in a process of its own.
+`advise_framings` takes some 10 ms, for long recordings 50 or more: screens call it in a process of its own.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class FramingTrial:
 
 
 def advise_framings(recording: LineRecording) -> FramingAdvice:
-    """Return the proposals how to cut the bytes of a recording, the best first."""
+    """Return the proposals for cutting a recording into frames, the best first."""
     total = recording.size
     if total < LEAST_BYTES:
         return FramingAdvice((), f"{count(total, 'byte')} recorded: too few to judge")
@@ -314,7 +314,7 @@ def _is_variant_of(tried: FramingTrial, better: FramingTrial) -> bool:
 
 
 def _is_chance(tried: FramingTrial, others: Sequence[FramingTrial]) -> bool:
-    """Return whether its suffix is that of a better one, with a byte that came before it by chance."""
+    """Return whether its suffix is the suffix of a better trial, after bytes that were there by chance."""
     suffix, frames = tried.guess.framing.suffix, len(tried.cut.good)
     return frames < FEW_FRAMES and any(
         other.guess.framing.suffix != suffix

@@ -113,7 +113,7 @@ def grow_mark(mark: bytes, stream: bytes) -> bytes:
 
 
 def _constant_neighbour(beside: Counter[bytes]) -> bytes:
-    """Return the byte that is there nearly each time, b"" if none is."""
+    """Return the byte that is beside a mark nearly each time; b"": there is none."""
     beside.pop(b"", None)
     (byte, number) = beside.most_common(1)[0] if beside else (b"", 0)
     return byte if number >= LEAST_TIMES - 1 and number >= ALIKE_SHARE * beside.total() else b""
@@ -281,7 +281,7 @@ def start_after_noise(
 
 
 def _candidates(bodies: Sequence[bytes], marks: Sequence[bytes]) -> Iterator[bytes]:
-    """Yield marks that may occur once in each body: known ones, and single bytes, grown."""
+    """Yield marks that may occur once in each body: known ones, those in `marks`, extended single bytes."""
     yield from dict.fromkeys((*KNOWN_STARTS, *[mark for mark in marks if len(mark) > 1]))
     if len(bodies) < FEW_FRAMES:
         return

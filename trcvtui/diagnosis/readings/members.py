@@ -1,6 +1,6 @@
 """The members of messages of one size, from their bytes alone: counters, REALs, whole numbers, constants.
 
-Rule: a member has its proof, so many messages of so many; other bytes stay bytes.
+Rule: each member has its proof, in how many of all messages it holds; other bytes stay bytes.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def _find_counter(messages: Sequence[bytes], at: int, size: int) -> FoundMember 
 
 
 def _find_real(messages: Sequence[bytes], at: int) -> FoundMember | None:
-    """Return a REAL, if in one byte order all values have a magnitude that plants measure."""
+    """Return a REAL, if in one byte order all values have a magnitude that is usual in plants."""
     spreads: dict[str, tuple[float, float, float]] = {}
     if len({one[at : at + 4] for one in messages}) < 2:
         return None

@@ -1,6 +1,6 @@
 """A project that receives what a partner sends, from its bytes alone: `doctor --suggest project.toml`.
 
-Rule: each line has its proof beside it: how many messages of how many it explains, and what it does not.
+Rule: each line has its proof beside it: how many of all messages it explains, and what it does not explain.
 """
 
 from __future__ import annotations

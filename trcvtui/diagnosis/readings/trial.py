@@ -203,7 +203,7 @@ def make_bit_scale(stream: bytes, pauses: Iterable[int], starts: Iterable[int]) 
 
 
 def saved_bits(cut: Cut, scale: Scale, prefix: bytes, suffix: bytes, *, told_lengths: bool = False) -> float:
-    """Return how many bits a cut saves. `told_lengths`: a length field in the frames costs nothing."""
+    """Return how many bits a cut saves. `told_lengths`: a field gives the lengths, so they cost no bits."""
     good = cut.good
     if len(good) < 2:
         return 0.0
@@ -246,7 +246,7 @@ def _columns(good: Sequence[LocatedFrame], scale: Scale) -> dict[int, float]:
 
 
 def _bits_saved(column: Sequence[int], costs: Sequence[float]) -> float:
-    """Return the bits that a column saves if each byte is predicted by those before it; new ones cost."""
+    """Return the bits that a column saves if earlier bytes predict each byte; a new value saves nothing."""
     seen = Counter(column)
     again = sum([costs[byte] * (number - 1) for byte, number in seen.items()])
     return again - _bits_of_order(seen.values())

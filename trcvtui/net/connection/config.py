@@ -111,7 +111,7 @@ class UdpConfig(Struct, frozen=True):
 class AddrParam(Struct, frozen=True):
     """One ADDR_PARAM as it is in the file; `@NAME` for RemotePort, resolved at each send.
 
-    `description`: the bytes of a TADDR_Param, or of what is there in its place; None: only an end is given.
+    `description`: the bytes of a TADDR_Param, or of another structure there; None: only an end is given.
     """
 
     name: str

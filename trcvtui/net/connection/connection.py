@@ -76,7 +76,7 @@ class ConnectionLoss(Struct, frozen=True):
 
 
 def classify_loss(fault: Fault | None, peer: str, may_refuse: bool = False) -> ConnectionLoss:
-    """Return the loss that a call's answer means; None is the partner's FIN.
+    """Return the loss that follows from the Fault of a call; None: the partner's FIN.
 
     `may_refuse`: a TLS alert is a refusal, as we are the active end and have no data of the partner.
     """
@@ -213,7 +213,7 @@ class Connection:
                 yield handle, SocketUse.DATAGRAMS if self.config.is_datagram else use
 
     def is_up_for(self, claim: Claim) -> bool:
-        """Return whether it is up for this instance; for a reader, until its last byte (Rule 3)."""
+        """Return whether it is up for this instance; for a reader it is up until the last byte (Rule 3)."""
         return self.is_up or (self.state is State.CONNECTED and self._is_reader(claim))
 
     def _is_reader(self, claim: Claim | None) -> bool:
@@ -393,7 +393,7 @@ class Connection:
     # -- data: TRCV -----------------------------------------------------------------------------
 
     def receive(self, into: memoryview, instance: str = "") -> int | WouldBlock | ConnectionLoss:
-        """Read at most len(into) bytes; a loss is returned after the last queued byte, and releases."""
+        """Read at most len(into) bytes; after the last, release a lost connection and return its loss."""
         assert self.handle is not None
         got = self._kernel.recv(self.handle, into)
         if got is WOULD_BLOCK and self.pending_loss is not None:
@@ -462,7 +462,7 @@ class Connection:
         return loss
 
     def end_if_loss_pending(self) -> bool:
-        """Release a lost connection that no block reads any more; return whether it was one."""
+        """Release a lost connection that no block reads any more; return whether it was released."""
         if self.pending_loss is None or self._has_other_readers(None):
             return False
         self._release_lost(self.pending_loss)

@@ -98,7 +98,7 @@ def _encode_field(field: DescriptionField, value: FieldValue) -> bytes:
 
 
 def find_structure(data: bytes) -> Structure | None:
-    """Return the connection description that has so many bytes, None if there is none."""
+    """Return the structure of a connection description by its size, None if no structure has it."""
     size, configured = len(data), CONNECTIONS["TCON_Configured"]
     # A TCON_Configured may be shorter: then its type must name it, the size is not enough.
     if size == configured.size - configured.spare and data[4] == CONFIGURED_TYPE:
@@ -143,7 +143,7 @@ def selector_hex(data: bytes) -> str:
 
 
 def format_selector(data: bytes) -> str:
-    """Return a T-selector as text if it is one, and always its bytes: `TCP-1 (54 43 50 2D 31)`, `E0 02`."""
+    """Return the bytes of a T-selector, after its text if it is text: `TCP-1 (54 43 50 2D 31)`, `E0 02`."""
     is_text = len(data) > 1 and all(0x20 < byte < 0x7F for byte in data)
     return f"{data.decode('ascii')} ({selector_hex(data)})" if is_text else selector_hex(data)
 

@@ -111,7 +111,7 @@ _PARAM_FIELD_NAMES: Final = {
 
 
 def field_name(description: Description, name: str) -> str:
-    """Return the name in this structure for a field of TCON_IP_v4."""
+    """Return the name that a field of TCON_IP_v4 has in this structure."""
     return _PARAM_FIELD_NAMES.get(name, name) if description.structure.name == "TCON_Param" else name
 
 
@@ -162,11 +162,11 @@ def _read_param_meaning(description: Description) -> LinkSpec:
 
 
 class DescribedConnect(Struct, frozen=True):
-    """A description, and what the project file says besides.
+    """A description, and what else the project file says about its CONNECT.
 
     `own_address` is the address of InterfaceId. `takes_free_port`: LocalPort 0 is no flaw; `remote_is_known`:
-    the file names where the partner listens (`@NAME`). `structures`: those that the instructions accept, ()
-    all. `narrow_tsaps`: the CPU is an S7-1200.
+    the file names where the partner listens (`@NAME`). `structures`: those that the instructions accept,
+    (): all. `narrow_tsaps`: the CPU is an S7-1200.
     """
 
     description: Description

@@ -55,7 +55,7 @@ def ignore_wait(owner: str, what: EventKind, partner: str, why: str) -> None:
 
 
 class BudgetShare:
-    """The share of one party. `what` is the kind of event when it has to wait."""
+    """The share of one party. `what` is the kind of event that reports its waiting."""
 
     def __init__(self, work: ScanBudget, owner: str, what: EventKind) -> None:
         self.work, self.owner, self.what = work, owner, what
@@ -74,7 +74,7 @@ class BudgetShare:
         self.work.count_spent(self, units)
 
     def note_waiting(self, partner: str = "", what: EventKind | None = None) -> None:
-        """Note that something waits for the next scan: a share of that is reserved."""
+        """Note that something waits for the next scan: a share of that scan is reserved."""
         self.work.note_waiting(self, partner, what or self.what)
 
 
@@ -146,13 +146,13 @@ class ScanBudget:
     # -- handshakes ------------------------------------------------------------------------------------
 
     def may_handshake(self) -> bool:
-        """Return whether the next step fits into the time of handshakes, or is the first of the scan."""
+        """Return whether the next step fits into the time for handshakes, or is the first in this scan."""
         # Rule 4: it is assumed to take as long as the longest so far.
         until = self._handshake_ns + self._longest_step_ns
         return not self._steps or until <= self._interval // HANDSHAKE_DIVISOR
 
     def handshake(self, party: BudgetShare, partner: str, step: Callable[[], int]) -> int:
-        """Call one step of a handshake and measure its time; return what `step` returns, its units."""
+        """Call one step of a handshake and measure its time; return its units of work."""
         began = self.clock()
         units = step()
         took = self.clock() - began
@@ -218,11 +218,11 @@ class DirectionClaims:
             self._claims.remove(claim)
 
     def release_instance(self, instance: str) -> None:
-        """End every claim of an instance, orphans, too."""
+        """End every claim of an instance, also its orphans."""
         self._claims = [held for held in self._claims if held.instance != instance]
 
     def is_used_by_others(self, claim: Claim | None) -> bool:
-        """Return whether another instance, which is no orphan, works here."""
+        """Return whether another instance works here; orphans do not count."""
         # Two refused claims do not count for each other: else each would wait for the other.
         only_at_work = self.holds_refused(claim)
         return any(
@@ -239,7 +239,7 @@ class DirectionClaims:
         return any(held.has_frame for held in self._claims)
 
     def is_barred(self, claim: Claim, waits: bool) -> bool:
-        """Return whether an orphan keeps this claim out; `waits` False: or a refused claim."""
+        """Return whether an orphan keeps this claim out, or (only if not `waits`) a refused claim."""
         return any(
             held.priority == claim.priority
             and held is not claim
@@ -308,7 +308,7 @@ def no_faults(call: str, owner: str) -> Fault | None:
 
 
 class JobQueue:
-    """The queue of asynchronous functions (80AC): it takes `capacity` jobs a scan, served at its end."""
+    """The queue of asynchronous functions (80AC): it takes `capacity` jobs a scan; a scan empties it."""
 
     def __init__(self, capacity: int, take: TakeFault = no_faults) -> None:
         self.capacity = capacity

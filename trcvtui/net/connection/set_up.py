@@ -228,7 +228,7 @@ class SetUp:
         return self._kernel.resolve(handle, name) if name else self.config.remote_address
 
     def _resolve_port(self) -> int | None:
-        """Return RemotePort; for `@NAME` the port where that listens now, or else listened last."""
+        """Return RemotePort; for `@NAME`, the port where NAME listens now, or else listened last."""
         port = self.config.remote_port
         if isinstance(port, int):
             return port

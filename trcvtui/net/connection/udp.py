@@ -88,7 +88,7 @@ class UdpEndpoint(Connection):
     """One CONNECT of UDP, or one UDP_CONFIG, at run time; `peer` is the other end of the last datagram.
 
     `is_config`: the first block that needs the socket opens it, at once and without a job; the first that
-    ends closes it. All bytes of a datagram count there, also those that had no room.
+    ends closes it. For it, all bytes of a datagram count, also those that had no room.
     """
 
     SET_UP = UdpSetUp
@@ -190,7 +190,7 @@ class UdpEndpoint(Connection):
         return got
 
     def describe_target(self, to: RemoteAddress) -> str:
-        """Return where a datagram to this ADDR goes, or the ADDR as it is while that is unknown."""
+        """Return where a datagram to this ADDR goes; while that is unknown, return the text of the ADDR."""
         end = to.resolve_target(self._resolve)
         return str(end if isinstance(end, Endpoint) else to)
 

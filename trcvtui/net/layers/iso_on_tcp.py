@@ -2,9 +2,9 @@
 
 Rule 1: bytes in, bytes out: `feed` takes what came, `take_output` gives what must be sent.
 Rule 2: at most one message is put together, up to `cap` bytes; its bytes beyond the cap are only counted.
-Complete ones wait, MOST_WAITING_MESSAGES or `cap` bytes of them; then no more may be fed (`wants_more`). A
-message of more than MOST_CAPS caps ends the connection; so does one in more pieces than the cap has bytes, or
-with too many empty pieces.
+Complete messages wait, MOST_WAITING_MESSAGES or `cap` bytes of them; then no more is fed (`wants_more`). A
+message longer than MOST_CAPS caps ends the connection; so does one in more pieces than the cap has bytes,
+or with too many empty pieces.
 Rule 3: invalid input ends the connection, with the reason; no exception is raised.
 """
 
@@ -306,8 +306,8 @@ class IsoPhase(Enum):
 class IsoSettings(Struct, frozen=True):
     """Settings of a CONNECT: both TSAPs and the longest message in bytes; an empty `remote` is any partner.
 
-    `size_code` n: TPDUs of at most 2**n bytes are proposed, and accepted. `default_dt_bytes`: of a DT to a
-    partner that names no size.
+    `size_code` n: TPDUs of at most 2**n bytes are proposed, and accepted. `default_dt_bytes`: the size of a
+    DT to a partner that names none.
     """
 
     local: bytes
@@ -406,7 +406,7 @@ class IsoSession:
         return False  # class 0 ends with its stream
 
     def note_partner_end(self) -> None:
-        """Note the end of the stream, the release of class 0; before the CC it is a refusal."""
+        """Note the end of the stream, which ends a connection of class 0; before the CC it is a refusal."""
         if self.phase is IsoPhase.WAITS_FOR_CC:
             self._end("ECONNREFUSED", "closed instead of a CC")
 

@@ -323,7 +323,7 @@ class LayerKernel(KernelProxy):
         return self.inner.list_unread(plain) + [h for h in handles if h in self._streams]
 
     def peek(self, handle: Handle, skip: int) -> Unread:
-        """Return what is unread; of a session what it has unpacked, without its end (see `loss`)."""
+        """Return what is unread; for a session, what it has unpacked, but not its end (see `loss`)."""
         stream = self._streams.get(handle)
         if stream is not None:
             return stream.session.unread(stream.peer, skip)

@@ -115,7 +115,7 @@ class LayeredStream:
             self.send_goodbye()
 
     def read_last_bytes(self) -> None:
-        """Take the bytes of a partner that went before any answer, without a handshake step for it."""
+        """Take the last bytes of a partner that ended before any answer, without a handshake step."""
         got = self._kernel.recv(self.handle, memoryview(_SCRATCH))
         if isinstance(got, int) and got:
             self.has_spoken = True

@@ -1,7 +1,7 @@
 """The tap's loop: it forwards bytes and ends as they come, and reports them as events to one process.
 
 Rule 1: nothing here waits for that process: if it does not read, it misses events, and learns how many.
-Rule 2: without that process nothing is held: it could not be released.
+Rule 2: while that process does not run, nothing is held, since nothing could release it.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class Forwarder(TapLoop):
                 self.execute_order(order)
 
     def _report_time(self) -> None:
-        """Report the time, the clock of shadows; at times also what the stack says of the ends."""
+        """Report the time, by which shadows run; every FIGURES_TICKS ticks also the figures of the ends."""
         self._ticks += 1
         if self.pipe is not None and not self.pipe.is_behind:
             if not self._ticks % FIGURES_TICKS:
@@ -124,7 +124,7 @@ class Forwarder(TapLoop):
             lane.release_all()
 
     def describe_open(self) -> str:
-        """Return how many connections are open, "" for none; with UDP or serial lines: conversations."""
+        """Return how many connections (with UDP or serial lines: conversations) are open, "" for none."""
         number = sum(len(route.talks) for route in self.routes)
         has_others = any(route.route.to.kind != "tcp" for route in self.routes)
         return count(number, "conversation" if has_others else "connection") if number else ""

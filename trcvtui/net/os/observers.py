@@ -76,7 +76,7 @@ def connect_to_tap(path: Path, expected: str) -> int:
 
 
 def listen_at(path: Path) -> socket.socket:
-    """Listen at a path, even if a dead program left it; raise UserError if in use, or on failure."""
+    """Listen at a path, also over the socket of a dead program; raise UserError if in use or on failure."""
     made = socket.socket(socket.AF_UNIX)
     try:
         # Only a socket that refuses a connection is that of a dead program.
@@ -104,7 +104,7 @@ def listen_at(path: Path) -> socket.socket:
 
 
 class Encoder(Protocol):
-    """Makes the pcapng that observers read from events, one after the other."""
+    """Makes the pcapng for observers, event by event."""
 
     def head(self, ns: int) -> bytes: ...
 
@@ -114,7 +114,7 @@ class Encoder(Protocol):
         """Return the interface blocks of serial lines, without the first `since`."""
 
     def encode_loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
-        """Return the block for what an observer has missed; `dropped`: events since it connected."""
+        """Return the block for a loss of one observer; `dropped`: its lost events since it connected."""
 
     def encode_open(self) -> bytes:
         """Return the blocks for the open conversations."""
@@ -123,7 +123,7 @@ class Encoder(Protocol):
 class ObserverKind(NamedTuple):
     """What an observer reads, and how many bytes may wait for it.
 
-    `holds`: a tap may hold all directions from its beginning for this kind, and releases them when it leaves.
+    `holds`: for this kind a tap may hold all directions from its beginning, until the observer leaves.
     """
 
     events: frozenset[int]

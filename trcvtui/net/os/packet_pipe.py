@@ -1,4 +1,4 @@
-"""Packets that another program pipes to us: read as they come; while none come, a call lets time pass."""
+"""Packets that another program pipes to us: read as they come; while none come, a callback is called."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class PacketPipe:
 
     @property
     def since_empty_ns(self) -> int:
-        """Return for how long the pipe was never empty."""
+        """Return the ns since the pipe was last seen empty."""
         return time.monotonic_ns() - self.empty_at
 
     def read(self, _most: int) -> bytes:
@@ -71,7 +71,7 @@ class PacketPipe:
 
 
 def _chunk_reader(fd: int) -> Callable[[float], bytes | None]:
-    """Return a call that waits so many seconds for the next bytes and returns them, None if none came."""
+    """Return a function that waits so many seconds for bytes; it returns them, None if none came."""
     if hasattr(select, "poll"):
         with suppress(ImportError, OSError):
             import fcntl

@@ -50,7 +50,7 @@ class OpenAttempt:
 
 
 def close_in_background(port: Any) -> None:
-    """Close a port in a thread: that waits (pyserial 3.5: 0.3 s for a socket, a driver until all is sent)."""
+    """Close a port in a thread: closing waits (pyserial 3.5: a socket 0.3 s, drivers until all is sent)."""
     threading.Thread(target=_close, args=(port,), daemon=True).start()
 
 

@@ -48,7 +48,7 @@ class ChannelServer:
 
 
 class ObserverServerPipes:
-    """The tap's ends of two sockets to the process that serves observers: events and orders; channels."""
+    """The tap's ends of two sockets to the observer server: one for events and orders, one for channels."""
 
     def __init__(self) -> None:
         self.events, self._theirs = socket.socketpair()

@@ -271,7 +271,7 @@ class TcpRoute:
 
 
 class UdpRoute:
-    """A tap between UDP ends: each client has a separate far socket, which shows whom an answer is for."""
+    """A tap between UDP ends: each client has its own far socket, so an answer there is for that client."""
 
     has_stack = False
 

@@ -85,7 +85,7 @@ class TapLoop:
 
 
 class TapConversation:
-    """A conversation with two lanes. Here for kinds without FIN and RST; those with them override."""
+    """A conversation with two lanes. Its methods suit kinds without FIN and RST; others override them."""
 
     loop: TapLoop
     place: int
@@ -155,7 +155,7 @@ class TapEnd:
             self.mask = UNREGISTERED_MASK
 
     def update_mask(self) -> None:
-        """Ask the poll set for what can be done now."""
+        """Tell the poll set which events this end waits for now."""
         if self.mask == GONE_MASK or not self.is_open:
             return
         mask = (IN if self.reads.may_read() else 0) | (OUT if self.writes.out else 0)

@@ -45,7 +45,7 @@ class DatagramWire:
         self._bound: dict[int, list[SimDatagramSocket]] = {}
 
     def add_socket(self, socket: SimDatagramSocket) -> None:
-        """Deliver datagrams to a socket from now on; its end is known."""
+        """Deliver datagrams to a bound socket from now on."""
         self._bound.setdefault(socket.claim.port, []).append(socket)
 
     def remove_socket(self, socket: SimDatagramSocket) -> None:
@@ -75,7 +75,7 @@ class DatagramWire:
         return [each for target in self._find_sockets(end) for each in target.withdraw()]
 
     def _find_sockets(self, end: Endpoint) -> list[SimDatagramSocket]:
-        """Return the receivers of a datagram: one socket; of a broadcast all at its address or 0.0.0.0."""
+        """Return the receivers of a datagram: one socket; for a broadcast all at its address or 0.0.0.0."""
         is_broadcast = self.wire.is_broadcast(end.address)
         holders = self._bound.get(end.port, []) if is_broadcast or self.wire.owns_address(end.address) else []
         heard = (end.address, ANY_ADDRESS)
@@ -187,7 +187,7 @@ LOOPBACK_INTERFACE: Final = LocalAddress(
 
 
 class SeededRandom(random.Random):
-    """Chance from a seed; a class of this package, because a run's state may name only such classes."""
+    """Random numbers from a seed; in this package, because a run's state may name only classes of it."""
 
 
 class SimKernel:

@@ -32,7 +32,7 @@ BROADCAST_ADDRESS: Final = "255.255.255.255"
 
 
 def simulated_broadcast(address: str) -> str:
-    """Return the broadcast address of the simulated network of an address; masks are those of `--netns`."""
+    """Return the broadcast address for a simulated address; the masks are those of `--netns`."""
     return broadcast_address(address, "255.0.0.0" if is_loopback(address) else "255.255.255.0")
 
 
@@ -55,7 +55,7 @@ class PortTable:
         return ""
 
     def claim_free_port(self, claim: PortClaim, address: str) -> bool:
-        """Give a claim without port a free one for a connect; return whether there was one."""
+        """Give a claim without a port a free one for a connect; return whether the claim has a port now."""
         claim.address = address
         if claim.port:
             return True
@@ -148,7 +148,7 @@ class SimWire:
         self.agenda.cancel(ticket)
 
     def call_after_latency(self, act: Callable[[], None]) -> None:
-        """Call when a thing that leaves now arrives; without latency at once."""
+        """Call `act` when something sent now arrives: after the latency, at once if it is 0."""
         if self._latency:
             self.call_at(self.now + self._latency, act)
         else:

@@ -95,7 +95,7 @@ class SendHalf:
         return wider
 
     def acknowledge(self, ack: int) -> bool:
-        """Drop what has arrived; return whether this acknowledges anything new."""
+        """Drop the bytes before `ack`; return whether it acknowledges anything new."""
         taken = ack - self._first
         if taken <= 0:
             return False
@@ -163,7 +163,7 @@ class ReceiveHalf:
         return 2 * offered <= self.room and free >= 2 * offered and free >= min(self.room // 2, SEGMENT_BYTES)
 
     def has_new_bytes(self, segment: Segment) -> bool:
-        """Return whether it carries bytes that are not here yet."""
+        """Return whether a segment carries bytes that are not here yet."""
         return segment.seq + len(segment.data) > self.next
 
     def accept(self, segment: Segment) -> None:
@@ -446,7 +446,7 @@ class SimStream:
             self.establish(segment.edge)
 
     def handle_reset(self) -> None:
-        """End because of a RST, or of a new connection of the partner with the same ends."""
+        """End because of an RST, or because the partner has begun a new connection with the same ends."""
         if self.phase is StreamPhase.OPEN:
             # In CLOSE_WAIT Linux calls it EPIPE: the FIN was the end, the RST answers our later data.
             self.end_with_error("EPIPE" if self._in.fin and not self._out.fin else "ECONNRESET")

@@ -23,7 +23,7 @@ SYN_WAITS: Final = (1024 * MS,) * 5 + tuple(1024 * MS << n for n in range(1, 7))
 
 
 class Ticket:
-    """One timer of the queue; without its `act` it is cancelled."""
+    """One timer of the queue; `act` is None once it has run or was cancelled."""
 
     __slots__ = ("act",)
 
@@ -32,7 +32,7 @@ class Ticket:
 
 
 class TimerQueue:
-    """Timers in the order of their time; those of the same time in the order of entering."""
+    """Timers in the order of their times; for the same time, in the order in which they were added."""
 
     def __init__(self) -> None:
         self.now = 0
@@ -58,7 +58,7 @@ class TimerQueue:
             self._cancelled = 0
 
     def run_until(self, now: int) -> None:
-        """Call all that is due up to now, each at its own time."""
+        """Call each timer that is due up to `now`; during the call `self.now` is the time it was due."""
         while self._heap and self._heap[0][0] <= now:
             due, _, ticket = heapq.heappop(self._heap)
             act, ticket.act = ticket.act, None
@@ -98,7 +98,7 @@ class KeepAlive:
         self._asked_at = 0
 
     def check_due(self, now: int, heard: int, busy: bool, user_timeout: int) -> TimerResult:
-        """Decide at `due`, and set the next one; busy = sent or unsent data is waiting for the partner."""
+        """Decide at `due`, and set the next `due`; `busy`: sent or unsent data waits for the partner."""
         silent = now - heard
         if heard >= self._asked_at:  # the last probe was answered
             self._probes = 0

@@ -59,7 +59,7 @@ HELP_TABLES: Final[tuple[tuple[str, KeyTable], ...]] = (
     ("Order", (
         ("1", "lines whose agent is offline, then lines whose engine makes no scan"),
         ("2", "lines with ERROR now; then with a finding of the doctor"),
-        ("3", "stuck: an unfinished job got no more bytes for 10 s; then not connected"),
+        ("3", "stuck: a job has some of its bytes and got no more for 10 s; then not connected"),
         ("4", "errors in the last hour; within one state, the line that has been in it longest is first"),
     )),
     ("Signs", (
@@ -145,7 +145,7 @@ class FleetScreen(Screen[None]):
     # -- what is shown ------------------------------------------------------------------------------
 
     def advance(self, now: int) -> bool:
-        """Sort the list if something has changed, else update ages; return False if it is too early."""
+        """Sort the list if it has changed or is old, else update ages; return False if it is too early."""
         if now < self._ordered_at + ORDER_INTERVAL_NS:
             return False
         self._ordered_at = now
@@ -201,7 +201,7 @@ class FleetScreen(Screen[None]):
         self.order()
 
     def action_calm(self) -> None:
-        """Clear the filter; without one, the grouping."""
+        """Clear the filter; if there is no filter, end the grouping."""
         if self._typed:
             self.filter.clear()
         elif self._by:

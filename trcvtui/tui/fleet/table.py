@@ -1,7 +1,7 @@
 """The list of `trcvtui fleet`: a row is a line or the head of a group; only rows in view are made.
 
 Rule: the list is sorted again while you read it. The cursor stays on the worst row until you move it; then
-it stays on its line, and that line at its place on the screen.
+it stays on its line, and that line keeps its place on the screen.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def since_text(t: float | None, wall: float) -> str:
 
 
 def state_of(line: FleetLine) -> str:
-    """Return the state in a word: that of the connection, unless something worse is known."""
+    """Return a word for the state of a line: the connection's, unless something worse is known."""
     if line.shows in (ERROR, AWAY, HAD, GOOD):
         return line.figures.state if line.figures else "?"
     return STATES[line.shows]
@@ -75,7 +75,7 @@ class FleetColumns(NamedTuple):
 
 
 def columns_of(width: int) -> FleetColumns:
-    """Return the widths: names first, the text of the STATUS if enough is left."""
+    """Return the widths; the text of the STATUS gets 0 if the names leave too little room."""
     left = max(8, width - FIXED_WIDTH)
     text = min(MOST_TEXT_WIDTH, left - NAME - 1)
     return FleetColumns(left - text - 1, text) if text >= LEAST_TEXT_WIDTH else FleetColumns(left, 0)
@@ -193,7 +193,7 @@ class FleetTable(LineView, inherit_bindings=False):
         self.go_to(self.cursor + rows)
 
     def action_edge(self, direction: int) -> None:
-        """Go to the first row, and stay on the worst line; or to the last row."""
+        """Go to the last row; or to the first row, and from then on stay on the worst line."""
         self.go_to(direction * len(self.entries))
         self._is_moved = direction > 0
 

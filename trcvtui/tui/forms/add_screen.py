@@ -186,7 +186,7 @@ class AddScreen(FormDialog[str]):
             self._check_fields()
 
     async def handle_field_change(self, field: ChoiceField) -> None:
-        """Show the fields of another kind, or of another block; the latter keeps what you typed."""
+        """Show the fields of another kind, or of another block; another block keeps what you typed."""
         project = self._project()
         if field is self._kind_field:
             if field.value in kinds_of(project) and field.value != self.kind:  # not while it is half typed

@@ -80,7 +80,7 @@ class DescriptionText(TextView):
         self._listens = ""
 
     def show_description(self, config: ConnectConfig, listens: str) -> None:
-        """Show another description from its beginning; `listens`: the end where it listens now."""
+        """Show another description from its beginning; `listens`: the end where the CONNECT listens now."""
         self.config, self._listens = config, listens
         self.scroll_to(y=0, animate=False)
         self.draw()

@@ -114,7 +114,7 @@ def fields_to_change(
 
 
 def _without_new(field: AddField) -> AddField:
-    """Return the field of an existing part: it can only choose what exists."""
+    """Return the field without the choice NEW: an existing part can only refer to what exists."""
     there = tuple([each for each in field.choices if each != NEW])
     return replace(field, choices=there, first=field.first if field.first != NEW else "".join(there[-1:]))
 

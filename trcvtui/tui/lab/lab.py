@@ -135,7 +135,7 @@ class LabBytes:
         return any(one.jobs_done for one in snapshot.instances if one.data == instance.data and not one.sends)
 
     def request(self) -> HistoryRequest | None:
-        """Return the request for the stream: messages judge the profiles even while DATA is shown."""
+        """Return the request for the stream: profiles are judged by messages even while DATA is shown."""
         instance = self._view_model.instance
         if instance is None:
             return None
@@ -201,7 +201,7 @@ class LabBytes:
         return [] if self.window() is None else self._view_model.messages
 
     def _doubt(self) -> str:
-        """Return why the ends of messages are unknown, "" if known: pauses separate one size only."""
+        """Return why message ends are unknown, "" if known: pauses count only for multiples of one size."""
         window, messages = self.window(), self.messages()
         sizes = [len(message.content) for message in messages if message.by_pauses]
         is_known = bool(messages) and not any(size % min(sizes) for size in sizes)
@@ -213,7 +213,7 @@ class LabBytes:
     def evidence(self) -> tuple[list[bytes], bool]:
         """Return the bytes to judge profiles by, and whether their lengths are the sender's (rule 1).
 
-        For DATA or a job these are the messages that filled it: they say more.
+        For DATA or a job these are the messages that filled it: they are the better evidence.
         """
         known = [] if self._doubt() else [message.content for message in self.messages()]
         if known and self._has_messages():
@@ -308,7 +308,7 @@ class Lab:
         self._clear_results()
 
     def _guess_profile(self) -> Profile:
-        """Return the likely profile of a sender: by the type's source, else that of common compilers."""
+        """Return the likely profile of a sender: by the type's source, else as common compilers lay out."""
         ours, sender = self.profiles[OURS], self.files.types.sender(self.type_name).layout
         if sender not in ("", ours.layout):
             return profile_of(LAYOUTS[sender])

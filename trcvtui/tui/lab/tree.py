@@ -263,7 +263,7 @@ class LabTree(LineView):
             self.go_to(y, tells=opens)
 
     def action_fold(self, wanted: bool | None) -> None:
-        """Open or close the branch under the cursor, None: toggle it; False on any other row goes up."""
+        """Open (True), close (False) or toggle (None) a branch; False on a row that is not open goes up."""
         tree, found = self._lab.tree, self.chosen_row
         if tree is None or found is None:
             return

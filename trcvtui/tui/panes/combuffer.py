@@ -20,7 +20,7 @@ NO_GAP_TIMER: Final = "Timeout is 0: no gap ends a frame"
 
 
 class GapTimer(NamedTuple):
-    """Time since the last byte, of `limit_ns`; `reason` says why the timer does not run, "" if it does."""
+    """Time since the last byte, and its limit; `reason` says why the timer does not run, "" if it runs."""
 
     elapsed_ns: int
     limit_ns: int

@@ -175,7 +175,7 @@ class SplitsLine(OneLine, can_focus=True):
         self._send()
 
     def click(self, x: int, y: int) -> None:
-        """Cut or join between the two bytes at the mouse; on a byte, before it."""
+        """Cut or join between the two bytes at the mouse; a click on a byte means the place before it."""
         place = self._first + x // BYTE_WIDTH
         if 0 < place < len(self.payload) and place < self._first + self._bytes_in_view():
             self.place = place

@@ -138,7 +138,7 @@ class DataFace(ReceivedFace):
         return name, f"{declared.name}{size}"
 
     def _newest(self) -> DataSnapshot | None:
-        """Return the newest write to DATA, None if it left no older bytes behind it."""
+        """Return the newest write to DATA if older bytes follow it, else None."""
         instance, snapshot = self._view_model.instance, self._view_model.snapshot
         if snapshot is None or instance is None or instance.sends:
             return None

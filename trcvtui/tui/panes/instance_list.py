@@ -28,7 +28,7 @@ EMPTY_HINTS: Final = (
 
 
 class ListColumns(NamedTuple):
-    """Widths; `both` ends of the connection or the partner only; `bar` 0: no bar, no numbers, no age."""
+    """Widths; `both`: both ends are shown, not only the partner; `bar` 0: no bar, no numbers, no age."""
 
     name: int
     partner: int

@@ -1,6 +1,6 @@
 """The messages of the selected instance, one a row, newest last.
 
-Rule: a row is drawn from its bytes while it is in view; 10,000 rows cost what one page costs.
+Rule: a row is drawn from its bytes while it is in view; 10,000 rows take no more time than one page.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class MessageLines(LineView):
 
     @property
     def _chosen_place(self) -> int:
-        """Return the index of the chosen row among the filtered; -1: all come after the shown scan."""
+        """Return the index of the chosen row among the filtered rows; -1: all come after the shown scan."""
         last = len(self._listed) - 1
         if self._at is not None:
             return min(last, bisect_left(self._listed, self._at))

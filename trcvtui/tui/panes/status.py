@@ -135,7 +135,7 @@ class StatusHistory(LineView):
         self._choose_where(lambda outputs: outputs.error, "ERROR", 1)
 
     def action_hit(self, step: int) -> None:
-        """Choose the next older edge to the code of `find`, else ERROR; -1: the next newer one."""
+        """Choose the next older edge with the code of `find`, else with ERROR; -1: the next newer edge."""
         code = self.code
         what = "ERROR" if code is None else f"{code:04X}"
         self._choose_where(lambda out: out.error if code is None else out.status == code, what, step)
@@ -387,7 +387,7 @@ class StatusCard(TextView):
         return text if text.endswith((".", "?", "!", KEY_MARK)) else f"{text}."
 
     def _with_keys(self, do: SuggestedAction) -> str:
-        """Return the sentence with the letter of a pin in place of each bench line that the letter does."""
+        """Return the sentence; where a key does the same as a bench line, the key replaces the line."""
         text = do.text
         for line in do.lines if self._past is None else ():
             command = PIN_COMMAND.fullmatch(line)

@@ -175,7 +175,7 @@ class StreamFace(ReceivedFace):
         return window.cut(self.message_here()), window.cut(between) if window.has_values(between) else b""
 
     def mark_message(self) -> str:
-        """Mark the message under the cursor to compare others with it, or unmark it; return what lacks."""
+        """Mark the message under the cursor to compare others with it, or unmark it; return the error."""
         here, stream = self.message_here() if self.is_shown else range(0), self.stream
         is_marked = stream.marked is not None and stream.marked[0] == here
         stream.compare(None if is_marked or not here else (here, stream.window.cut(here)), here)

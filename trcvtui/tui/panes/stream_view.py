@@ -233,7 +233,7 @@ class StreamView(ByteLines):
         return HistoryRequest(connect, *self._asked, before=True, seek=self.seek, job_at=job_at)
 
     def accept_window(self, window: HistoryWindow) -> int | None:
-        """Take a window; return the position that was sought when it has been found."""
+        """Take a window; return the position that a search has found, None if it has not yet."""
         if window != self.window:
             self.window = window
             self._knows_messages = self._knows_messages or bool(window.messages)
@@ -304,7 +304,7 @@ class StreamView(ByteLines):
 
     @property
     def _row_unit(self) -> tuple[int, int]:
-        """Return the bytes of a group of rows (a row, or the rows of whole messages), and its rows."""
+        """Return how many bytes and rows a group has: a single row, or the rows of whole messages."""
         size, most = self._cut[0], self.per_row
         unit = max(1, most // size) * size if size else most
         rows = -(-unit // most)
@@ -509,7 +509,7 @@ class StreamView(ByteLines):
     # -- the cursor ---------------------------------------------------------------------------------------
 
     def go_to(self, position: int) -> None:
-        """Put the cursor on a byte and bring it into view, rulers and all, without a message."""
+        """Put the cursor on a byte and bring it and its rulers into view; post no message."""
         self.cursor, self.follows = position, False
         self._show_row(self._row_of(position))
 

@@ -88,7 +88,7 @@ class TimingViewport:
 
     @property
     def measured_scans(self) -> tuple[int, int] | None:
-        """Return the scans to measure between: two markers, or the one and the cursor."""
+        """Return the scans to measure between: two markers, or one marker and the cursor."""
         ends = self.markers if len(self.markers) == 2 else [*self.markers, self.cursor or 0]
         if not self.markers or not ends[1]:
             return None

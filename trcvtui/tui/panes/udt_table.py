@@ -1,7 +1,7 @@
 """Pane 6: the members of the UDT with offset, type and value; only the rows in view are decoded.
 
-Padding is shown on the row of the member before it, so row and leaf have the same number, and a table of any
-size costs one page.
+Padding is shown on the row of the member before it, so row and leaf have the same number, and a table of
+any size takes no more time than one page.
 """
 
 from __future__ import annotations

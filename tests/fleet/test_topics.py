@@ -25,7 +25,7 @@ from trcvtui.fleet.topics import (
     parse_message,
     parse_topic,
 )
-from trcvtui.line.tapped import NOTE_NAMES, TapNote
+from trcvtui.line.tap_capture import NOTE_NAMES, TapNote
 from trcvtui.paths import configs_path
 
 DOCS = Path(__file__).parents[2] / "docs"

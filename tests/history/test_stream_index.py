@@ -6,7 +6,7 @@ import pytest
 
 from tests.tui.fakes import receiving
 from trcvtui.blocks.environment import JobEnded, JobStarted
-from trcvtui.diagnosis.card import list_frame_notes
+from trcvtui.diagnosis.status_card import list_frame_notes
 from trcvtui.history.records import MAX_SCAN
 from trcvtui.history.stream_index import KEPT_STREAMS, StreamIndex
 from trcvtui.net.events import BytesReceived, ConnectionChanged, EventKind

@@ -18,8 +18,8 @@ from trcvtui.errors import UserError
 from trcvtui.line.capture_player import CapturePlayer
 from trcvtui.line.live import LivePlan
 from trcvtui.line.shadows import ShadowPlan
+from trcvtui.line.tap_capture import NOTES_ID, TapCapture
 from trcvtui.line.tap_watch import TapWatch
-from trcvtui.line.tapped import NOTES_ID, TapCapture
 from trcvtui.line.watch_command import WatchLines
 from trcvtui.net.os.lossy_pipe import MOST_LINE
 from trcvtui.net.tap import WAY_BACK, WAY_TO, TapEvent, TapEventKind, TapOrder, parse_order, parse_place

@@ -98,9 +98,9 @@ def _classify_reading(
     best: Fit, frames: list[bytes], receiver: Receiver, rules: LayoutRules, sides: Sequence[str]
 ) -> tuple[str, RemedyOffer]:
     """Return the cause that the best reading means, and the remedy; "": it is no cause."""
-    from trcvtui.udt.compare.beside import has_length_field
     from trcvtui.udt.compare.causes import BYTE_TOO_MANY, HEADER, SWAP_CAUSES, TRAILER
     from trcvtui.udt.compare.drift import MOST_LEAVES
+    from trcvtui.udt.compare.extra_bytes import has_length_field
 
     kind, order = best.cause.kind, best.layout.rules.byte_order
     if kind in {swap.kind for swap in SWAP_CAUSES}:
@@ -130,8 +130,8 @@ def _classify_reading(
 
 def _describe_extra_bytes(best: Fit, frames: Sequence[bytes]) -> list[str]:
     """Return a text for the bytes before the members, and one for those after them."""
-    from trcvtui.udt.compare.beside import extra_evidence
     from trcvtui.udt.compare.causes import cut_messages
+    from trcvtui.udt.compare.extra_bytes import extra_evidence
 
     cause, size = best.cause, best.layout.size
     if cause.front < 0 or cause.back < 0:

@@ -179,7 +179,7 @@ class EngineDriver(ProcessDriver):
 
         self._door, self.door = None, Path()
         if is_shared:
-            from trcvtui.net.os.tab_door import TabListener
+            from trcvtui.net.os.tab_listener import TabListener
 
             self._door = TabListener()
             self.door = self._door.path

@@ -28,7 +28,7 @@ from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.signals import TERMINAL_SIGNALS, ignore_signals
 
 if TYPE_CHECKING:
-    from trcvtui.net.os.tab_door import TabListener
+    from trcvtui.net.os.tab_listener import TabListener
     from trcvtui.recording.files import RecordTarget
     from trcvtui.recording.recorder import RunRecorder
 

@@ -24,7 +24,7 @@ from trcvtui.snapshots.bench import LineAnswer
 
 if TYPE_CHECKING:
     from trcvtui.engine.trigger_watch import FrozenScan
-    from trcvtui.net.os.tab_door import TabListener
+    from trcvtui.net.os.tab_listener import TabListener
     from trcvtui.project.project import Project
 
 MOST_MESSAGES: Final = 64  # that are taken at once, of all screens together

@@ -11,7 +11,7 @@ from trcvtui import clock
 from trcvtui.engine.driver import ProcessDriver
 from trcvtui.errors import mistake
 from trcvtui.net.os.packet_pipe import detach_stdin
-from trcvtui.net.os.tap_ways import TapChannel, ask_open_count
+from trcvtui.net.os.tap_channels import TapChannel, ask_open_count
 from trcvtui.net.tap import format_end
 from trcvtui.picture.protocol import EngineStopped
 from trcvtui.replay.driver import ScreenChannel, serve_until_gone
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from trcvtui.line.capture_player import CapturePlayer
     from trcvtui.line.live import LivePlan, LiveWatch
     from trcvtui.line.shadows import ShadowChoice, ShadowPlan
-    from trcvtui.line.tapped import TapNote
+    from trcvtui.line.tap_capture import TapNote
     from trcvtui.picture.bench_update import BenchUpdate
     from trcvtui.plc.ledger import StatusEdge
 

@@ -17,11 +17,20 @@ from trcvtui.errors import mistake
 from trcvtui.files import create_file
 from trcvtui.net.os.forwarder import Forwarder, list_reachable, raise_descriptor_limit, write_or_drop_line
 from trcvtui.net.os.system_calls import OUT, poll_once
-from trcvtui.net.os.tap_ways import ASK_COUNT, ORDERS, RECORDER, SCREEN, ChannelServer, ObserverServerPipes
+from trcvtui.net.os.tap_channels import (
+    ASK_COUNT,
+    ORDERS,
+    RECORDER,
+    SCREEN,
+    ChannelServer,
+    ObserverServerPipes,
+)
 from trcvtui.net.tap import Route, format_end
 from trcvtui.snapshots.conversations import ARMED_TAP, TAP
 
-RUN_RECORDER: Final = "import sys; from trcvtui.line.tapped import record_tap; record_tap(int(sys.argv[1]))"
+RUN_RECORDER: Final = (
+    "import sys; from trcvtui.line.tap_capture import record_tap; record_tap(int(sys.argv[1]))"
+)
 RUN_LINES: Final = (
     "import sys; from trcvtui.line.watch_command import watch_tap; watch_tap(int(sys.argv[1]), sys.argv[2])"
 )

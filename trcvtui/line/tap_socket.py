@@ -11,7 +11,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from trcvtui import paths
-from trcvtui.line.tapped import TapCapture
+from trcvtui.line.tap_capture import TapCapture
 from trcvtui.net.os.observers import ObserverServer, connect_to_tap
 from trcvtui.signals import GROUP_SIGNALS, ignore_signals
 

@@ -25,7 +25,7 @@ from trcvtui.line.capture_player import CapturePlayer, PlanMaker, plan_maker
 from trcvtui.line.conversations import ConversationFigures
 from trcvtui.line.live import ANY_PORT, LivePlan, LiveWatch, TimedAction, make_conversation
 from trcvtui.line.shadows import ShadowPlan, make_tap_rows, plan_for_project
-from trcvtui.line.tapped import TapNote
+from trcvtui.line.tap_capture import TapNote
 from trcvtui.net.os.lossy_pipe import MOST_LINE
 from trcvtui.net.tap import WAY_BACK, WAY_TO, Route, TapOrder, TapPlace, format_end, make_route
 from trcvtui.project.project import TapDecl

@@ -17,11 +17,11 @@ from trcvtui.errors import UserError, one_line
 from trcvtui.line.capture_player import MISSING, MOST_LISTED, CaptureOutcome, CapturePlayer, plan_capture
 from trcvtui.line.live import LivePlan, LiveWatch, PacketStream
 from trcvtui.line.shadows import ShadowPlan
+from trcvtui.line.tap_capture import TapNote
 from trcvtui.line.tap_watch import TapPlan, TapWatch
-from trcvtui.line.tapped import TapNote
 from trcvtui.net.os.packet_pipe import detach_stdin
 from trcvtui.net.os.system_calls import IN, poll_once
-from trcvtui.net.os.tap_ways import TapChannel
+from trcvtui.net.os.tap_channels import TapChannel
 from trcvtui.net.tap import RELEASE_LINE
 from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.scenario.report import JsonLines, json_line, outputs_record

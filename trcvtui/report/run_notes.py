@@ -16,8 +16,8 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import FrameEnded, JobEnded, PartialFrameDropped, SendEnded, SendStarted
 from trcvtui.blocks.outcome import Cause, CauseKind
 from trcvtui.diagnosis.advice import Advice, describe_cause
-from trcvtui.diagnosis.card import Card, DataBytes
 from trcvtui.diagnosis.evidence import make_current_evidence
+from trcvtui.diagnosis.status_card import Card, DataBytes
 from trcvtui.history.link_statistics import LinkStatistics
 from trcvtui.history.records import ScanStamp
 from trcvtui.history.stream_index import ENDING_EVENTS, StreamIndex

@@ -81,8 +81,8 @@ class StructSpec(NamedTuple):
 class EnumSpec(NamedTuple):
     """Enumeration; without a `base` the layout chooses it (INT for most).
 
-    A value of None is one more than the value before it, the first one is 0. `is_scoped`: its names are
-    known only inside it.
+    None in place of a number: one more than the number before it, or 0 for the first. `is_scoped`: the
+    names are known only inside the enumeration.
     """
 
     base: Reference | None
@@ -116,7 +116,7 @@ class Constant(NamedTuple):
 
 
 class SenderLayout(NamedTuple):
-    """The layout that most senders have whose types come from a `source` such as TwinCAT.
+    """The layout of most senders, if their types come from a `source` such as TwinCAT.
 
     Without a `source` the file itself decides the layout of its types (a TIA source: s7-standard).
     """
@@ -128,8 +128,8 @@ class SenderLayout(NamedTuple):
 class Declarations(NamedTuple):
     """One file: its types in order, the mistakes that belong to no type, its constants.
 
-    `others` are the words of its blocks that declare no type, such as FUNCTION_BLOCK. `copies` are types of
-    other files, repeated in this one: each is used if none of those files is given.
+    `others` are the keywords of blocks that declare no type, such as FUNCTION_BLOCK. `copies` are types of
+    other files, repeated in this one: each is used only if no given file declares it.
     """
 
     types: tuple[Declaration, ...]
@@ -141,7 +141,7 @@ class Declarations(NamedTuple):
 
 
 def strip_places(part: Any) -> Any:
-    """Return a part of a declaration as a value that is equal wherever it was declared."""
+    """Return a part of a declaration as a value without places in files, so that equal parts are equal."""
     if isinstance(part, tuple):
         names = getattr(part, "_fields", ())
         kept = [each for at, each in enumerate(part) if names[at : at + 1] != ("where",)]

@@ -144,7 +144,7 @@ class SearchPatterns:
 
 
 def parse_search(text: str) -> SearchPatterns:
-    """Return the patterns of a text in quotes, a `=` number, hex, else of the text; raise UserError."""
+    """Return the patterns of a quoted text, a number after `=`, hex, else of the text; raise UserError."""
     text = text.strip()
     if text[:1] in ('"', "'"):
         found = _parse_text_search(text)

@@ -55,7 +55,7 @@ OPTION_NAMES: Final = {"layout": "layout", "byte_order": "byte order", "text": "
 
 
 def list_types(args: SimpleNamespace) -> tuple[str, bool]:
-    """Return the answer of `udt types`, and whether one type is good: each has its layout or its problems.
+    """Return the answer of `udt types`, and whether any type is good; each has its layout or its problems.
 
     `sender` is the layout of the type's sender, if the source suggests one.
     """
@@ -146,7 +146,7 @@ def compare(args: SimpleNamespace) -> tuple[str, bool]:
 
 
 def fit(args: SimpleNamespace) -> tuple[str, bool]:
-    """Return the answer of `udt fit`, and whether one fits best; our layout need not hold the type."""
+    """Return the answer of `udt fit`, and if one fits best; our layout may be unable to hold the type."""
     from trcvtui.udt.compare.fit import rank
     from trcvtui.udt.compare.fit_report import fit_json, fit_text
 
@@ -236,7 +236,7 @@ def layout_of(args: SimpleNamespace) -> Layout:
 
 
 def read_file_layout(path: str) -> tuple[Layout, SenderLayout]:
-    """Return the layout of the one type in a file that no other type contains, and that of its sender."""
+    """Return the layout of the only type in a file that no other type contains, and its sender's layout."""
     types, own = read_all_types(SimpleNamespace(file=path, others=(), constant=()), None)
     inner = {
         part.name.casefold()
@@ -271,7 +271,7 @@ def write_notes(notes: Iterable[str]) -> None:
 def read_all_types(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, list[Declarations]]:
     """Return the types of FILE and of every `--with`, and what FILE declares.
 
-    Types that `names` lack (None: those of FILE) come from folders among them, then from beside FILE.
+    Types that `names` need (None: all of FILE) come from the given folders, then from files beside FILE.
     """
     from trcvtui.udt.sources.type_folder import PACKAGE_FILES, TypeFolder, find_types, packages_around
 
@@ -302,7 +302,7 @@ def read_all_types(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, 
 
 
 def suggest_option(problem: Problem) -> Problem:
-    """Return the problem with the option that solves it, if a name of another file is unknown."""
+    """Return the problem; if a type or a constant is unknown, with the option that solves it."""
     if problem.expected == KNOWN_TYPE:
         return replace(problem, expected=f"{KNOWN_TYPE}: --with FILE that declares it")
     name = unknown_name(problem)

@@ -1,7 +1,7 @@
 """Formulas with names in them, and the constants of the user, of files and of enumerations.
 
-Rules: a formula is data of a file: bounded, and never evaluated as Python. A whole name is looked up before
-the end of one, the user's before a file's; a name with two possible numbers has no value.
+Rules: a formula is data of a file: bounded, and never evaluated as Python. A constant is
+found by its whole name, else by its end, the user's before a file's; with two numbers it has no value.
 """
 
 from __future__ import annotations

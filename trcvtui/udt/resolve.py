@@ -239,7 +239,7 @@ class Resolver:
         return base and Enumeration(name, base, self.evaluate_enum(spec, name), spec.base is not None)
 
     def evaluate_enum(self, spec: ast.EnumSpec, name: str) -> tuple[tuple[str, int | None], ...]:
-        """Return names and numbers; None for a number that has no value: the size is known without it."""
+        """Return names and numbers; a number without a value is None, as the size does not need it."""
         values: list[tuple[str, int | None]] = []
         number: int | None = -1
         for value, own in spec.values:
@@ -351,7 +351,7 @@ def unknown_constant(name: str) -> str:
 
 
 def unknown_name(problem: Problem) -> str:
-    """Return the name of the type or constant that a problem says is unknown."""
+    """Return the name of the unknown type or constant in a problem."""
     name, reason, _ = problem.found[1:].rpartition("', which ")
     return name if reason else problem.found[1:-1]
 

@@ -132,7 +132,7 @@ _PLAIN_NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 def st_text(type_: Type, name: str = "") -> str:
-    """Return `TYPE ... END_TYPE` of a type and of every type in it; `name` is for one that has none.
+    """Return `TYPE ... END_TYPE` of a type and of every type in it; a type without a name gets `name`.
 
     A name that is illegal in ST is changed: `struct` becomes `struct_`, `a b` becomes `a_b`.
     """
@@ -140,9 +140,9 @@ def st_text(type_: Type, name: str = "") -> str:
 
 
 def scl_text(type_: Type, name: str, rules: LayoutRules) -> str:
-    """Return the same for TIA: names in quotes, no enumerations and subranges, a UNION as its bytes.
+    """Return TYPE blocks for TIA: names in quotes, no enumerations and subranges, a UNION as its bytes.
 
-    Under these rules the members have the same offsets, except where a UNION aligned them.
+    Under `rules` the members have the same offsets, except where a UNION aligned them.
     """
     found = [each for each in named_types(type_) if isinstance(each, Struct)]
     if not found:  # in TIA only a STRUCT is a type: an ARRAY becomes a member of one

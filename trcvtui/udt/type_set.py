@@ -96,8 +96,8 @@ def join_files(
 ) -> TypeSet:
     """Return the types of all files together; they may use each other in any order.
 
-    `constants` are the user's own. The types of a Siemens source, with `has_system_types` all types, may use
-    the system types of Siemens; a type that a file declares replaces the system type of its name.
+    `constants` are the user's own. The types of a Siemens source may use the system types of Siemens, with
+    `has_system_types` all types may. A type that a file declares replaces the system type of its name.
     """
     files = tuple(files)
     known = Constants(constants, [constant for file in files for constant in file.constants])

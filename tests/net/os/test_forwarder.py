@@ -11,7 +11,7 @@ from contextlib import suppress
 
 import pytest
 
-from trcvtui.net.os import tapped_ends, tapped_lane
+from trcvtui.net.os import tap_ends, tap_lane
 from trcvtui.net.os.forwarder import Forwarder
 from trcvtui.net.os.system_calls import RESET_ON_CLOSE, PollList
 from trcvtui.net.tap import (
@@ -158,7 +158,7 @@ def test_what_passes_is_told_with_its_direction_and_its_place_in_the_stream(stan
 def test_before_a_reset_what_was_read_is_delivered_for_a_time(
     stand: Stand, monkeypatch: pytest.MonkeyPatch, waits_ns: int, gets_all: bool
 ) -> None:
-    monkeypatch.setattr(tapped_lane, "RESET_WAIT_NS", waits_ns)
+    monkeypatch.setattr(tap_lane, "RESET_WAIT_NS", waits_ns)
     stand.door.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
     near, far = stand.talk()
     lane, sent = stand.loop.routes[0].talks[1].lanes[WAY_TO], 0
@@ -269,7 +269,7 @@ def test_our_own_end_passes_and_is_marked_as_ours(stand: Stand, verb: str, ends:
 def test_an_order_that_cannot_be_done_says_why(
     stand: Stand, monkeypatch: pytest.MonkeyPatch, verb: str, sizes: tuple[int, ...], said: str
 ) -> None:
-    monkeypatch.setattr(tapped_lane, "MOST_HELD_BYTES", 5)
+    monkeypatch.setattr(tap_lane, "MOST_HELD_BYTES", 5)
     near, _ = stand.talk()
     stand.order(WAY_TO, "hold")
     near.send(b"four")
@@ -333,7 +333,7 @@ def test_a_reader_that_is_slow_delays_nothing_and_is_told_what_it_missed_and_wha
 
 
 def test_a_far_end_that_does_not_answer_in_time_shows_as_a_reset(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tapped_ends, "CONNECT_LIMIT_NS", 50_000_000)
+    monkeypatch.setattr(tap_ends, "CONNECT_LIMIT_NS", 50_000_000)
     full = socket.socket()
     full.bind(("127.0.0.1", 0))
     full.listen(0)
@@ -360,7 +360,7 @@ def test_a_far_end_that_does_not_answer_in_time_shows_as_a_reset(monkeypatch: py
 def test_two_serial_ports_are_joined_and_one_that_is_gone_is_opened_again(
     monkeypatch: pytest.MonkeyPatch, tmp_path: object
 ) -> None:
-    monkeypatch.setattr(tapped_ends, "REOPEN_PAUSE_NS", 1_000_000)
+    monkeypatch.setattr(tap_ends, "REOPEN_PAUSE_NS", 1_000_000)
     pairs = [os.openpty() for _ in range(2)]
     for master, slave in pairs:
         tty.setraw(slave)

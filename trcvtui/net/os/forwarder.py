@@ -19,8 +19,8 @@ from typing import Any, Final
 from trcvtui.errors import one_line
 from trcvtui.net.os.lossy_pipe import LossyPipe
 from trcvtui.net.os.system_calls import HAS_POLL, IN, OUT, new_poll_set, read_path_figures
-from trcvtui.net.os.tapped_ends import TapSerialConversation, TcpRoute, UdpRoute
-from trcvtui.net.os.tapped_lane import TapLane, TapLoop, apply_order, describe_order, find_refusal
+from trcvtui.net.os.tap_ends import TapSerialConversation, TcpRoute, UdpRoute
+from trcvtui.net.os.tap_lane import TapLane, TapLoop, apply_order, describe_order, find_refusal
 from trcvtui.net.tap import (
     ENDS,
     EVENT_HEAD,

@@ -10,7 +10,7 @@ from contextlib import suppress
 from typing import Final
 
 from trcvtui.net.os.system_calls import ERR, HUP, IN, OUT
-from trcvtui.net.os.tapped_lane import TapLoop
+from trcvtui.net.os.tap_lane import TapLoop
 
 READ_BYTES: Final = 1 << 16
 MOST_LINE: Final = 4 << 20  # bytes of an order

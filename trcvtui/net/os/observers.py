@@ -20,8 +20,8 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.files import reason_of
 from trcvtui.net.os.lossy_pipe import LossyPipe
 from trcvtui.net.os.system_calls import IN, new_poll_set, poll_once
-from trcvtui.net.os.tap_ways import ORDERS, RECORDER, SCREEN
-from trcvtui.net.os.tapped_lane import TapLoop
+from trcvtui.net.os.tap_channels import ORDERS, RECORDER, SCREEN
+from trcvtui.net.os.tap_lane import TapLoop
 from trcvtui.net.tap import ENDS, LOSS, RELEASE_LINE, USER_LINE, TapEvent, TapEventKind, read_events
 
 PEER_CREDENTIALS: Final = struct.Struct("iII")  # of SO_PEERCRED: process, user, group

@@ -16,7 +16,7 @@ from trcvtui.tui.formatting import clip, measure, pad, plain
 from trcvtui.tui.messages import PaneActions, PeerSelected
 from trcvtui.tui.panes.combuffer import SerialLineList
 from trcvtui.tui.panes.composer import Composer
-from trcvtui.tui.panes.talks import ConversationList
+from trcvtui.tui.panes.conversation_list import ConversationList
 from trcvtui.tui.peer_commands import (
     CHECK_BUTTON,
     EVERY_SPLIT_LETTER,

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from trcvtui.diagnosis.advice import Advice, describe_cause, make_advice
-from trcvtui.diagnosis.card import Card, DataBytes
 from trcvtui.diagnosis.evidence import Evidence, make_current_evidence, make_past_evidence
 from trcvtui.diagnosis.job import SuggestedAction
+from trcvtui.diagnosis.status_card import Card, DataBytes
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.view_model.view_model import ViewModel

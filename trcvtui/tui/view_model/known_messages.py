@@ -12,9 +12,9 @@ SLACK_ROWS: Final = 256  # rows that are dropped in one go
 
 
 class KnownMessages:
-    """`rows` begin with number `first`, the oldest first; another instance clears them.
+    """The newest rows of an instance, oldest first: `rows[0]` is row `first`. Another instance clears them.
 
-    A dropped row has no index; a row without `content` has lost its values.
+    A dropped row is no longer in `rows`. A row without `content` has lost its values.
     """
 
     def __init__(self) -> None:
@@ -34,7 +34,7 @@ class KnownMessages:
         return self.first + len(self.rows)
 
     def stop_at(self, scan: int) -> int:
-        """Return the number of the first row after a scan, or of the next one to come."""
+        """Return the number of the first row after a scan; without one, that of the next row to come."""
         return self.first + bisect_right(self.rows, scan, key=lambda row: row.scan)
 
     @property
@@ -43,7 +43,7 @@ class KnownMessages:
         return max(self.first, self._emptied)
 
     def list_remarks(self) -> list[str]:
-        """Return remarks on the rows as a whole: missing values, left out rows, progress of reading."""
+        """Return remarks on the rows as a whole: missing values, rows left out, progress of reading."""
         with_values = self.rows[self.first_full - self.first :][:1]
         begin = f"values from {with_values[0].number} on" if with_values else "no values kept"
         reading, left_out = f"reading … {self.share:.0%}", f"{self.left_out} left out"
@@ -58,7 +58,7 @@ class KnownMessages:
         return instance, self.stop
 
     def accept_rows(self, news: MessagesDelta | None, until: int) -> None:
-        """Add the next rows, for a frozen view those up to its scan."""
+        """Add the next rows; a frozen view gets only those up to its scan."""
         if news is None or news.instance != self.instance or news.first + len(news.rows) < self.stop:
             return  # of another instance, or late
         self.count, self.share, self.are_typed = news.count, news.share, news.are_typed

@@ -17,7 +17,7 @@ NOT_KNOWN: Final = math.nan  # compare by identity: a message may hold a NaN, to
 
 
 def is_number(layout: Layout, leaf: Leaf) -> bool:
-    """Return whether a member has a place on an axis: no text, no date, no time."""
+    """Return whether a member can be drawn on an axis: it is not a text, a date or a time."""
     return not isinstance(decode_leaf(layout, leaf, bytes(leaf.size)), str)
 
 

@@ -45,7 +45,7 @@ class PinPulse:
 
 
 class Afterglow:
-    """The newest pulse of each lamp of each instance. Times are of the run: in a held PLC the glow stays."""
+    """The newest pulse of each lamp of each instance. A glow ends in time of the run: not in a held PLC."""
 
     def __init__(self) -> None:
         self._pulses: dict[tuple[str, str], PinPulse] = {}
@@ -63,7 +63,7 @@ class Afterglow:
             self._pulses.pop((instance, lamp), None)
 
     def catch_up(self, instance: InstanceSnapshot, t_ns: int) -> None:
-        """Take pulses whose ledger lines were skipped; their time is then that of the picture."""
+        """Add pulses whose ledger lines were skipped; they get the time of the picture."""
         self._catch_up(instance.name, DONE, instance.last_done_scan, t_ns, None, instance.last_rcvd_len)
         if not instance.last_is_expected:
             scan, status = instance.last_error_scan, instance.last_error_status
@@ -115,7 +115,7 @@ MOST_INDEXED: Final = 2000  # messages of a connection, recv calls of a job
 
 
 def new_index() -> StreamIndex:
-    """Return an index that keeps less than the engine's, enough for the newest bytes."""
+    """Return an index that is smaller than the engine's index, but enough for the newest bytes."""
     return StreamIndex(MOST_INDEXED, MOST_INDEXED)
 
 
@@ -232,7 +232,7 @@ class ViewModel:
             self.waves.add_deltas(picture.waves, interval_ns)
 
     def _note_skipped(self, first: int) -> None:
-        """Add STATUS edges before line `first` from the waves: their own lines were left out."""
+        """Add STATUS edges before ledger line `first` from the waves: their ledger lines were left out."""
         for name in self.drawn_instances:
             known = self.history.list_edges(name)
             last = known[-1].seq if known else 0
@@ -379,7 +379,7 @@ class ViewModel:
 
     @property
     def drawn_waves(self) -> tuple[str, ...]:
-        """Return the same, and the selected one of the what-if run, if there is one."""
+        """Return `drawn_instances`, and the selected instance of the what-if run if there is one."""
         beside = (WHAT_IF + self.selected,) if self.position is not None and self.position.what_if else ()
         return (*self.drawn_instances[:1], *beside, *self.drawn_instances[1:])
 
@@ -392,7 +392,7 @@ class ViewModel:
         return self._index().connections.get(instance.connect)
 
     def list_listen_ends(self) -> dict[str, str]:
-        """Return the local ends of open passive CONNECTs by name; a free port (0) is the real one here."""
+        """Return the local ends of open passive CONNECTs by name; a port 0 is replaced by the real one."""
         known = self._index().connections.values()
         return {each.name: each.local for each in known if not each.active and each.state != "closed"}
 
@@ -441,5 +441,5 @@ class ViewModel:
 
 
 def _one_of(name: str, names: list[str]) -> str:
-    """Return the name if it is in the list, else the first one, "" if there is none."""
+    """Return the name if it is in the list, else the first name of the list; "" if the list is empty."""
     return name if name in names else next(iter(names), "")

@@ -1,6 +1,6 @@
 """Numbers over time in cells: a line of blocks, and a curve of braille; no peak is lost.
 
-A message that brings no number has None: what was there before stays. NaN and the infinities end a curve
+A message without the number has None: the number before it stays. NaN and the infinities end a curve
 until the next number.
 """
 
@@ -44,7 +44,7 @@ def place_between(number: Number, low: Number, high: Number) -> float:
 
 
 def sparkline(numbers: Numbers) -> str:
-    """Return a column for each message, low if all are alike; "" if none has a number."""
+    """Return a block for each message, the lowest one if all numbers are equal; "" if none has a number."""
     known = list_finite(numbers)
     if not known:
         return ""
@@ -59,7 +59,7 @@ def sparkline(numbers: Numbers) -> str:
 
 
 class Curve(NamedTuple):
-    """Cells from the top down, each as the bits of its dots; the ends of the axis and of the values."""
+    """Rows of cells from the top down, a cell as bits of its dots; ends of the axis; ends of the values."""
 
     cells: list[list[int]]
     axis: tuple[Number, Number]
@@ -70,7 +70,7 @@ class Curve(NamedTuple):
 def curve(
     times: Sequence[int], numbers: Numbers, window: tuple[int, int], width: int, height: int, gaps: Spans = ()
 ) -> Curve | None:
-    """Return the numbers over time, None without any in the window; `times` and `gaps` rise.
+    """Return the curve, None without a number in the window; `times` and `gaps` are in ascending order.
 
     A number is held until the next one, but not in a gap. Each column of dots reaches from its smallest to
     its largest value.

@@ -118,7 +118,7 @@ def text_rows(text: str, width: int) -> list[Row]:
 
 
 class FormDialog(Dialog[Answered], Generic[Answered]):
-    """Fields (`#form`), and a line below that judges them (`#form-line`)."""
+    """Fields (`#form`), and a line below them with the result of their check (`#form-line`)."""
 
     DEFAULT_CSS = """
     FormDialog #form {

@@ -199,7 +199,7 @@ HELP_SECTIONS: Final[tuple[tuple[str, tuple[str, ...], KeyTable], ...]] = (
 
 
 def letters_of(pins: Iterable[str], taken: Collection[str] = ()) -> dict[str, str]:
-    """Return the letter of each pin, each letter once, none that is `taken`; a pin without one has ""."""
+    """Return the letter of each pin: no letter twice, and none of `taken`; "" for a pin that gets none."""
     names = list(pins)
     given = {pin: PIN_LETTERS[pin] for pin in names if pin in PIN_LETTERS}
     for pin in names:
@@ -221,7 +221,7 @@ SIGNS: Final = (
 
 
 def key_rows(title: str, table: KeyTable, width: int, names: Mapping[str, str]) -> list[Row]:
-    """Return a table of keys; `names`: of keys that the user has changed."""
+    """Return the rows of a table of keys; `names` are the new names of keys that the user has changed."""
     rows = [row((title, "strong"))]
     for shown, what in table:
         key = names.get(shown.split(" or ")[0], shown)
@@ -264,7 +264,7 @@ def _status_rows(view_model: ViewModel, width: int) -> Iterator[Row]:
 
 
 def sections_for(focused: Widget | None) -> list[tuple[str, KeyTable]]:
-    """Return the tables of keys, that of the pane with the focus first."""
+    """Return the tables of keys; the table of the pane with the focus comes first."""
     sections: list[tuple[str, KeyTable]] = [(title, table) for title, _, table in HELP_SECTIONS]
     sections.append(("Signs", SIGNS))
     around = [widget.id for widget in focused.ancestors_with_self] if focused is not None else []

@@ -28,13 +28,13 @@ class FrameRange(NamedTuple):
     stop: int
 
     def style(self, place: int) -> str:
-        """Return the style of a byte of it, "" for data."""
+        """Return the style of the byte at `place` in prefix or suffix; "" for any other byte."""
         if self.start <= place < self.data:
             return PREFIX_STYLE
         return SUFFIX_STYLE if self.suffix <= place < self.stop else ""
 
     def sign(self, place: int) -> str:
-        """Return the sign before a byte of it, "" for none."""
+        """Return the sign before the byte at `place`; "" for none."""
         if place == self.data and self.start < self.data:
             return DATA_BEGIN_SIGN
         return DATA_END if place == self.suffix and self.suffix < self.stop else ""
@@ -115,7 +115,7 @@ WAS: Final = "was"
 
 
 class ByteLines(LineView):
-    """Bytes in lines, one of them under the cursor; a link to a member and matches of a search are marked."""
+    """Bytes in lines, one byte under the cursor; a linked member and matches of a search are marked."""
 
     ROOM: ClassVar = 68  # columns that 16 bytes need beside their offset
     BINDINGS: ClassVar = [("left,h", "step(-1)", "byte back"), ("right,l", "step(1)", "byte on")]
@@ -164,7 +164,7 @@ class ByteLines(LineView):
         self.show()
 
     def read_known_bytes(self, place: int) -> bytes:
-        """Return the bytes from a place on, as many as a number can have, up to the first unknown one."""
+        """Return the bytes from a place up to the first unknown one, at most `MOST_NUMBER_BYTES`."""
         places = range(place, place + MOST_NUMBER_BYTES)
         return bytes(iter(map(self._byte, places).__next__, None))
 
@@ -247,7 +247,7 @@ class HexView(ByteLines):
         return self.content[place] if is_here else None
 
     def show_before(self, before: PreviousJobBytes | None) -> None:
-        """Mark what differs from the job before; with `shows_before` its bytes are drawn below."""
+        """Mark bytes that differ from the job before; with `shows_before` the old bytes are drawn below."""
         self.before = before
         self.show()
 
@@ -286,7 +286,7 @@ class HexView(ByteLines):
         return Row(tuple(parts))
 
     def _matches(self, start: int, stop: int) -> set[int]:
-        """Return the bytes of a row that belong to a match; it may begin or end in another row."""
+        """Return the bytes of a row that belong to a match; a match may begin or end in another row."""
         if not self.patterns:
             return set()
         more = max(map(len, self.patterns)) - 1
@@ -295,7 +295,7 @@ class HexView(ByteLines):
         return {first + place for match in found for place in match}
 
     def _byte_before(self, place: int) -> int | None:
-        """Return the byte of the job before, None if either byte is unknown."""
+        """Return the byte that the job before had here; None if that byte or the present one is unknown."""
         before = self.before
         if before is None or self._byte(place) is None:
             return None
@@ -373,7 +373,7 @@ class HexView(ByteLines):
         self.post_message(ByteSelected(offset, self.of_job))
 
     def find(self, patterns: tuple[bytes, ...], is_forward: bool, again: bool) -> bool:
-        """Go to the next or previous match; forward and not `again`, the cursor's own counts."""
+        """Go to the next or previous match; forward and not `again`, a match at the cursor counts, too."""
         here = self.cursor if self.cursor is not None else -1 if is_forward else len(self.content)
         if is_forward:
             place = find_first(self.content, patterns, here + 1 if again else max(0, here))
@@ -404,7 +404,7 @@ MOST_NUMBER_BYTES: Final = 8  # bytes
 
 
 def numbers_at(content: bytes, width: int) -> str:
-    """Return as many as fit a line, `little|big`; a signed one only if it differs from the unsigned."""
+    """Return the numbers that fit a line, as `little|big`; a signed one only if the unsigned differs."""
     line, before = "LE|BE", ""
     for name, code in NUMBER_CODES:
         size = struct.calcsize(code)

@@ -160,7 +160,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         return super().refresh(*regions, repaint=repaint, layout=layout, recompose=recompose)
 
     def render_lines(self, crop: Region) -> list[Strip]:
-        """Return the lines in view: those of the last time while nothing has changed.
+        """Return the lines in view; while nothing has changed, the same lines as the last time.
 
         Textual asks every pane for all of its lines whenever a line of any pane has changed.
         """
@@ -213,7 +213,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         return Strip([*before, *marked, *after], strip.cell_length)
 
     def get_selection(self, selection: Selection) -> tuple[str, str]:
-        """Return the selected text as it is drawn; without a start or an end, as far as it is in view."""
+        """Return the selected text as it is drawn; a missing start or end means the edge of the view."""
         top = self.scroll_offset.y
         first = selection.start.y if selection.start is not None else top
         last = selection.end.y if selection.end is not None else top + self.size.height - 1
@@ -225,11 +225,11 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         return "\n".join(lines), "\n"
 
     def text_select_all(self) -> None:
-        """Select nothing on a second click: it acts as the first one."""
+        """Select nothing on a double click: its second click acts like the first one."""
 
     @property
     def select_container(self) -> Widget:
-        """Return the pane: a third click selects no more than a second one."""
+        """Return the pane itself, so that a triple click selects no more than a double click."""
         return self
 
     async def on_event(self, event: events.Event) -> None:
@@ -246,7 +246,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         self.refresh()
 
     def named_style(self, names: str) -> Style:
-        """Return the style of names such as `cursor dim`; made once a theme."""
+        """Return the style of names such as `cursor dim`; each is made once for a theme."""
         if self._is_over:
             names = " ".join("faint" if name in LAMP_STYLES else name for name in names.split())
         if names not in self._ready_styles:
@@ -330,7 +330,7 @@ class OneLine(LineView, can_focus=False):
 
 
 class TextView(LineView):
-    """Rows that are made together, by `make_rows` into `_rows`, again for each width."""
+    """Rows that `make_rows` makes all at once, and again for each width; `_rows` keeps them."""
 
     def __init__(self, id: str) -> None:
         super().__init__(id=id)

@@ -19,7 +19,7 @@ from trcvtui.wording import count, format_ns
 
 
 class ButtonLine(LineView):
-    """`labels` returns (letter, label) now, `press` gets an index; `chosen` returns the selected one."""
+    """`labels` returns each (letter, label), `press` gets an index, `chosen` returns the selected index."""
 
     DEFAULT_CSS = "ButtonLine { height: auto; }"
     KEYS: ClassVar = (("←→", "button"), ("enter", "press"))
@@ -87,7 +87,7 @@ class ButtonLine(LineView):
         return self.hover if self.hover is not None else self.cursor if self.has_focus else None
 
     def action_move(self, count: int) -> None:
-        """Move the cursor; in a line with a selected button, select the next one."""
+        """Move the cursor; in a line with a selected button, select the button that the cursor reaches."""
         here = self._chosen() if self._chosen else self.cursor
         self.cursor = (here + count) % len(self._labels())
         if self._chosen is not None:
@@ -189,7 +189,7 @@ class KeyLine(OneLine):
         self._names: Mapping[str, str] = {}  # of keys that the user has changed
 
     def show_keys_of(self, focused: Widget | None, holding: bool) -> None:
-        """Name the keys of the focused widget; in a text field only those that are not typed."""
+        """Show the keys of the focused widget; for a text field only keys that do not type a character."""
         self._types = isinstance(focused, Input)
         own = focused.keys() if isinstance(focused, LineView) else ()
         self.show_keys(getattr(focused, "KEYS", FIELD_KEYS) if self._types else own, holding)
@@ -277,7 +277,7 @@ MOST_TRIGGER_WIDTH: Final = 36
 
 
 class HeaderWord(NamedTuple):
-    """One word of the header; those with the highest `rank` give way first on a narrow screen."""
+    """One word of the header; on a narrow screen words with the highest `rank` are dropped first."""
 
     text: str
     style: str

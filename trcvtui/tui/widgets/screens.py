@@ -61,7 +61,7 @@ class SideScreen(FullScreen[Result], Generic[Result]):
         raise NotImplementedError
 
     def arrange_panes(self) -> None:
-        """Show all panes, or the one whose tab is open."""
+        """Show all panes, or only the pane of the open tab."""
 
     def on_resize(self, event: events.Resize) -> None:
         width, height = self.LEAST_SIZE

@@ -172,14 +172,14 @@ def readable_colours(theme: Theme, colours: dict[str, str]) -> dict[str, str]:
 
 
 def _adjust_ink(papers: list[Color], ink: Color, least: float) -> Color:
-    """Return the ink, moved towards black or white until it is `least` to 1 from each paper."""
+    """Return the ink, moved towards black or white until its contrast to each paper is `least` or more."""
     end = papers[0].get_contrast_text(1.0)
     steps = (ink.blend(end, step / 20, 1.0) for step in range(20))
     return next((one for one in steps if min(contrast(one, paper) for paper in papers) >= least), end)
 
 
 def contrast(one: Color, other: Color) -> float:
-    """Return how far two colours are apart, 1 to 21."""
+    """Return the contrast of two colours, 1 to 21."""
     dark, bright = sorted(_luminance(colour) for colour in (one, other))
     return (bright + 0.05) / (dark + 0.05)
 

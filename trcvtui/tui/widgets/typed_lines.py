@@ -1,8 +1,8 @@
 """Keys act in the order in which you type them, each before the next one is read, on every screen.
 
-Textual hands a key to the widget that has the focus when the key arrives, and that widget's queue
-hands it on. A letter acts in that queue, but Backspace, enter and tab only after they have passed all the way
-up: keys typed after them overtake them. Here a key acts at once, and waits for a screen that is just opening.
+Textual puts a key into the queue of the widget that has the focus when the key arrives. A letter acts in
+that queue, but Backspace, enter and tab act only after all widgets above have passed them on: later keys
+overtake them. Here a key acts at once, or after a screen that is just opening has opened.
 
 Rule: whatever takes text is a TypedField, or a screen that is a LetterReceiver; nothing else reads letters.
 """
@@ -41,7 +41,7 @@ class TypedField(Input):
         return text.splitlines()[0]
 
     async def handle_change(self) -> None:
-        """React to a change before the next key, such as with other fields."""
+        """React to a change before the next key acts, such as by changing other fields."""
 
 
 @runtime_checkable
@@ -176,7 +176,7 @@ class FilterLine(TypedLine):
         self._taken, self._narrow, self.move = taken, narrow, move
 
     def open(self) -> None:
-        """Begin with the last words; they act again."""
+        """Open with the last words of the filter, and apply them again."""
         self.open_field()
         self._narrow(self._input.value)
 
@@ -227,7 +227,7 @@ class FindInput(LineInput):
 class FindLine(Horizontal):
     """Takes no room while closed; enter calls `find`, closing calls `refocus`.
 
-    `complain` gets its mistake as you type: in this line it would be cut.
+    `complain` gets the mistake in the text as you type: this line has no room for it.
     """
 
     DEFAULT_CSS = """

@@ -24,9 +24,9 @@ BytesChange = Callable[[bytes], bytes]
 class FitCause(NamedTuple):
     """One cause: its kind, its number of bytes, how to undo it, and the points that it costs.
 
-    `front` is the number of extra bytes before the members, below 0 of missing ones; `back` the same after
-    them. `of_member` undoes it in the bytes of a number (by size), `of_text` in those of a text, `of_all` in
-    a whole message. `member` is where the sender's type differs from ours, `theirs` the type of it there.
+    `front` is the number of extra bytes before the members (below 0: missing bytes), `back` of those after
+    them. `of_member` undoes the cause in a number (by its size), `of_text` in a text, `of_all` in a whole
+    message. `member` is the place where the sender's type differs from ours, `theirs` is its type there.
     """
 
     kind: str | None = None
@@ -54,7 +54,7 @@ class FitCause(NamedTuple):
         return f"{words} and {more} after it" if self.kind == HEADER and self.back else words
 
     def can_fit(self, size: int, framed: bool, lengths: Collection[int]) -> bool:
-        """Return whether a message of one of these lengths can have a type of this size with this cause."""
+        """Return whether a message of one of these lengths can hold a type of this size with this cause."""
         period = size + self.front + self.back
         if max(self.front, self.back) > MOST_EXTRA_IN_STREAM:
             is_several = not (self.front + self.back) % max(size, 1)  # of the type, in one
@@ -83,7 +83,7 @@ _CAUSE_TEXTS: Final = {
 
 
 def _swap_words(raw: bytes) -> bytes:
-    """Return the words of each 32 bits exchanged."""
+    """Return the bytes with the two words of each 32 bits exchanged."""
     out, end = bytearray(raw), len(raw) & ~3
     for to, place in enumerate((2, 3, 0, 1)):  # by slices: a message may have 4 MiB
         out[to:end:4] = raw[place:end:4]
@@ -152,7 +152,7 @@ def cut_messages(
 
 
 class CutMessages(NamedTuple):
-    """Bytes of the type's size, the bytes before and after each, messages that fit, most values in one."""
+    """Values (`units`), bytes before and after each, number of messages that fit, most values in one."""
 
     units: tuple[bytes, ...]
     extras: tuple[tuple[bytes, bytes], ...]

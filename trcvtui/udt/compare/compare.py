@@ -23,7 +23,7 @@ LeafPair = tuple[int | None, int | None]  # the number of a leaf on each side; N
 
 
 def pair_leaves(ours: Node, theirs: Node, a: int = 0, b: int = 0) -> Iterator[LeafPair]:
-    """Yield the leaves of both, those of theirs alone after their siblings; numbers start at `a` and `b`."""
+    """Yield pairs of leaves, those that only theirs has after their siblings; numbers start at `a`, `b`."""
     if isinstance(ours, PlacedLeaf) and isinstance(theirs, PlacedLeaf):
         yield a, b
         return
@@ -56,7 +56,7 @@ MOST_DIFFERENCES: Final = 256  # differences that are counted
 
 
 class MemberDifference(NamedTuple):
-    """A member that differs, with both sides in words; `is_place`: in its place, else in its stored form."""
+    """A member that differs, both sides in words; `is_place`: the place differs, else the stored form."""
 
     path: str
     ours: str
@@ -65,7 +65,7 @@ class MemberDifference(NamedTuple):
 
 
 def describe_difference(a: Layout, b: Layout) -> str:
-    """Return how two layouts of one type differ; of the elements of an ARRAY only the first is named."""
+    """Return how two layouts of a type differ; of an ARRAY, only the first differing element is named."""
     parts = []
     if a.size != b.size:
         parts.append(f"the size, {a.size} and {b.size} bytes")
@@ -132,7 +132,7 @@ class ComparedRow(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """Both sizes, how many rows differ, and the first byte of one on either side, None if none differs."""
+    """Both sizes, how many rows differ, and the first byte of such a row on a side (None: none differs)."""
 
     our_size: int
     their_size: int
@@ -150,7 +150,7 @@ class Summary(NamedTuple):
 
 
 class Comparison:
-    """Two layouts; the rows are in our order, members of theirs alone at the end of their STRUCT."""
+    """Two layouts; the rows are in our order, members that only theirs has at the end of their STRUCT."""
 
     def __init__(self, ours: Layout, theirs: Layout) -> None:
         self.ours, self.theirs = ours, theirs

@@ -104,7 +104,7 @@ def find_drifted_layouts(
 
 
 class _PlaceScores:
-    """Quick points of the messages for members at given places; each place is judged once."""
+    """Quickly found points for members at given places in the messages; each place is judged once."""
 
     def __init__(self, messages: Sequence[bytes]) -> None:
         self.messages = messages[-MOST_FIRST_MESSAGES:]
@@ -156,7 +156,7 @@ def _own_places(layout: Layout, shift: int = 0) -> tuple[object, ...]:
 
 
 class _StructVariants:
-    """A STRUCT with some parts replaced; the parts after them depend only on the end modulo LARGEST_ALIGN."""
+    """A STRUCT with parts replaced: where later ones lie depends only on the end modulo LARGEST_ALIGN."""
 
     def __init__(self, placing: Placing, type_: Struct, parts: Sequence[_StructPart]) -> None:
         self.placing, self.type, self.parts = placing, type_, parts
@@ -178,7 +178,7 @@ class _StructVariants:
         return start, round_up(start + node.size, self.placing.end_floor(inner)), step
 
     def replace_parts(self, at: int, stop: int, new: _StructPart | None = None) -> tuple[Span, int]:
-        """Return the STRUCT with `new`, or nothing, for parts `at` to `stop`, and the shift of the next."""
+        """Return the STRUCT with `new` or nothing as parts `at` to `stop`, and the next part's shift."""
         if self.has_bits or (new and _has_bit([new])):  # with bits a place needs more than the remainder
             parts = [*self.parts[:at], *([new] if new else []), *self.parts[stop:]]
             spots, end, align = self.placing.member_spots(self.type, parts)
@@ -220,7 +220,7 @@ def _has_bit(parts: Sequence[_StructPart]) -> bool:
 
 
 class _DriftSearch:
-    """The drifts of a type in one layout, placed but not made: few have the size of the messages."""
+    """The drifts of a type in one layout; types are placed, not made: few have the size of the messages."""
 
     def __init__(self, rules: LayoutRules) -> None:
         self.placing = Placing(rules)

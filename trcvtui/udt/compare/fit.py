@@ -11,11 +11,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from trcvtui.udt.compare.beside import surrounding_causes, usual_length
 from trcvtui.udt.compare.causes import CAUSES, DRIFTS, NONE, FitCause
 from trcvtui.udt.compare.compare import describe_difference
 from trcvtui.udt.compare.doubt import CLEAR_OF_DRIFT, find_doubt, reading_name, reads_same_values
 from trcvtui.udt.compare.drift import find_drifted_layouts
+from trcvtui.udt.compare.extra_bytes import surrounding_causes, usual_length
 from trcvtui.udt.compare.reading import EvidenceCache, LayoutView, Reading, Reason
 from trcvtui.udt.layout.layout import (
     DEFAULT_LAYOUT,
@@ -42,10 +42,10 @@ MISPLACED_POINTS: Final = -30.0
 class Fit:
     """One way to read the bytes: all profiles with this reading, the cause beside them, the points and why.
 
-    `members` are the members' own points, part of `score`. `reasons` begin with the weightiest. At most the
-    first reading `fits_best`; if it does not, `doubt` says why, and it still `is_ahead` if one odd value is
-    the only objection. `same` are the readings with the same value at the same place for every member: they
-    share one `rank` (1, 1, 3), as no byte prefers one of them; they differ only in how rare their causes are.
+    `members` are the members' own points, part of `score`. `reasons` begin with the weightiest. Only the
+    first reading can be `fits_best`. If it is not, `doubt` says why; it is still `is_ahead` if one odd
+    value is the only objection. `same` are the readings with the same value at the same place for every
+    member. They share a `rank` (1, 1, 3), as no byte prefers one; only the rarity of their causes differs.
     """
 
     profiles: tuple[Profile, ...]
@@ -85,8 +85,8 @@ def rank(
 ) -> tuple[Fit, ...]:
     """Return every reading of the bytes, the best first.
 
-    `messages` are what the sender sent at once, each from its first byte, one telegram or several; not
-    `framed`: they are pieces of one stream that begins with a message, and their lengths mean nothing. Of
+    Each of `messages` is what the sender sent at once, from its first byte: one telegram or several. If not
+    `framed`, they are pieces of one stream that begins with a message, and their lengths mean nothing. Of
     equal readings the one with the layout `sender` (probable for the source of the type) comes first, then
     the one with `own`, the rules of our side.
     """
@@ -122,7 +122,7 @@ def rank(
 
 
 def _find_likeliest_place(look: LayoutView, messages: Sequence[bytes]) -> tuple[FitCause, ...]:
-    """Return the likeliest place of the type in longer messages, with any bytes beside it; () if none."""
+    """Return the likeliest place of the type in longer messages, whatever is beside it; () if none."""
     size, length = look.layout.size, usual_length([len(message) for message in messages])
     members, most = look.members[: MOST_PLACED_AND_MESSAGES[0]], MOST_PLACED_AND_MESSAGES[1]
     some = list(dict.fromkeys(message for message in messages if len(message) == length))[-most:]
@@ -155,7 +155,7 @@ def tied_readings(fits: Sequence[Fit]) -> tuple[Fit, ...]:
 
 
 def drop_near_drifts(fits: Sequence[Fit]) -> list[Fit]:
-    """Return the readings without drifts that are not clearly ahead: of many, some lead by chance."""
+    """Return the readings, drifts only if clearly ahead: of many drifts, some lead by chance."""
     ahead = max((fit.score for fit in fits if fit.cause.kind not in DRIFTS), default=0.0) + CLEAR_OF_DRIFT
     return [fit for fit in fits if fit.cause.kind not in DRIFTS or fit.score > ahead]
 

@@ -82,7 +82,7 @@ def log_chance(raw: bytes) -> float:
 
 
 def repeated_zero_points(type_: LeafType, parts: Collection[bytes]) -> float:
-    """Return the correction for number bytes that are 0 in every message: one fact, like padding."""
+    """Return the correction for bytes of a number that are 0 in every message: one fact, like padding."""
     if isinstance(type_, StringType):
         return 0.0
     share: float = len(parts) ** REPEAT_EXPONENT
@@ -131,7 +131,7 @@ def gap_points(raw: bytes) -> float:
 
 
 def judge_step(leaf: Leaf, before: bytes, after: bytes, rules: LayoutRules) -> tuple[float, str]:
-    """Return points and words for the change of a REAL, or of a number not round in any order; 0: none."""
+    """Return points (0: no evidence) and words for the change of a REAL, or a number round in no order."""
     if isinstance(leaf.type, StringType | Pointer | Enumeration) or leaf.bit is not None:
         return 0.0, ""
     row = rules.storage(leaf.type)
@@ -197,7 +197,7 @@ def _is_round(raw: bytes) -> bool:
 
 
 def exchange_pairs(raw: bytes) -> bytes:
-    """Return the bytes of each 16 bits exchanged: BADC."""
+    """Return the bytes with the two bytes of each 16 bits exchanged: BADC."""
     out = bytearray(raw)
     even = len(raw) & ~1
     out[:even:2], out[1:even:2] = raw[1:even:2], raw[:even:2]

@@ -8,9 +8,9 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from trcvtui.udt.compare.beside import extra_evidence
 from trcvtui.udt.compare.causes import CutMessages, FitCause, cut_messages
 from trcvtui.udt.compare.drift import MOST_LEAVES, is_unknown_member
+from trcvtui.udt.compare.extra_bytes import extra_evidence
 from trcvtui.udt.compare.likelihood import (
     MOST_MESSAGES,
     REPEAT_EXPONENT,
@@ -96,7 +96,7 @@ class LayoutView:
 
 
 class MemberPoints(NamedTuple):
-    """The points of one member over all messages, with the bytes whose own points are nearest to them."""
+    """The points of one member over all messages; `raw` are the bytes with points nearest to the mean."""
 
     member: ReadMember
     points: float
@@ -298,7 +298,7 @@ class Reading:
         return sum(one.points for one in self.member_points) + sum(step.points for step in self.steps)
 
     def strangeness(self, sender: str, own: LayoutRules) -> tuple[bool, bool]:
-        """Return a sort key for readings with equal points: the layout of the sender, our byte order."""
+        """Return a sort key for readings with equal points: the sender's layout, then our byte order."""
         return self.profiles[0].layout != sender, self.profiles[0].byte_order != own.byte_order
 
     @cached_property
@@ -307,7 +307,7 @@ class Reading:
 
     @cached_property
     def fair_score(self) -> float:
-        """Return the score in a comparison of byte orders, since all numbers of a sender may be round."""
+        """Return the score with `fair` points, to compare byte orders: all numbers may be round."""
         more = sum(one.fair - one.points for one in self.member_points)
         return self.score + (min(more, MOST_ROUND_POINTS) if self.has_plain else more)
 
@@ -372,7 +372,7 @@ class Reading:
 
     @property
     def widest_number(self) -> int:
-        """Return the size of the largest number; up to 2 bytes an exchange is only the other byte order."""
+        """Return the size of the largest number; up to 2, exchanged bytes are only the other byte order."""
         return max((member.leaf.size for member, _ in self.read if is_number(member)), default=0)
 
     @cached_property
@@ -384,7 +384,7 @@ class Reading:
         }
 
     def plain_values(self, member: ReadMember, parts: list[bytes]) -> Iterator[object]:
-        """Yield the bytes that make the value of a member in each message, as in big-endian."""
+        """Yield the bytes that make the value of a member in each message, a number in big-endian order."""
         rules = self.look.layout.rules
         is_little = rules.byte_order == "little"
         if isinstance(member.leaf.type, StringType) and member.leaf.type.wide:

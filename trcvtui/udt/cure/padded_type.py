@@ -1,8 +1,8 @@
 """The padded type: a declaration with the same offsets under one layout as a type has under another.
 
 Gaps become members, and a value that is stored differently becomes a bit string of its size. A member that
-cannot be reached becomes raw bytes, with a reason. Rule: the result is laid out and every member compared, so
-a type that is called possible is proved. It may be longer than what is sent: LEN limits it.
+cannot be reached becomes raw bytes, with a reason. Rule: the result is laid out and every member compared:
+`is_possible` is proved. The type may be longer than what is sent: LEN is then the wanted size.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ BIT_STRINGS = {1: "BYTE", 2: "WORD", 4: "DWORD", 8: "LWORD"}
 
 
 class MemberNote(NamedTuple):
-    """A note on a member, or on all if `path` is ""; it names the first element of an ARRAY."""
+    """A note on a member, or on the type if `path` is ""; of an ARRAY, `path` names the first element."""
 
     path: str
     text: str
 
 
 def substitute_leaf(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
-    """Return a type that under our rules has the bytes of a leaf under theirs."""
+    """Return a type with the same bytes under our rules as a leaf has under theirs; None without one."""
     if node.is_bit:
         if "BOOL" in ours.bits or ours.takes_pack:  # only CODESYS has BIT
             return ELEMENTARY["BOOL" if "BOOL" in ours.bits else "BIT"], ""
@@ -93,7 +93,7 @@ RawMember = tuple[int, str]  # `id` of the wanted node of its STRUCT, its name
 def prove_places(
     wanted: Node, found: Node, raw: Collection[RawMember], path: str = "", proved: set[object] | None = None
 ) -> None:
-    """Raise Unreachable unless every member has its wanted place, those in `raw` as bytes or in padding."""
+    """Raise Unreachable unless every member has its wanted place; those in `raw` are bytes or padding."""
     proved = set() if proved is None else proved
     if found.size < wanted.size:
         raise Unreachable(path, f"{found.size} bytes in place of {wanted.size}")
@@ -210,7 +210,7 @@ def _try_rebuild(wanted: Layout, rules: LayoutRules, rebuild: _Rebuilder) -> Pad
 
 
 class _RawMemberNote(NamedTuple):
-    """A member that became raw: its path, the path inside it of the part that causes it, and why."""
+    """A member that became raw bytes: its path, the part inside it that is the cause, and the reason."""
 
     path: str
     inner: str

@@ -224,7 +224,7 @@ def structs_of(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, Placed
 
 
 def count_fields(type_: Type, node: Node) -> int:
-    """Return the number of paths to leaves, indices aside; it may grow as 2 to the depth."""
+    """Return the number of paths to leaves, without indices; it may double with each level of nesting."""
     counts: dict[Type, int] = {}
 
     def count_paths(type_: Type, node: Node) -> int:

@@ -32,7 +32,7 @@ class Leaf(NamedTuple):
 
 
 class PlacedLeaf:
-    """A value of elementary type, a text, an enumeration, or one bit (the STRUCT or ARRAY has its place)."""
+    """A value of elementary type, a text, an enumeration, or one bit (its parent node has its place)."""
 
     __slots__ = ("align", "coding", "is_bit", "size", "type")
     leaves = 1
@@ -102,7 +102,7 @@ class PlacedUnion(PlacedStruct):
 class PlacedArray:
     """An array: its element laid out once, its declared bounds, `pitch` bytes between elements.
 
-    In an array of bits each row (all but the last index fixed) begins a new byte, `row_size` bytes apart.
+    In an array of bits each row (only the last index varies) has `row_size` bytes and begins a new byte.
     """
 
     def __init__(self, type_: Array, element: Node, pitch: int, align: int) -> None:
@@ -213,7 +213,7 @@ LeafValues = tuple[Value | None, ...]
 
 
 class Codec:
-    """Reads bytes as values, in leaf order; raises struct.error if there are too few."""
+    """Reads bytes as values, in leaf order; raises struct.error if there are too few bytes."""
 
     def __init__(self, leaves: Sequence[Leaf], order: str) -> None:
         parts, end = [order], 0

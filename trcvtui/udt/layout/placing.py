@@ -207,7 +207,7 @@ class Placing:
 
 
 def has_padded_end(type_: Struct | Union) -> bool:
-    """Return whether a class of C++ does not end with a member: a derived class may begin inside it."""
+    """Return whether a class of C++ ends with room behind its members: a derived class may begin there."""
     placing = Placing(rules_for("c"))
     try:
         _, end, align = placing.member_spots(type_, placing.place_members(type_, ""))
@@ -279,7 +279,7 @@ class Builder:
         self.bits = int(is_bit)
 
     def put_raw(self, name: str, offset: int, size: int, is_bit: bool, path: str) -> None:
-        """Put bytes in place of a member; for a bit one BYTE that has all bits."""
+        """Put bytes in place of a member; in place of a bit, one BYTE for all bits of its byte."""
         if is_bit and self.end > offset:  # the byte is covered already
             return
         if is_bit:

@@ -197,7 +197,7 @@ def rules_for(
 
 
 class LayoutChoice(NamedTuple):
-    """The layout options; None leaves one to the caller, or to the layout itself."""
+    """The layout options; an option that is None is left to the caller, or to the layout itself."""
 
     layout: str | None = None
     byte_order: str | None = None
@@ -206,7 +206,7 @@ class LayoutChoice(NamedTuple):
     string_even: bool | None = None
 
     def rules(self, own: str | LayoutRules = DEFAULT_LAYOUT) -> LayoutRules:
-        """Return the chosen rules, those of `own` without a layout; raise UserError for an unknown name."""
+        """Return the chosen rules, based on `own` without a layout; raise UserError for an unknown name."""
         chosen = own if self.layout is None else self.layout
         return rules_for(
             chosen, self.byte_order, self.text, pointer_size=self.pointer_size, string_even=self.string_even

@@ -65,7 +65,7 @@ NO_DATA: Final = "no data"
 
 
 def value_text(leaf: Leaf, value: Value | None, raw: bytes = b"") -> str:
-    """Return the text of a leaf's value; with the leaf's own bytes as `raw` also its mark."""
+    """Return the text of a leaf's value, and its mark if `raw` has the leaf's own bytes."""
     if value is None:
         return NO_DATA
     text, mark = _plain_text(leaf.type, leaf.size, value), mark_text(leaf, raw)

@@ -41,7 +41,7 @@ def decode_leaf(layout: Layout, leaf: Leaf, part: Data) -> Value:
 
 
 def _write_overlapping(layout: Layout, data: bytearray, parts: Sequence[tuple[Leaf, bytes]]) -> None:
-    """Write leaves that share bytes; `taken` are the bits that the values written before need."""
+    """Write leaves that share bytes; `taken` are the bits that earlier values need."""
     taken = bytearray(len(data))
     for leaf, part in sorted(parts, key=lambda row: _write_order(layout, *row)):
         place = slice(leaf.offset, leaf.offset + leaf.size)
@@ -78,7 +78,7 @@ def _needed_mask(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
 
 
 def _write_order(layout: Layout, leaf: Leaf, part: bytes) -> int:
-    """Return a number that is higher the more other bytes have the same value; 0: each bit counts."""
+    """Return a rank: it is higher if more other bytes have the same value; 0: each bit counts."""
     if isinstance(leaf.type, StringType):
         return 2 if leaf.type.wide else 1
     value = decode_leaf(layout, leaf, part)
@@ -96,7 +96,7 @@ LONGEST_VALUE_SHOWN = 60
 def encode(layout: Layout, values: Mapping[str, object]) -> bytes:
     """Return the bytes of values by path; missing values, None and gaps are 0.
 
-    Where members overlap, a later one keeps the bytes of the earlier ones if they have its value too.
+    Where members overlap, a later one leaves earlier bytes unchanged if they already mean its value.
     Raise UserError with one problem for each unknown path and each value out of range.
     """
     data = bytearray(layout.size)

@@ -37,7 +37,7 @@ _NESTED_COMMENTS_MARK: Final = r"\(\* @NESTEDCOMMENTS := '(Yes|No)' \*\)"
 class TypeFormat(NamedTuple):
     """One format of type files: its name, the extensions of its files, its reader.
 
-    `read` gets the text and the name of the file; in a format with `root`, the XML element of that name.
+    `read` gets the text and name of a file; if the format has a `root`, only the XML element of that name.
     `needs`: what has to be installed. `sender`: the layout of most devices that use such files.
     """
 
@@ -172,7 +172,7 @@ def read_files(
 
 
 def qualify_variables(read: Declarations, path: SourcePath, paths: Iterable[SourcePath]) -> Declarations:
-    """Return what a file declares; variables get its folder in front if other files have the same name."""
+    """Return what a file declares; variables get its folder in front if another file has its name."""
     folder, name = os.path.split(str(path))
     if not folder or not any(VARIABLES_NOTE in each.notes for each in read.types):
         return read
@@ -182,7 +182,7 @@ def qualify_variables(read: Declarations, path: SourcePath, paths: Iterable[Sour
 
 
 def set_header_context(paths: Iterable[SourcePath], long_size: int | None) -> None:
-    """Set what C headers do not contain themselves: the bytes of `long`, the macros of each other."""
+    """Set what a C header does not contain itself: the size of `long`, the macros of the other headers."""
     from trcvtui.udt.sources.c_source import LONG_SIZE, OTHER_HEADERS
 
     headers = [path for path in paths if os.path.splitext(path)[1].lower() in FORMATS["C header"].extensions]

@@ -1,7 +1,7 @@
 """Rewrites C++ in a header as C: removes what adds nothing to the size of a class, keeps all places.
 
 Rule: only what surely adds nothing is removed; the C parser refuses the rest at its line.
-In a class a type remains as a member that is `_Atomic`, a constant as an enumeration.
+Inside a class, a type is rewritten as a member with `_Atomic`, and a constant as an enumeration.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class CppSource:
 
     `bases` are the types of enumerations by the place of their brace, and whether they are scoped; `parents`
     the base classes by the brace of a class; `arrays` the places of declarators made of a `std::array`.
-    `has_types`: a member that is `_Atomic` is a type.
+    `has_types`: a member with `_Atomic` is a type, since the header itself has no `_Atomic`.
     """
 
     def __init__(self, text: str, has_classes: bool, is_cpp: bool) -> None:

@@ -83,7 +83,7 @@ def _type(text: str, member: Element, depth: int, problems: list[Problem], copie
 
 
 def _keep_copy(name: str, own: Element, depth: int, copies: Copies) -> None:
-    """Add the copy of a type that a member has."""
+    """Add to `copies` the type that a member contains as a copy."""
     problems: list[Problem] = []
     members: list[ast.MemberSpec] = []
     kinds = set()

@@ -50,7 +50,7 @@ def note_other_name(declaration: ast.Declaration, name: str) -> ast.Declaration:
 
 
 def qualify_constants(read: ast.Declarations, list_: str) -> ast.Declarations:
-    """Add each constant also as `GVL.NAME`, as bounds may name it."""
+    """Add each constant also as `GVL.NAME`, because bounds may use that name."""
     if not list_:
         return read
     both = tuple(constant._replace(name=f"{list_}.{constant.name}") for constant in read.constants)

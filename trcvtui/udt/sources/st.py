@@ -214,7 +214,7 @@ class Parser(SpecParser):
             raise self.refusal("'STRUCT'")
 
     def pack(self, pragmas: list[str], token: StToken) -> int | None:
-        """Return the pack_mode among the pragmas of a type; raise UserError for one no compiler accepts."""
+        """Return the pack_mode among the pragmas of a type; raise UserError if no compiler accepts it."""
         found = next((mode for text in pragmas if (mode := re.search(_PACK_MODE, text))), None)
         if found is None:
             return None

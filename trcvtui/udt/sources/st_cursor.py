@@ -143,7 +143,7 @@ class Source:
         return tokens
 
     def comment_end(self, place: int) -> int:
-        """Return where the comment ends that begins here, 0 if nowhere; nested unless the marks mismatch."""
+        """Return the end of the comment that begins here, 0 for none; nested unless the marks mismatch."""
         depth = 0
         for mark in _COMMENT_MARK.finditer(self.text, place) if self.nested else ():
             depth += 1 if mark.group() == "(*" else -1
@@ -219,13 +219,13 @@ class Cursor:
             raise self.refusal(f"'{text}'")
 
     def expect_name(self, what: str) -> StToken:
-        """Return the name at the cursor and skip it; raise UserError that expects `what`."""
+        """Return the name at the cursor and skip it; raise UserError: `what` expected."""
         if not self.is_name() or (self.token.upper in RESERVED_WORDS and not self.is_member_type()):
             raise self.refusal(what)
         return self.advance()
 
     def expect_names(self, first: str, more: str) -> list[StToken]:
-        """Return one or more names, separated by commas; raise UserError that expects `first` or `more`."""
+        """Return one or more names, separated by commas; raise UserError: `first` or `more` expected."""
         names = [self.expect_name(first)]
         while self.accept(","):
             names.append(self.expect_name(more))

@@ -40,7 +40,7 @@ class SpecParser(Cursor):
         return spec
 
     def variables(self) -> ast.Spec:
-        """Return all of VAR ... END_VAR VAR ... END_VAR as one structure."""
+        """Return one or more blocks VAR ... END_VAR as one structure."""
         members: list[ast.MemberSpec] = []
         while self.sees("VAR") and self.tokens[self.at + 1].upper != "CONSTANT":
             members += self.struct().members

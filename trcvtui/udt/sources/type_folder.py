@@ -65,7 +65,7 @@ class TypeFolder:
         return texts
 
     def declarations(self, file: str) -> Declarations:
-        """Return what a file declares, nothing if unreadable; of a generated header what no .typ declares."""
+        """Return what a file declares, nothing if unreadable; of a generated header what no .typ has."""
         if file not in self.read:
             self.read[file] = Declarations(())
             with collect_problems(self.problems):
@@ -132,7 +132,7 @@ def find_types(
     where: str,
     constants: Mapping[str, int],
 ) -> tuple[TypeSet, list[str]]:
-    """Return the types of files, with what the named types lack from folders, and a note for each folder."""
+    """Return the types of files and what `names` need from folders, with a note for each folder used."""
     found_in: dict[str, dict[str, dict[str, Declarations]]] = {}
     sought: set[tuple[str, str]] = set()
     types = join_files(files, where, constants)
@@ -176,7 +176,7 @@ def _shorten_names(names: Collection[str]) -> str:
 
 
 def _drop_repeated(files: Iterable[Declarations]) -> list[Declarations]:
-    """Return the files without declarations that are equal to one in an earlier file."""
+    """Return the files; a declaration that is equal to one in an earlier file is left out."""
     known: set[Any] = set()
     kept: list[Declarations] = []
     for file in files:

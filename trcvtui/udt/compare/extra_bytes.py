@@ -50,7 +50,7 @@ def usual_length(lengths: Sequence[int]) -> int:
 
 
 def surrounding_causes(size: int, length: int) -> Iterator[FitCause]:
-    """Yield each place of a type in a longer message with bytes both before and after it."""
+    """Yield a cause for each place of a type in a longer message that has bytes before and after it."""
     extra = length - size
     if size and 1 < extra <= MOST_EXTRA_BYTES and extra % size:  # else it is several values of the type
         for front in range(1, extra):
@@ -110,7 +110,7 @@ def _judge_trailer(before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | 
 
 
 def _find_checksum(before: bytes, unit: bytes, after: bytes) -> tuple[str, float]:
-    """Return the name and share of a checksum after a message, alone or beside a mark; "" if unknown."""
+    """Return name and share of a checksum after a message, alone or beside an end mark; "" if unknown."""
     if name := _checksum((before + unit, unit), after):
         return name, CHECKSUM_SHARE
     for mark, (ending, share) in END_MARKS.items():
@@ -139,7 +139,7 @@ def _hex_text(raw: bytes) -> str:
 
 
 def has_length_field(cause: FitCause, messages: Sequence[bytes], size: int) -> bool:
-    """Return whether each message begins with a length field of at least half the header (else chance)."""
+    """Return whether each header has a length field of at least half its size (else it may be chance)."""
     found = [find_length_field(one[: cause.n], size) for one in messages]
     return cause.kind == HEADER and all(one is not None and len(one[0]) * 2 >= cause.n for one in found)
 

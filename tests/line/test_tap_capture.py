@@ -10,7 +10,7 @@ import pytest
 from trcvtui.capture import pcap
 from trcvtui.capture.packets import IpPayload, parse_packet
 from trcvtui.capture.reassembly import ConversationEvent, Conversations, SegmentKind
-from trcvtui.line.tapped import TapPacket, TapPackets
+from trcvtui.line.tap_capture import TapPacket, TapPackets
 from trcvtui.net.tap import LOSS, WAY_BACK, WAY_TO, TapEvent, TapEventKind
 from trcvtui.recording.wire import checksum
 

@@ -19,7 +19,7 @@ from msgspec import Meta, Struct
 from trcvtui import __version__
 from trcvtui.capture import pcap
 from trcvtui.capture.packets import TCP, UDP
-from trcvtui.net.os.tap_ways import TapChannel
+from trcvtui.net.os.tap_channels import TapChannel
 from trcvtui.net.tap import FIGURES_DATA, LOSS, WAY_BACK, WAY_TO, TapEvent, TapEventKind
 from trcvtui.recording.wire import (
     ACK,

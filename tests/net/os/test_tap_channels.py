@@ -8,7 +8,7 @@ import pytest
 
 from trcvtui.capture.pcap import packet_block
 from trcvtui.net.os.packet_pipe import PacketPipe
-from trcvtui.net.os.tap_ways import ChannelServer, TapChannel
+from trcvtui.net.os.tap_channels import ChannelServer, TapChannel
 
 pytestmark = [
     pytest.mark.live,

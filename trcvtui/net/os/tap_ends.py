@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from trcvtui.errors import mistake, require
 from trcvtui.net.os.system_calls import IN, OUT, RESET_ON_CLOSE, count_unread, error_name, peek_at, tcp_info
-from trcvtui.net.os.tapped_lane import GONE_MASK, DatagramLane, TapConversation, TapEnd, TapLane, TapLoop
+from trcvtui.net.os.tap_lane import GONE_MASK, DatagramLane, TapConversation, TapEnd, TapLane, TapLoop
 from trcvtui.net.tap import WAY_BACK, WAY_TO, Route, TapEventKind, TapPlace
 from trcvtui.wording import count
 

@@ -710,7 +710,7 @@ _LACKS_CLOCK: Final = (Quality.CLOCK,)
 _LACKS_ACKS: Final = (Quality.ONE_DIRECTION, Quality.ACKS_MISSING, Quality.CLOCK)
 STALL_CAUSES: Final = ("dead-link", "mtu", "plc-not-reading", "partner-not-reading")
 _GONE_TEXT: Final = "ARP requests for the other end have no answer: it is off, or its cable is unplugged"
-_REFUSED: Final = ("second-client", "turned-away", "wrong-tsap", "tls-refused")
+_REFUSALS: Final = ("second-client", "turned-away", "wrong-tsap", "tls-refused")
 _MISREAD_CAUSES: Final = ("frame-short", "frame-long", "adhoc-missing", "padding", "header", "byte-order")
 _LACKS_COPIES: Final = (Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK)
 CAUSE_RULES: Final = (
@@ -723,10 +723,10 @@ CAUSE_RULES: Final = (
     CauseRule("wrong-tsap", lambda case: judge_wrong_tsap(case.line)),
     CauseRule("tls-refused", lambda case: judge_tls(case.line)),
     CauseRule("line-errors", lambda case: judge_line_errors(case.line)),
-    CauseRule("closes-each-message", _judge_closes, _REFUSED),
+    CauseRule("closes-each-message", _judge_closes, _REFUSALS),
     CauseRule("half-open", lambda case: judge_half_open(case.line, case.group.restarts), blind=_LACKS_CLOCK),
     CauseRule(
-        "reconnect-storm", _judge_storm, (*_REFUSED, "closes-each-message", "half-open"), blind=_LACKS_CLOCK
+        "reconnect-storm", _judge_storm, (*_REFUSALS, "closes-each-message", "half-open"), blind=_LACKS_CLOCK
     ),
     CauseRule("no-keep-alive", _judge_no_keep_alive, ("half-open",), blind=_LACKS_ACKS),
     CauseRule("mtu", lambda case: judge_mtu(case.line), blind=_LACKS_CLOCK),
@@ -734,7 +734,7 @@ CAUSE_RULES: Final = (
     CauseRule(
         "resets",
         _judge_resets,
-        (*_REFUSED, *STALL_CAUSES, "no-keep-alive", "half-open"),
+        (*_REFUSALS, *STALL_CAUSES, "no-keep-alive", "half-open"),
         (*_MISREAD_CAUSES, "reconnect-storm"),
     ),
     CauseRule("plc-not-reading", lambda case: _judge_not_reading(case, True), blind=_LACKS_CLOCK),

@@ -38,7 +38,7 @@ VERDICT_TEXTS: Final = {
     NOTHING: "nothing could be judged",
 }
 NO_LINE: Final = 0  # in place of the number of a conversation
-_GONE: Final = {"dead-link", "half-open", "no-keep-alive"}  # their host has no ARP answer afterwards, either
+_GONE_HOST: Final = {"dead-link", "half-open", "no-keep-alive"}  # afterwards their host has no ARP answer
 GROUP_CAUSES: Final = ("closes-each-message", "reconnect-storm")  # each names all conversations of both ends
 ENDING_CAUSES: Final = (*GROUP_CAUSES, "resets", "refused", "turned-away", "filtered", "second-client")
 SHIFT_LIKE_CAUSES: Final = ("adhoc-missing", "frame-short", "frame-long")
@@ -160,7 +160,7 @@ def _judge_hosts(
             of_host.setdefault(host, []).append((case.line, made))
     for one, is_ours in list_host_facts(facts, asked.receivers, b"" if given is None else given.address):
         rows = of_host.get(one.ends[0], [])
-        if any(line.gone and row.cause in _GONE for line, made in rows for row in made.findings):
+        if any(line.gone and row.cause in _GONE_HOST for line, made in rows for row in made.findings):
             continue  # a finding of its conversation covers it
         found = make_host_finding(one, asked.receivers)
         if not is_ours:

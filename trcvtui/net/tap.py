@@ -106,7 +106,7 @@ class TapEventKind(IntEnum):
     LOST = 9  # how many events and bytes the reader missed; the numbers of the open conversations
 
 
-ENDS: Final = (TapEventKind.FIN, TapEventKind.RST, TapEventKind.ENDED)
+END_KINDS: Final = (TapEventKind.FIN, TapEventKind.RST, TapEventKind.ENDED)
 
 
 class TapEvent(NamedTuple):

@@ -29,7 +29,9 @@ MOST_ERRORS: Final = 16  # events of a kind and a second
 MOST_TAIL_BYTES: Final = 320 << 10  # bytes of a direction that the next file may repeat
 MOST_MESSAGES: Final = 1024  # unread datagrams of a socket, and ends of jobs, that are kept
 DATA_TPDU: Final = 0xF0
-GONE: Final = frozenset({"ETIMEDOUT", "EHOSTUNREACH", "ENETUNREACH"})  # the stream ends without FIN or RST
+NO_END_ERRORS: Final = frozenset(
+    {"ETIMEDOUT", "EHOSTUNREACH", "ENETUNREACH"}
+)  # the stream ends without FIN or RST
 RESET_ERRORS: Final = frozenset({"ECONNRESET", "ECONNREFUSED", "EPIPE", "ECONNABORTED", "ENOTCONN"})
 _PACK_IP: Final = struct.Struct(">BBHHHBBH4s4s").pack
 _PACK_TCP: Final = struct.Struct(">HHIIBBHHH").pack
@@ -245,7 +247,7 @@ class WirePackets:
 
     def _handle_fault(self, call: WireCall, stream: _TcpStream, answer: object) -> Iterator[WirePacket]:
         if isinstance(answer, Fault) and not answer.injected:
-            stream.is_open &= answer.error not in GONE
+            stream.is_open &= answer.error not in NO_END_ERRORS
         if _is_reset(answer):
             yield from self._note_partner_end(call, stream, RST | ACK)
 

@@ -45,8 +45,14 @@ POSITION_ROWS: Final = 2
 PRIORITY_ACTIONS: Final = frozenset((("at", "1"), ("at", "end"), ("prompt", "at ")))  # home, end and g
 TIMING_PANE: Final = 8
 MOST_WHAT_IF_LINES: Final = 6
-HERE, PARTING_SIGN, ERROR, PAST, COMING = "█", "≠", "!", "━", "─"
-STYLES: Final = {HERE: "key", PARTING_SIGN: "warn", ERROR: "error", PAST: "key", COMING: "faint"}
+HERE_SIGN, PARTING_SIGN, ERROR_SIGN, PAST_SIGN, COMING_SIGN = "█", "≠", "!", "━", "─"
+STYLES: Final = {
+    HERE_SIGN: "key",
+    PARTING_SIGN: "warn",
+    ERROR_SIGN: "error",
+    PAST_SIGN: "key",
+    COMING_SIGN: "faint",
+}
 
 
 def position_bar(position: ReplayPosition, width: int) -> str:
@@ -57,12 +63,12 @@ def position_bar(position: ReplayPosition, width: int) -> str:
 
     def sign(column: int) -> str:
         if column == here:
-            return HERE
+            return HERE_SIGN
         begin = column * pieces // width
         if position.parts_at and column == (position.parts_at - first) * width // scans:
             return PARTING_SIGN
         has_error = 1 in position.marks[begin : max(begin + 1, (column + 1) * pieces // width)]
-        return ERROR if has_error else PAST if column < here else COMING
+        return ERROR_SIGN if has_error else PAST_SIGN if column < here else COMING_SIGN
 
     return "".join(map(sign, range(width)))
 
@@ -140,7 +146,7 @@ def _position_parts(position: ReplayPosition, holding: bool) -> Iterator[Part]:
         yield f" · on the way{f' to {position.wanted}' if known else ''}", "warn"
     if position.note:
         yield f" · {position.note}", "warn"
-    yield f" · {count(position.errors, 'ERROR')}{more}", "error" if position.errors else "dim"
+    yield f" · {count(position.errors, 'ERROR_SIGN')}{more}", "error" if position.errors else "dim"
 
 
 class ReplayScreen(MainScreen):
@@ -151,7 +157,7 @@ class ReplayScreen(MainScreen):
         Binding("right", "at('+1')", "scan on", show=False),
         Binding("shift+left", "edge('-1')", "edge before", show=False),
         Binding("shift+right", "edge('+1')", "next edge", show=False),
-        Binding("exclamation_mark", "at('error +1')", "next ERROR", show=False),
+        Binding("exclamation_mark", "at('error +1')", "next ERROR_SIGN", show=False),
         Binding("quotation_mark,at", "at('error -1')", "ERROR before", show=False),
         # With priority: panes have the same keys for their rows.
         Binding("home", "at('1')", "first scan", show=False, priority=True),

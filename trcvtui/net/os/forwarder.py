@@ -22,7 +22,7 @@ from trcvtui.net.os.system_calls import HAS_POLL, IN, OUT, new_poll_set, read_pa
 from trcvtui.net.os.tap_ends import TapSerialConversation, TcpRoute, UdpRoute
 from trcvtui.net.os.tap_lane import TapLane, TapLoop, apply_order, describe_order, find_refusal
 from trcvtui.net.tap import (
-    ENDS,
+    END_KINDS,
     EVENT_HEAD,
     FIGURES_DATA,
     LOSS,
@@ -142,7 +142,7 @@ class Forwarder(TapLoop):
         if kind is TapEventKind.BYTES:
             pipe.put(head, data, size=len(data))
             return
-        is_end = kind in ENDS and number <= self._newest  # never lost: else the reader keeps it open for ever
+        is_end = kind in END_KINDS and number <= self._newest  # never lost: else a reader keeps it open
         pipe.put(head, data, events=0 if is_end else 1, ends=head if is_end else b"")
         if kind is TapEventKind.OPEN and not pipe.is_behind:
             self._newest = max(self._newest, number)

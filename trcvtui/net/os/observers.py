@@ -22,7 +22,7 @@ from trcvtui.net.os.lossy_pipe import LossyPipe
 from trcvtui.net.os.system_calls import IN, new_poll_set, poll_once
 from trcvtui.net.os.tap_channels import ORDERS, RECORDER, SCREEN
 from trcvtui.net.os.tap_lane import TapLoop
-from trcvtui.net.tap import ENDS, LOSS, RELEASE_LINE, USER_LINE, TapEvent, TapEventKind, read_events
+from trcvtui.net.tap import END_KINDS, LOSS, RELEASE_LINE, USER_LINE, TapEvent, TapEventKind, read_events
 
 PEER_CREDENTIALS: Final = struct.Struct("iII")  # of SO_PEERCRED: process, user, group
 MOST_PATH_BYTES: Final = 107  # bytes of `sun_path`
@@ -157,7 +157,7 @@ class Observer:
     def handle_events(self, events: Sequence[tuple[TapEvent, bytes]]) -> None:
         """Write the blocks of events."""
         # Ends are never lost: else this observer would keep the conversation open for ever.
-        kept = [block for event, block in events if event.kind in ENDS and event.number <= self._newest]
+        kept = [block for event, block in events if event.kind in END_KINDS and event.number <= self._newest]
         size = sum(len(event.data) for event, _ in events if event.kind == TapEventKind.BYTES)
         size += sum(LOSS.unpack_from(event.data)[1] for event, _ in events if event.kind == TapEventKind.LOST)
         blocks = b"".join([block for _, block in events])

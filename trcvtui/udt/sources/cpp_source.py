@@ -11,7 +11,7 @@ from typing import Final
 
 DEEPEST_CLASS: Final = 64
 _NAME: Final = r"[A-Za-z_]\w*"
-_QUOTED: Final = re.compile(r'"(?:\\.|[^"\\\n])*"|(?<!\w)\'(?:\\.|[^\'\\\n])*\'')
+_QUOTED_TEXT: Final = re.compile(r'"(?:\\.|[^"\\\n])*"|(?<!\w)\'(?:\\.|[^\'\\\n])*\'')
 # Words that do not change a size.
 _HARMLESS_WORDS: Final = re.compile(
     r"\bstd\s*::\s*(?=u?int(?:8|16|32|64)_t\b)"
@@ -186,7 +186,7 @@ class CppSource:
 
 
 def blank_texts(text: str) -> str:
-    return _QUOTED.sub(lambda found: "\0" * len(found[0]), text)
+    return _QUOTED_TEXT.sub(lambda found: "\0" * len(found[0]), text)
 
 
 def blank_match(found: re.Match[str]) -> str:

@@ -29,9 +29,7 @@ MOST_ERRORS: Final = 16  # events of a kind and a second
 MOST_TAIL_BYTES: Final = 320 << 10  # bytes of a direction that the next file may repeat
 MOST_MESSAGES: Final = 1024  # unread datagrams of a socket, and ends of jobs, that are kept
 DATA_TPDU: Final = 0xF0
-NO_END_ERRORS: Final = frozenset(
-    {"ETIMEDOUT", "EHOSTUNREACH", "ENETUNREACH"}
-)  # the stream ends without FIN or RST
+NO_END_ERRORS: Final = frozenset({"ETIMEDOUT", "EHOSTUNREACH", "ENETUNREACH"})  # no FIN or RST ends it
 RESET_ERRORS: Final = frozenset({"ECONNRESET", "ECONNREFUSED", "EPIPE", "ECONNABORTED", "ENOTCONN"})
 _PACK_IP: Final = struct.Struct(">BBHHHBBH4s4s").pack
 _PACK_TCP: Final = struct.Struct(">HHIIBBHHH").pack

@@ -146,7 +146,7 @@ def _position_parts(position: ReplayPosition, holding: bool) -> Iterator[Part]:
         yield f" · on the way{f' to {position.wanted}' if known else ''}", "warn"
     if position.note:
         yield f" · {position.note}", "warn"
-    yield f" · {count(position.errors, 'ERROR_SIGN')}{more}", "error" if position.errors else "dim"
+    yield f" · {count(position.errors, 'ERROR')}{more}", "error" if position.errors else "dim"
 
 
 class ReplayScreen(MainScreen):
@@ -157,7 +157,7 @@ class ReplayScreen(MainScreen):
         Binding("right", "at('+1')", "scan on", show=False),
         Binding("shift+left", "edge('-1')", "edge before", show=False),
         Binding("shift+right", "edge('+1')", "next edge", show=False),
-        Binding("exclamation_mark", "at('error +1')", "next ERROR_SIGN", show=False),
+        Binding("exclamation_mark", "at('error +1')", "next ERROR", show=False),
         Binding("quotation_mark,at", "at('error -1')", "ERROR before", show=False),
         # With priority: panes have the same keys for their rows.
         Binding("home", "at('1')", "first scan", show=False, priority=True),

@@ -111,10 +111,10 @@ class CaptureReader:
         self._buffer = b""
         self._start = 0  # byte of the file at which the buffer begins
         self._bad_input: Problem | None = None  # of the file below: a broken .gz, a disk error
-        magic = self._more(0, 4)
+        magic = self._fill_buffer(0, 4)
         if magic[:2] == GZIP_MAGIC:
             self._read, self._buffer = gunzip(read, magic), b""
-            magic = self._more(0, 4)
+            magic = self._fill_buffer(0, 4)
         if magic[:4] in _PCAP_MAGICS:
             self._packets = self._read_pcap()
         elif magic[:4] == b"\x0a\x0d\x0d\x0a":
@@ -134,7 +134,7 @@ class CaptureReader:
     def __iter__(self) -> Iterator[Packet]:
         return self._packets
 
-    def _more(self, at: int, wanted: int) -> bytes:
+    def _fill_buffer(self, at: int, wanted: int) -> bytes:
         """Drop the bytes before `at`; return at least `wanted` bytes from there, fewer at the end."""
         self._start += at
         parts = [self._buffer[at:]]
@@ -164,7 +164,7 @@ class CaptureReader:
     def _stop(self, at: int, found: str, expected: str) -> None:
         self.trouble = self._bad_input or Problem(f"{self.name}: byte {self._start + at}", found, expected)
 
-    def _cut(self, at: int) -> None:
+    def _note_cut(self, at: int) -> None:
         """Note a file that ends inside the packet or block at `at`."""
         left = len(self._buffer) - at
         if left or self._bad_input:
@@ -172,9 +172,9 @@ class CaptureReader:
 
     def _read_pcap(self) -> Iterator[Packet]:
         order, scale, head = _PCAP_MAGICS[self._buffer[:4]]
-        buffer = self._more(0, 24)
+        buffer = self._fill_buffer(0, 24)
         if len(buffer) < 24:
-            return self._cut(0)
+            return self._note_cut(0)
         snaplen, link = struct.unpack_from(order + "II", buffer, 16)
         self.interfaces.append(Interface(link & 0xFFFF, snaplen, numerator=scale))
         self.link_types.append(link & 0xFFFF)
@@ -184,20 +184,20 @@ class CaptureReader:
             data_at = at + head
             if data_at > end:
                 self.last_ns = ns
-                buffer = self._more(at, head)
+                buffer = self._fill_buffer(at, head)
                 at, end, start, data_at = 0, len(buffer), self._start, head
                 if end < head:
-                    return self._cut(0)
+                    return self._note_cut(0)
             seconds, parts, kept, length = unpack(buffer, at)
             if kept > MOST_BLOCK:
                 return self._stop(at, f"a packet of {kept} bytes", f"at most {MOST_BLOCK}")
             after = data_at + kept
             if after > end:
                 self.last_ns = ns
-                buffer = self._more(at, head + kept)
+                buffer = self._fill_buffer(at, head + kept)
                 at, end, start, data_at, after = 0, len(buffer), self._start, head, head + kept
                 if after > end:
-                    return self._cut(0)
+                    return self._note_cut(0)
             ns = seconds * 1_000_000_000 + parts * scale
             data = buffer[data_at:after]
             yield make(Packet, (ns, 0, data, length if length > kept else kept, (), start + at, None))
@@ -212,10 +212,10 @@ class CaptureReader:
         while True:
             if at + 28 > end:
                 self.last_ns = ns
-                buffer = self._more(at, 28)
+                buffer = self._fill_buffer(at, 28)
                 at, end, start = 0, len(buffer), self._start
                 if end < 12:
-                    return self._cut(0)
+                    return self._note_cut(0)
                 if end < 28:  # the last block, shorter than a packet's head
                     buffer += bytes(28 - end)
             if buffer[at : at + 4] == b"\x0a\x0d\x0d\x0a":
@@ -232,10 +232,10 @@ class CaptureReader:
             after = at + size
             if after > end:
                 self.last_ns = ns
-                buffer = self._more(at, size)
+                buffer = self._fill_buffer(at, size)
                 at, end, start, after = 0, len(buffer), self._start, size
                 if after > end:
-                    return self._cut(0)
+                    return self._note_cut(0)
             if unpack_one(buffer, after - 4)[0] != size:
                 return self._stop(at, "a block with two lengths", f"{size} at both ends")
             comments: tuple[str, ...] = ()

@@ -31,7 +31,7 @@ from trcvtui.diagnosis.line_facts import (
 from trcvtui.diagnosis.receiver import LOOPBACK, Receiver
 from trcvtui.diagnosis.remedies import CauseRule, RemedyOffer
 from trcvtui.diagnosis.restarts import find_restarts, judge_half_open
-from trcvtui.diagnosis.session_causes import TPKT, is_http, judge_line_errors, judge_tls, judge_wrong_tsap
+from trcvtui.diagnosis.session_causes import TPKT, is_http, judge_serial_errors, judge_tls, judge_wrong_tsap
 from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import SECOND, count, format_ns, times
 
@@ -722,7 +722,7 @@ CAUSE_RULES: Final = (
     CauseRule("filtered", _judge_filtered, ("address", "second-client", "refused"), blind=_LACKS_CLOCK),
     CauseRule("wrong-tsap", lambda case: judge_wrong_tsap(case.line)),
     CauseRule("tls-refused", lambda case: judge_tls(case.line)),
-    CauseRule("line-errors", lambda case: judge_line_errors(case.line)),
+    CauseRule("line-errors", lambda case: judge_serial_errors(case.line)),
     CauseRule("closes-each-message", _judge_closes, _REFUSALS),
     CauseRule("half-open", lambda case: judge_half_open(case.line, case.group.restarts), blind=_LACKS_CLOCK),
     CauseRule(

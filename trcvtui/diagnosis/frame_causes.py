@@ -20,7 +20,7 @@ from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
 from trcvtui.diagnosis.message_joints import find_head_and_body, find_joined_messages
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.diagnosis.remedies import NO_OFFER, CauseRule, RemedyOffer, finding_to_plc, offer_frame_reset
-from trcvtui.diagnosis.session_causes import find_session_units, is_session_begin, is_tls, judge_plain_tcp
+from trcvtui.diagnosis.session_causes import find_unit_heads, is_session_begin, is_tls_head, judge_plain_tcp
 from trcvtui.diagnosis.text_forms import (
     SEND_BYTES,
     describe_sent_strings,
@@ -416,8 +416,8 @@ def is_session(line: LineFacts, receiver: Receiver | None = None) -> bool:
     """
     if line.protocol != "tcp":
         return False
-    ways = [find_session_units(each, line.has_begin) for each in (line.to_plc, line.from_plc) if each.bytes]
-    if not all(ways) or len({is_tls(units[0]) for units in ways}) != 1:
+    ways = [find_unit_heads(each, line.has_begin) for each in (line.to_plc, line.from_plc) if each.bytes]
+    if not all(ways) or len({is_tls_head(units[0]) for units in ways}) != 1:
         return False
     has_call = any(is_session_begin(units[0]) for units in ways)
     if receiver is not None and receiver.connect:

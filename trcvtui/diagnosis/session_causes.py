@@ -45,7 +45,7 @@ _ENCRYPTED_ALERT: Final = 19  # bytes: level, description, kind, 16 of the ciphe
 _HANDSHAKE, _ALERT, _DATA, _CHANGE_CIPHER = 22, 21, 23, 20
 
 
-def find_session_units(flow: DirectionFacts, has_begin: bool) -> list[bytes]:
+def find_unit_heads(flow: DirectionFacts, has_begin: bool) -> list[bytes]:
     """Return the heads of the first units of TLS or ISO-on-TCP, without a gap; []: it is neither.
 
     If the begin is not in the capture, they may begin at one of the first writes.
@@ -55,7 +55,7 @@ def find_session_units(flow: DirectionFacts, has_begin: bool) -> list[bytes]:
         heads, size = list[bytes](), 1
         while size and at + 7 <= len(content) and len(heads) < MOST_UNITS:
             head = bytes(content[at : at + 7])
-            size = _unit_size(head) if not heads or is_tls(head) == is_tls(heads[0]) else 0
+            size = _unit_size(head) if not heads or is_tls_head(head) == is_tls_head(heads[0]) else 0
             at += size
             heads += [head] if at <= len(content) else []
         if size and heads:
@@ -63,7 +63,7 @@ def find_session_units(flow: DirectionFacts, has_begin: bool) -> list[bytes]:
     return []
 
 
-def is_tls(head: bytes) -> bool:
+def is_tls_head(head: bytes) -> bool:
     return head[0] != TPKT
 
 
@@ -73,7 +73,7 @@ def is_session_begin(head: bytes) -> bool:
 
 def _unit_size(head: bytes) -> int:
     """Return the bytes of a unit; 0: it is none. TLS: RFC 8446, 5.1; ISO-on-TCP: RFC 1006, 6."""
-    if is_tls(head):
+    if is_tls_head(head):
         size = int.from_bytes(head[3:5], "big") + 5
         fits = head[0] in (_HANDSHAKE, _ALERT, _DATA, _CHANGE_CIPHER) and head[1] == 3 and 1 <= head[2] <= 4
         return size if fits and 5 < size <= 18_500 else 0
@@ -208,7 +208,7 @@ def judge_tls(line: LineFacts) -> Finding | None:
     if len(sent) == 1 and sent[0] < 40 and line.end.by_plc == (hello == "from-plc"):
         text = f"{side} ended the connection with an encrypted alert in the handshake"
         return Finding(0.75, (text,), at=end)
-    if _is_answered_by_alert(asked, answer, line, hello):
+    if _is_finish_refused(asked, answer, line, hello):
         side = "the PLC end" if hello == "to-plc" else "the partner"
         text = f"{side} answered the end of the handshake with one encrypted alert, and nothing more"
         return Finding(0.75, (text,), way="from-plc" if hello == "to-plc" else "to-plc", at=end)
@@ -226,7 +226,7 @@ def _is_client_hello(kind: int, body: bytes) -> bool:
     return kind == _HANDSHAKE and body[:1] == b"\x01"  # 1: ClientHello, 2: ServerHello
 
 
-def _is_answered_by_alert(
+def _is_finish_refused(
     asked: list[tuple[int, bytes]], answer: list[tuple[int, bytes]], line: LineFacts, hello: str
 ) -> bool:
     caller, listener = (line.to_plc, line.from_plc) if hello == "to-plc" else (line.from_plc, line.to_plc)
@@ -237,7 +237,7 @@ def _is_answered_by_alert(
     return kind == _DATA and len(body) == _ENCRYPTED_ALERT == last - 5
 
 
-def judge_line_errors(line: LineFacts) -> Finding | None:
+def judge_serial_errors(line: LineFacts) -> Finding | None:
     for flow, way in ((line.to_plc, "to-plc"), (line.from_plc, "from-plc")):
         errors = flow.line_errors
         if errors:

@@ -56,7 +56,7 @@ class Card:
             read = SuggestedAction(f"{reads} {offer.choice}")
             do = (read, *do) if swapped else (read,)  # its size fits: only the layout is wrong
             swapped = swapped or one_line(offer.why)
-        why, causes = advice.why + _name_missing(e, data.decl), (swapped, *causes) if swapped else causes
+        why, causes = advice.why + _list_missing(e, data.decl), (swapped, *causes) if swapped else causes
         return Advice(why, causes, do, advice.code)
 
     def offer(self, e: Evidence, data: DataBytes, index: StreamIndex) -> Offer | None:
@@ -105,7 +105,7 @@ def _has_shifting_frames(e: Evidence) -> bool:
     return e.facts.messages.count > 1 and (size is None or size != e.done_len)
 
 
-def _name_missing(e: Evidence, decl: DataDecl | None) -> str:
+def _list_missing(e: Evidence, decl: DataDecl | None) -> str:
     """Return a sentence on where the bytes of a stuck frame end; "": not known, or it is shifted."""
     if decl is None or decl.size != e.need or not is_stuck(e):
         return ""

@@ -12,7 +12,7 @@ from trcvtui.recording.journal import SECRETS_WARNING
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.run_again import ReplayRun, guard_state
 from trcvtui.scenario.report import JsonLines
-from trcvtui.scenario.runner import ScenarioRunner, VirtualPace, find_deliveries
+from trcvtui.scenario.runner import ScenarioRunner, VirtualPace, count_sent_bytes
 
 EXIT_SAME: Final = 0
 EXIT_DIFFERS: Final = 1
@@ -38,7 +38,7 @@ def print_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
         while run.scan():
             if bench.runtime.changed:
                 changed = bench.runtime.changed
-                report.write_scan(bench.runtime.scans, changed, find_deliveries(bench, changed))
+                report.write_scan(bench.runtime.scans, changed, count_sent_bytes(bench, changed))
         if not run.is_whole:
             raise run.make_end_error()
         return True

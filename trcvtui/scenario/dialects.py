@@ -23,7 +23,7 @@ from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.project.convert_dialect import convert_project, find_dialect
 from trcvtui.project.project import Project
 from trcvtui.scenario.report import JsonLines, Text, Write, json_line
-from trcvtui.scenario.runner import NO_DELIVERIES, Delivery, Verdict
+from trcvtui.scenario.runner import NO_DELIVERIES, SentCounts, Verdict
 from trcvtui.scenario.scenario import Scenario
 from trcvtui.wording import format_columns
 
@@ -109,7 +109,7 @@ class DialectReport(JsonLines):
             super().write_record({"dialect": self._runs[-1].dialect, **record} if self._runs else record)
 
     def write_scan(
-        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NO_DELIVERIES
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, SentCounts] = NO_DELIVERIES
     ) -> None:
         super().write_scan(scan, changed, deliveries)
         for edge in changed:

@@ -11,7 +11,7 @@ from msgspec import Struct
 from trcvtui.commands.words import Doctor, Expect, ExpectTrace, Step, Wait
 from trcvtui.errors import UserError, one_line
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.scenario.runner import NO_DELIVERIES, Delivery, StepResult, Verdict, cause_record
+from trcvtui.scenario.runner import NO_DELIVERIES, SentCounts, StepResult, Verdict, cause_record
 from trcvtui.scenario.scenario import START_STEP, Scenario
 from trcvtui.scenario.step_runner import Failure
 from trcvtui.wording import json_text
@@ -69,7 +69,7 @@ class Report:
         """Begin a file that is about to run."""
 
     def write_scan(
-        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NO_DELIVERIES
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, SentCounts] = NO_DELIVERIES
     ) -> None:
         """Write the outputs that changed in a scan, and the deliveries of instances with DONE."""
 
@@ -216,7 +216,7 @@ class JsonLines(Report):
         self.write_verdict(Verdict(str(path), 0, failures, (), ()))
 
     def write_scan(
-        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NO_DELIVERIES
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, SentCounts] = NO_DELIVERIES
     ) -> None:
         for edge in changed:
             sent = deliveries.get(edge.instance)

@@ -78,7 +78,7 @@ def cause_record(cause: Cause, block: str) -> dict[str, object]:
     }
 
 
-class Delivery(NamedTuple):
+class SentCounts(NamedTuple):
     """Bytes of a CONNECT's present connection, from its beginning.
 
     `accepted` by the local stack; of these `unacknowledged` by the partner's stack (None: this system does
@@ -90,21 +90,21 @@ class Delivery(NamedTuple):
     read_by_peer: int | None
 
 
-NO_DELIVERIES: Final[Mapping[str, Delivery]] = {}
+NO_DELIVERIES: Final[Mapping[str, SentCounts]] = {}
 
 
-def find_deliveries(bench: Bench, changed: Iterable[StatusEdge]) -> Mapping[str, Delivery]:
+def count_sent_bytes(bench: Bench, changed: Iterable[StatusEdge]) -> Mapping[str, SentCounts]:
     """Return the delivery of each instance that shows a sent frame in this scan."""
     return {
         edge.instance: found
         for edge in changed
         if edge.outputs.done
         and block_row(edge.block).sends_stream
-        and (found := _delivery(bench, edge.instance)) is not None
+        and (found := _read_sent_counts(bench, edge.instance)) is not None
     }
 
 
-def _delivery(bench: Bench, instance: str) -> Delivery | None:
+def _read_sent_counts(bench: Bench, instance: str) -> SentCounts | None:
     decl = bench.project.instance(instance)
     sent = bench.runtime.sent_bytes(decl.connect) if decl is not None else None
     if sent is None:
@@ -114,7 +114,7 @@ def _delivery(bench: Bench, instance: str) -> Delivery | None:
         for peer in (peer.snapshot() for peer in bench.peers.values())
         if peer.state == "connected" and (peer.local, peer.remote) == (sent.remote, sent.local)
     ]
-    return Delivery(sent.accepted, sent.unacknowledged, read[0] if read else None)
+    return SentCounts(sent.accepted, sent.unacknowledged, read[0] if read else None)
 
 
 class StepResult(Struct, frozen=True):
@@ -167,7 +167,7 @@ class ScenarioRunner:
         bench: Bench,
         name: str,
         pace: Pace,
-        on_scan: Callable[[int, Iterable[StatusEdge], Mapping[str, Delivery]], None],
+        on_scan: Callable[[int, Iterable[StatusEdge], Mapping[str, SentCounts]], None],
         judge: Judge | None = None,
     ) -> None:
         self._bench = bench
@@ -209,7 +209,7 @@ class ScenarioRunner:
         self._stage.note_scan()
         if runtime.changed:
             self._errors.add_errors(runtime.scans, runtime.changed)
-            self._on_scan(runtime.scans, runtime.changed, find_deliveries(self._bench, runtime.changed))
+            self._on_scan(runtime.scans, runtime.changed, count_sent_bytes(self._bench, runtime.changed))
 
 
 def _explain(cause: Cause, block: str) -> str:

@@ -44,7 +44,7 @@ def acquire(
     connect: str,
 ) -> Outcome | None:
     """Return why no job can start: DATA, LEN, CONNECT, then a buffer; None: claim and buffer are taken."""
-    unfit = _find_misfit(env, data, request)  # 80A4, 80A5 come before 80C3 and 80A7
+    unfit = _find_length_misfit(env, data, request)  # 80A4, 80A5 come before 80C3 and 80A7
     if unfit is not None:
         return unfit
     other = request.rival or direction.try_take(claim)
@@ -56,7 +56,7 @@ def acquire(
 
 def can_start(env: Environment, data: DataArea | None, request: JobRequest) -> bool:
     """Return whether DATA, LEN and the CONNECT's other users let such a job start, buffers aside."""
-    return request.rival is None and _find_misfit(env, data, request) is None
+    return request.rival is None and _find_length_misfit(env, data, request) is None
 
 
 def reserve(
@@ -68,7 +68,7 @@ def reserve(
     return direction.try_take(claim) is None
 
 
-def _find_misfit(env: Environment, data: DataArea | None, request: JobRequest) -> Outcome | None:
+def _find_length_misfit(env: Environment, data: DataArea | None, request: JobRequest) -> Outcome | None:
     area, length = env.rules.area, request.length
     limit = env.rules.max_len if request.most is None else request.most
     if data is None:

@@ -62,7 +62,7 @@ KEPT_NOISE_BYTES: Final = 256
 class Framer:
     """Cuts a stream into frames and keeps the part of the next one. `discarded` counts the bytes of noise.
 
-    `had_false_start`: noise of the last call began like a prefix.
+    `had_false_start`: noise found in the last call contained the first byte of the prefix.
     """
 
     def __init__(self) -> None:
@@ -202,7 +202,7 @@ NO_FRAMES = FrameTally()
 
 
 def marks_of(frame: Frame, framing: Framing) -> FrameMarks:
-    """Return the marks of a frame; one that a gap ended may have only part of the prefix."""
+    """Return the marks of a frame; a frame that ended with a gap may have only part of the prefix."""
     size = len(frame.content)
     suffix = len(framing.suffix) if frame.ending is FrameEnding.SUFFIX else 0
     return FrameMarks(size, min(size, len(framing.prefix)), suffix, frame.ending)

@@ -86,7 +86,7 @@ class BlockRow(Struct, frozen=True):
 
     @property
     def owns_link(self) -> bool:
-        """Return whether it builds the CONNECT that it works on: such a stream can feed a ComBuffer.
+        """Return whether the block builds its own CONNECT; only then can a ComBuffer use its stream.
 
         On a CONNECT of UDP it needs an ADDR.
         """

@@ -32,7 +32,7 @@ USUAL_PORTS: Final = frozenset({102, 502, 2000, 2404, 4840, 9600, 20000, 44818, 
 
 
 class PlcEnd(NamedTuple):
-    """What `--plc` names: an address as bytes; None: any port."""
+    """The PLC end that `--plc` names: its address as bytes, and its port (None: any)."""
 
     address: bytes
     port: int | None

@@ -19,7 +19,7 @@ from trcvtui.wording import age_text, count
 
 
 class SuggestedAction(NamedTuple):
-    """What to do: a sentence, and the bench lines that do it, one after the other; (): there is none.
+    """What to do: a sentence, and the bench lines that do it, in order; (): no bench line does it.
 
     `needs_trial`: they change what a job takes or what its bytes mean, and were not tried on received bytes.
     """

@@ -127,7 +127,7 @@ class ReceivedStream:
         return []
 
     def find_job_pieces(self, instance: str, number: int) -> list[JobSpan]:
-        """Return the pieces of one of the newest jobs, or frames, of that number."""
+        """Return the pieces of the job, or frame, of that number if it is among the newest; else []."""
         for place in range(len(self.jobs) - 1, max(-1, len(self.jobs) - MOST_STEPS), -1):
             job = self.jobs[place]
             if job.done and job.number == number and job.instance == instance:

@@ -1,1 +1,1 @@
-"""Conversations of others, played to shadow instances on the simulated network."""
+"""Conversations of other programs, played to shadow instances on the simulated network."""

@@ -2,8 +2,8 @@
 
 Rule 1: time is that of the packets. An event is played when a packet 40 ms younger has come. So the shadows
 of a new PLC end exist before its first event, and it does not matter where one read ends.
-Rule 2: after 30 ms without a packet all events are played, and time follows the clock: some scans at once,
-more after a second. Until then older packets may come: the program that pipes them may hold them back.
+Rule 2: after 30 ms without a packet all events are played, and time goes on a few scans. After a second
+it follows the clock; it waits that long because the program that pipes packets may hold older ones back.
 Rule 3: ended conversations are forgotten, so that only open ones use memory.
 """
 

@@ -1,6 +1,6 @@
 """The transport of a picture from the engine to the screen: a pickle with the changed parts of the snapshot.
 
-Rule 1: the cost depends on the changed parts only. The screen keeps the objects of the others.
+Rule 1: the cost depends on the changed parts only. For unchanged parts the screen keeps its objects.
 Rule 2: pickling and writing stop at the end of a gap, and continue in the next: a picture is frozen.
 Rule 3: a screen that does not read never delays a scan: the engine writes only what the channel takes.
 """

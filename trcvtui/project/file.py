@@ -43,7 +43,7 @@ NamesByKind = Mapping[str, Mapping[str, None]]  # by kind, and by use such as `s
 # Keys whose value only one ComBuffer may have: what was found with the first user {}, what was expected.
 BUFFER_ENDS: Final = (
     ("source", "whose bytes go to {}", "a source of its own: each byte goes to one ComBuffer"),
-    ("line", "over which {} goes out", "a line of its own: one ComBuffer goes out over it"),
+    ("line", "the line of {}", "a line of its own: only one ComBuffer may send over it"),
     ("port", "the port of {}", "a port of its own"),
 )
 

@@ -522,7 +522,7 @@ def decode_entries(
 
 
 def check_block(block: bytes, number: int, packets: int, where: str) -> None:
-    """Raise UserError for another block, or a changed one; `packets` as in BlockWriter.encode."""
+    """Raise UserError for a changed block or a wrong number; `packets` as in BlockWriter.encode."""
     check, _ = _BlockReader(where, block, ()).read_head(number)
     if zlib.crc32(block[_HEAD.size :], packets) != check:
         found, expected = f"block {number} with another checksum", "that of its packets and entries"

@@ -236,7 +236,7 @@ def layout_of(args: SimpleNamespace) -> Layout:
 
 
 def read_file_layout(path: str) -> tuple[Layout, SenderLayout]:
-    """Return the layout of the only type in a file that no other type contains, and its sender's layout."""
+    """Return the layout of a file's only outermost type, and the layout that its sender probably has."""
     types, own = read_all_types(SimpleNamespace(file=path, others=(), constant=()), None)
     inner = {
         part.name.casefold()
@@ -302,7 +302,7 @@ def read_all_types(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, 
 
 
 def suggest_option(problem: Problem) -> Problem:
-    """Return the problem; if a type or a constant is unknown, with the option that solves it."""
+    """Return the problem; for an unknown type or constant, add the option that solves it."""
     if problem.expected == KNOWN_TYPE:
         return replace(problem, expected=f"{KNOWN_TYPE}: --with FILE that declares it")
     name = unknown_name(problem)

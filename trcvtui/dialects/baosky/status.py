@@ -1,4 +1,4 @@
-"""The STATUS table of the Baosky TCP blocks (manual 7.15.1 to 7.15.9); the words with ERROR=1, 8080 on."""
+"""The STATUS table of the Baosky TCP blocks (manual 7.15.1 to 7.15.9): words with ERROR=1, from 8080."""
 
 from __future__ import annotations
 

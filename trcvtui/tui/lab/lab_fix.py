@@ -69,7 +69,7 @@ def _type_cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) 
         comments.append(f"LEN := {wanted.size} at the {block} block: {without}")
     comments += [plain(line) for line in list_notes(found)]
     if own.byte_order != wanted.rules.byte_order:
-        comments.append(f"the byte order differs, too: {KIND_TITLES[SWAP]} (c)")
+        comments.append("the byte order differs, too: the sender needs the swap code")
     if found.type is wanted.type:
         comments.append("no change needed: the gaps are the same")
     if is_scl and (unions := _find_unions(wanted.type)):

@@ -132,7 +132,7 @@ class ComparedRow(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """Both sizes, how many rows differ, and the first byte of such a row on a side (None: none differs)."""
+    """Both sizes, how many rows differ, and the lowest offset of these on either side (None: none)."""
 
     our_size: int
     their_size: int

@@ -35,9 +35,9 @@ _Likelihood = tuple[float, str]  # the logarithm of the likelihood of the bytes 
 class LeafEvidence(NamedTuple):
     """Points for (above 0) or against a reading, and the reason in words.
 
-    `fair` are the points when byte orders are compared: those of the order that fits best. `order` are
-    the points for this byte order against the other one. `is_plain`: the number is not round (its low byte is
-    neither 0 nor 255); `is_odd`: machines do not send such a value.
+    `fair`: the points of these bytes in the byte order that fits them best; used to compare byte orders.
+    `order`: the points for this byte order against the other one. `is_plain`: the number is not round
+    (its low byte is neither 0 nor 255); `is_odd`: machines do not send such a value.
     """
 
     points: float

@@ -294,7 +294,7 @@ def s5time_coding(rules: LayoutRules) -> Coding:
             raw = found if found is not None and _s5_word_to_ms(found) == _s5_word_to_ms(raw) else None
         if raw is None:
             raise ValueRefused(
-                "S5TIME from S5T#0ms to S5T#2h46m30s, three digits of 10 ms, 100 ms, 1 s or 10 s, or 16#..."
+                "S5TIME from S5T#0ms to S5T#2h46m30s (up to 999 times 10 ms, 100 ms, 1 s or 10 s), or 16#..."
             )
         return raw
 

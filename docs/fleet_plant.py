@@ -93,7 +93,7 @@ async def draw_fleet(size: tuple[int, int], keys: Sequence[str]) -> str:
     app = fleet_app.FleetApp(BrokerAccess("broker.example", 8883, True), "*", reader)
     async with app.run_test(size=size) as pilot:
         while not reader.is_complete:
-            reader.turn(0, NOW, 1 << 62)
+            reader.advance(0, NOW, 1 << 62)
         app.read_broker(1 << 62)
         await pilot.press(*keys)
         await pilot.pause()

@@ -1,4 +1,4 @@
-"""The user's files: read whole and bounded; written beside and renamed, so that there is never half a file.
+"""The user's files: read whole, up to a limit; written to a new file, then renamed: never half written.
 
 Rule 1: a FIFO, a device or a folder under the name of a file is refused at once; nothing waits for it.
 Rule 2: a write that fails leaves the old file as it was, and nothing beside it.
@@ -37,7 +37,7 @@ _disk_substitutes: list[FilesRead] = []  # the last one is read in place of the 
 
 
 class FilesRead:
-    """Files as they were read once, by the names in the calls; `digests`: only the SHA-256 of a file.
+    """Files as they were when read, by the names in the calls; `digests`: of some only the SHA-256.
 
     Relative names begin in `folder`.
     """
@@ -83,7 +83,7 @@ def record_reads(files: FilesRead) -> Iterator[None]:
 
 @contextmanager
 def read_from(files: FilesRead) -> Iterator[None]:
-    """Read these `files` in place of the disk."""
+    """Inside the block take each file from `files`, not from the disk."""
     _disk_substitutes.append(files)
     try:
         yield
@@ -175,7 +175,7 @@ def open_to_read(path: FileName) -> Iterator[IO[bytes]]:
 
 
 def check_readable(path: FileName) -> None:
-    """Raise OSError where `read_bounded` would; called before a library opens the file by its name."""
+    """Refuse what `read_bounded` refuses; to be called before a library opens the file by its name."""
     if _disk_substitutes:
         if os.fspath(path) not in _disk_substitutes[-1].digests:
             _disk_substitutes[-1].content(path)
@@ -254,7 +254,7 @@ def replace_file(
     """Give a file to write; after the block it replaces `path` on the disk in one step.
 
     If the block fails, nothing has changed. Raise UserError for a file that was read (unless `is_own`),
-    for what is no regular file, with `is_new` for a name that is taken, and if the system refuses.
+    for a path that is no regular file, with `is_new` for a taken name, and if the system refuses.
     """
     try:
         _check_files_allowed()
@@ -286,7 +286,7 @@ def replace_file(
 def write_file(
     path: FileName, content: str | bytes, where: str, is_own: bool = False, is_new: bool = False
 ) -> None:
-    """Write this content as `replace_file` does; a text in UTF-8, with its line ends as they are."""
+    """Write this content as `replace_file` does; a text is encoded in UTF-8, its line ends stay."""
     with replace_file(path, where, is_own, is_new) as file:
         file.write(content.encode() if isinstance(content, str) else content)
 

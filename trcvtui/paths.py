@@ -24,7 +24,7 @@ def configs_path() -> Path:
 
 
 def state_folder() -> Path:
-    """Return the folder for files that the user did not name; for a service systemd sets it."""
+    """Return the folder for files to which the user gave no path; systemd sets it for a service."""
     from platformdirs import user_state_path  # only when needed: a faster start
 
     given = os.environ.get("STATE_DIRECTORY", "").partition(":")[0]
@@ -32,7 +32,7 @@ def state_folder() -> Path:
 
 
 def runtime_folder() -> Path:
-    """Return the folder where a user's running programs find each other; for a service systemd sets it."""
+    """Return the folder where a user's running programs find each other; systemd sets it for a service."""
     from tempfile import gettempdir  # only when needed: a faster start
 
     given, of_user = os.environ.get("RUNTIME_DIRECTORY", ""), os.environ.get("XDG_RUNTIME_DIR", "")
@@ -63,7 +63,7 @@ def resolve_path(text: str) -> Path:
 
 
 def list_examples(word: str | None = None) -> Iterator[str]:
-    """Yield each project and story with its first sentence; given a word, all with it, also scenarios."""
+    """Yield a line for each project and story; given a word, each line with it, also those of scenarios."""
     root = configs_path()
     shown = ("stories/*.toml", "guide/*.toml", "*.toml", "tls/*.toml", "scenarios/stories/*.toml")
     for pattern in ("**/*.toml",) if word else shown:

@@ -59,7 +59,7 @@ def rate_text(size: int, ns: int) -> str:
 
 
 def last_part(path: str) -> str:
-    """Return the name of a file of any machine without its folders."""
+    """Return the file name without its folders, for a path of any operating system."""
     return path.replace("\\", "/").rpartition("/")[2]
 
 
@@ -94,7 +94,7 @@ def utc_text(ns: int) -> str:
 
 
 def format_columns(rows: Iterable[tuple[str, ...]], sides: str) -> Iterator[str]:
-    """Yield rows in columns; `sides` has a letter for each: r right-aligned, l left. Texts are escaped."""
+    """Yield rows in columns, escaped; `sides` has a letter for each column: r right-aligned, l left."""
     columns = [_escape_column(column) for column in zip(*rows, strict=True)]
     if not columns:  # no rows
         return iter(())
@@ -115,7 +115,7 @@ _SURROGATE: Final = re.compile(r"\\\\|\\ud[89ab]..\\ud[c-f]..|\\(ud[89a-f]..)")
 
 
 def json_text(value: object, **form: Any) -> str:
-    """Return a value as JSON in ASCII: bytes from a wire stay data. `form` is what `json.dumps` takes.
+    """Return a value as JSON in ASCII: bytes from a wire stay data. `form` are options of `json.dumps`.
 
     A lone surrogate is written as six characters such as `\\udc00`, as in `one_line`.
     """

@@ -90,7 +90,9 @@ def test_a_name_with_other_characters_is_refused_in_one_clear_line(name: str, be
         load_project(bench)
     lines = refused.value.lines()
     assert all(line.isprintable() for line in lines)
-    assert any(line.endswith("a name of letters, digits and _ that does not begin with a digit") for line in lines)
+    assert any(
+        line.endswith("a name of letters, digits and _ that does not begin with a digit") for line in lines
+    )
 
 
 def test_a_file_whose_name_turns_the_line_round_is_refused(bench: Path) -> None:

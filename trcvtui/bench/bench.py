@@ -60,7 +60,7 @@ def enter_own_network(kernel: str, sim: SimDecl = NO_ADDRESSES) -> None:
 
 
 def set_link(kernel: Kernel, connect: str, up: bool) -> tuple[str, str]:
-    """Cut the wire of a CONNECT or mend it; return what is wrong, or "", and how it was done."""
+    """Cut the wire of a CONNECT or mend it; return what is wrong, or "", and the method used."""
     if isinstance(kernel, SimKernel):
         return kernel.set_link(connect, up), "simulated wire"
     from trcvtui.net.os.network import LOOPBACK_INTERFACE, has_own_network, set_loopback
@@ -361,7 +361,7 @@ class Bench:
     # -- time ---------------------------------------------------------------------------------------
 
     def step(self, now: int | None = None) -> None:
-        """Let one scan pass at `now` (default: the next multiple of the interval); peers act around it."""
+        """Let a scan pass at `now` (None: next multiple of the interval); peers act before and after it."""
         due = self.runtime.scans * self.runtime.interval_ns if now is None else now
         if self.peers and self._sim is not None:
             while isinstance(at := self._find_next_peer_time(due), int):
@@ -378,7 +378,7 @@ class Bench:
             self.record_outputs()
 
     def record_outputs(self) -> None:
-        """Record what the last scan changed; called in the gap after it, before anything else is done."""
+        """Record what the last scan changed; callers do this before anything else in the gap after it."""
         if self._seam is not None and self._unrecorded:
             self._seam.is_busy = True
             for edge in self._unrecorded:
@@ -433,7 +433,7 @@ class Bench:
     def _find_next_peer_time(self, scan: int) -> object:
         """Return the next time before a scan when a peer is due or the simulated network moves; None: none.
 
-        It is a multiple of a task's shortest interval, which bounds the number of steps between two scans.
+        It is a multiple of the shortest interval a task can have: this bounds the steps between two scans.
         """
         if self._is_replay:
             entry = cast("ReplaySeam", self._seam).peek_call()

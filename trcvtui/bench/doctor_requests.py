@@ -1,4 +1,4 @@
-"""The doctor of a bench: when it judges the run, its findings by CONNECT, the lines that wait for them.
+"""The doctor of a bench: when it judges the run, its findings by CONNECT, the lines that wait for findings.
 
 Rule: another process judges (diagnosis/doctor_process.py); its bounded answer is read between two scans.
 """
@@ -57,7 +57,7 @@ class BenchDoctor:
         self._looks = False
 
     def ask(self, judge: Judge, bench: Bench, number: int, line: str, command: Doctor) -> str:
-        """Start the judge if needed; `advance` answers the line later. Return the text shown until then."""
+        """Start the judge if needed; return the text to show until `advance` returns the answer."""
         if judge.looks_again or not self.snapshot.looks:
             self._start_judging(judge, bench)
         self._waiting.append((number, line, command))
@@ -82,7 +82,7 @@ class BenchDoctor:
             self._ended_ns = clock.now_ns()
 
     def advance(self, judge: Judge | None, bench: Bench, is_wanted: bool) -> Iterable[LineAnswer]:
-        """Take a result; start the judge again if `is_wanted` and due; return answers to waiting lines."""
+        """Take a result; start the judge if `is_wanted` and `_is_due`; return answers to waiting lines."""
         if judge is None:
             if is_wanted:
                 self.snapshot = DoctorSnapshot(1, trouble=NOT_KEPT_TEXT)

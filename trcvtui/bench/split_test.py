@@ -114,7 +114,7 @@ class SplitTest:
         return f"the job of {name} already holds {held} bytes" if held else ""
 
     def _try_cut(self, cut: int) -> Iterator[None]:
-        """Send the message, cut there (0: whole), and record how the instance receives it."""
+        """Send the message, cut after `cut` bytes (0: whole), and record how the instance receives it."""
         command, run = self._command, _RunResult()
         split = (cut,) if cut else ()
         wrong = self._bench.do(PeerSend(command.peer, command.payload, split, self._gap_ns))

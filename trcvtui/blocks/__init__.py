@@ -1,1 +1,1 @@
-"""What the PLC programmer calls: the blocks, in neutral conditions; a dialect gives them STATUS words."""
+"""The blocks that a PLC programmer calls. They show neutral conditions; a dialect adds STATUS words."""

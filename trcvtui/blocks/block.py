@@ -19,7 +19,7 @@ from trcvtui.net.connection.resources import Claim
 
 
 class JobBinding(Struct, frozen=True):
-    """What every job needs. `data` None: the pin is open; `priority` is that of its task."""
+    """What every job needs. `data` None: the DATA pin is open; `priority`: the priority of its task."""
 
     env: Environment
     data: DataArea | None
@@ -140,7 +140,7 @@ class Block(Protocol):
         """Drop the running job; the runtime closes the connection (PLC STOP)."""
 
     def detach(self, reason: str) -> None:
-        """The instance is deleted or downloaded: end its job; the lock of a running job may stay."""
+        """End the job of an instance that is deleted or downloaded; the lock of a running job may stay."""
 
 
 def new_block(row: BlockRow, bound: AnyBinding) -> Block:

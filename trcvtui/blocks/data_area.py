@@ -25,8 +25,8 @@ NO_TEXT_LENS: Final = LeastTextLens()
 class DataArea:
     """One global variable: its IEC type as text, its size and its bytes. `generation` counts the writes.
 
-    `newest`: where the newest write ended, in bytes; `longest`: the furthest end of all.
-    `symbolic`: an optimized block has it, so that its bytes have no order of their own.
+    `newest`: where the newest write ended, in bytes; `longest`: the furthest end of all writes.
+    `symbolic`: the variable is in an optimized block, where its bytes have no defined order.
     """
 
     def __init__(

@@ -12,7 +12,7 @@ from trcvtui.net.connection.resources import Resources
 
 
 class BytesArrived(NamedTuple):
-    """Bytes got into a ComBuffer. `position`: of the first one in its ring (received_ring.py)."""
+    """Bytes entered a ComBuffer. `position`: where the first byte is in its ring (received_ring.py)."""
 
     buffer: str
     offset: int
@@ -21,9 +21,9 @@ class BytesArrived(NamedTuple):
 
 
 class BytesLost(NamedTuple):
-    """Bytes had no room in a ComBuffer, or left it unread. `offset`: of the next byte that it takes.
+    """Bytes had no room in a ComBuffer, or left it unread. `offset`: of the next byte that enters.
 
-    `position`: of the first one in its ring; -1: they are the last ones before `offset`.
+    `position`: where the first lost byte is in its ring; -1: the lost bytes are the last before `offset`.
     """
 
     buffer: str
@@ -36,7 +36,7 @@ class BytesLost(NamedTuple):
 class FrameEnded(NamedTuple):
     """A frame was delivered. Its bytes were the newest that the block had taken.
 
-    `prefix` and `suffix`: how many of them are marks. `number` counts the frames of the instance, from 1.
+    `prefix`, `suffix`: how many of its bytes are marks. `number` counts the frames of the instance, from 1.
     """
 
     instance: str
@@ -116,7 +116,7 @@ class JobEnded(NamedTuple):
 
 
 class SendStarted(NamedTuple):
-    """A send job of `length` bytes began; `offset` is in the stream that this incarnation has sent."""
+    """A send job of `length` bytes began; `offset`: in all that this incarnation has sent."""
 
     instance: str
     job: int
@@ -127,7 +127,7 @@ class SendStarted(NamedTuple):
 
 
 class SendEnded(NamedTuple):
-    """A send job ended; the local stack has `size` bytes of it, from `offset` on; all of them when `done`."""
+    """A send job ended; the stack took `size` bytes from `offset` on: all of the job's when `done`."""
 
     instance: str
     job: int
@@ -143,7 +143,7 @@ JobNote = JobStarted | ModeChange | JobEnded | SendStarted | SendEnded | SerialN
 
 
 class Environment(Struct):
-    """The surroundings of every block of one PLC; `scan` and `now` (ns) are those of the running scan.
+    """The surroundings of every block of one PLC; `scan` (number) and `now` (ns) of the running scan.
 
     `write` puts a note into the ledger.
     """

@@ -17,9 +17,9 @@ class FrameEnding(StrEnum):
 
 
 class Framing(Struct, frozen=True):
-    """How frames are cut. `size`: the most bytes of a frame; `timeout_ns`: the longest gap, 0: any.
+    """How frames are cut. `size`: the most bytes of a frame; `timeout_ns`: the longest gap (0: no limit).
 
-    `text`: frames are STRINGs. A byte 00 ends them, and a size that is reached is never a good end.
+    `text`: frames are STRINGs. A byte 00 ends a frame; to reach `size` is never a good end.
     """
 
     size: int
@@ -29,7 +29,7 @@ class Framing(Struct, frozen=True):
     text: bool = False
 
     def cuts_like(self, other: Framing) -> bool:
-        """Return whether both cut alike; the timeout may differ."""
+        """Return whether both framings cut frames alike; their timeouts may differ."""
         mine = self.size, self.prefix, self.suffix, self.text
         return mine == (other.size, other.prefix, other.suffix, other.text)
 
@@ -47,7 +47,7 @@ class Frame(NamedTuple):
 
 
 class FramerStep(NamedTuple):
-    """One call of a framer: how many bytes it took, and the frame that they complete."""
+    """One call of a framer: how many bytes it took, and the frame that is complete now, if any."""
 
     used: int
     frame: Frame | None = None
@@ -60,7 +60,7 @@ KEPT_NOISE_BYTES: Final = 256
 
 
 class Framer:
-    """Cuts a stream into frames and keeps the part of the next one. `discarded` counts the bytes of noise.
+    """Cuts a stream into frames and keeps the begun part of a frame. `discarded` counts the bytes of noise.
 
     `had_false_start`: noise found in the last call contained the first byte of the prefix.
     """
@@ -86,11 +86,11 @@ class Framer:
 
     @property
     def queued(self) -> int:
-        """Return how many bytes of that frame are here."""
+        """Return how many bytes of the incomplete frame are here."""
         return len(self._part)
 
     def framing_changed(self, framing: Framing) -> bool:
-        """Return whether the part began under another framing; the timeout may change."""
+        """Return whether the incomplete frame began under another framing, apart from the timeout."""
         return self._framing is not None and bool(self._part) and not self._framing.cuts_like(framing)
 
     def flush(self) -> bytes:
@@ -125,7 +125,7 @@ class Framer:
         return Frame(self.flush(), FrameEnding.GAP) if now - self.last_byte >= framing.timeout_ns else None
 
     def _seek_prefix(self, received: bytes, framing: Framing) -> int:
-        """Look for the prefix; return the bytes used. An end that may begin the prefix is kept."""
+        """Look for the prefix; return how many bytes were used. Last bytes that may begin it are kept."""
         head = framing.prefix[: framing.size]  # a frame has no room for more
         before = len(self._part)
         joined = bytes(self._part) + received

@@ -32,29 +32,29 @@ PLAIN_SET_UP_CONDITIONS: Final[SetUpConditions] = {
 
 
 class StatusSequence(Struct, frozen=True):
-    """What shows when. A tuple of conditions shows one a scan.
+    """Which condition a block shows in which scan. Of a tuple of conditions each shows for one scan.
 
-    `job_begins`: the first scan of a connection shows it if a job waits, which then has its lock. If that
-    job would be refused, the scan shows `established`. None: "connected".
+    `job_begins`: the first scan of a connection shows it if a job waits; the job then has its lock. If
+    the job would be refused, the scan shows `established`. None: "connected".
     `established`: the first scan of a connection shows it if no job waits.
     `waiting_req_sends`: a REQ that is still 1 when the connection comes up sends; False: an edge without a
     connection is an error of its own.
-    `en_r_keeps_job`: a running receive job outlives EN_R. `first_data_keeps_job`: only once it has data.
+    `en_r_keeps_job`: a running receive job outlives EN_R. `first_data_keeps_job`: so once it has data.
     `second_lags`: of two blocks on a connection, the one called second in the scan that brings it up sees it
     one scan later, whichever of them has opened it.
-    `reset`, `reset_ends_send`: what COM_RST shows, and the error before it that ends a running send job.
+    `reset`: what COM_RST shows; `reset_ends_send`: the error that shows first and ends a running send job.
     `rebuilding`: what shows between an error and "connecting" when the block reconnects.
     `let_go`: what a block shows after another block has closed or reset its connection.
     `closes_together`: if CONT falls on two blocks of a connection in one scan, both show the close.
     `idle_loss`: the error of a loss while no job runs; None: an error only for a dead link.
     `job_loss`: the error that ends a job, by kind; any other kind is "send failed" or "receive failed".
-    `still_asked`: the error of EN_R = 1 in the scan after a loss that ended a job, and of a separate TRCV
-    while its connection is rebuilt.
+    `still_asked`: the error that EN_R = 1 shows in the scan after a loss that ended a job; a separate TRCV
+    shows it while its connection is rebuilt.
     `teardown`: "closing" shows before the error of a loss that ends a job.
     `silent_connect`: a failed attempt shows no error; `silent_dead_link`: while a link is dead it shows none.
     `reset_closes`: COM_RST closes the connection and its listener, and builds both anew.
     `request_connects`: an edge of REQ or EN_R = 1 connects too; with CONT the connection outlives the job.
-    `faults_once`: a receive job that every call refuses shows its error once, else with each call.
+    `faults_once`: a receive job that every call refuses shows its error once; False: in each call.
     `set_up`: the error of a set-up step.
     """
 

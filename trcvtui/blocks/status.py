@@ -52,7 +52,7 @@ class StatusRow(Struct, frozen=True):
         return f"16#{self.code:04X}"
 
     def checks_of(self, block: str) -> tuple[str, ...]:
-        """Return what to check at this block: all lines but those that begin with the names of others."""
+        """Return what to check at this block, without the lines that begin with names of other blocks."""
         return tuple(line for line in self.checks if _is_for_block(line, block))
 
     def causes_of(self, block: str) -> tuple[str, ...]:

@@ -335,7 +335,7 @@ def block_row(name: str | None) -> BlockRow:
 
 
 def known_blocks(names: Iterable[str]) -> tuple[str, ...]:
-    """Return those of the names that are blocks, in their order."""
+    """Return the names that are blocks, in their order."""
     return tuple([name for name in names if name in BLOCKS])
 
 

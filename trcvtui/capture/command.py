@@ -23,7 +23,7 @@ TABLE_WIDTH: Final = 80  # columns of text
 def merge_packets(paths: Sequence[str], troubles: list[Problem]) -> Iterator[tuple[Packet, CaptureReader]]:
     """Yield the packets of one capture in several files, each with its reader.
 
-    A file is opened only when its first packet is due; a file that cannot be read to its end adds a trouble.
+    The first packet of each file is read at once, all others when due; `troubles` gets what is unreadable.
     """
     waiting = sorted(((_first_ns(path), n) for n, path in enumerate(paths)), reverse=True)
     running: list[tuple[int, int, Packet, CaptureReader, Iterator[tuple[Packet, CaptureReader]]]] = []

@@ -198,7 +198,7 @@ class _Change(NamedTuple):
 
 @dataclass(slots=True)
 class _Owner:
-    """The device that has an address: when it was last seen, and how many times since the last change."""
+    """The device that has an address: when it was last seen, and how often since the last change."""
 
     mac: bytes
     ns: int
@@ -220,7 +220,7 @@ class HostNotes:
         self._owners: OrderedDict[bytes, _Owner] = OrderedDict()
 
     def mark_heard(self, address: bytes) -> None:
-        """Note a packet of this address: its requests have an answer."""
+        """Note a packet from this address: the requests for the address have an answer."""
         self._asked.pop(address, None)
 
     def add_arp(self, ns: int, packet: int, note: ArpNote) -> None:
@@ -262,7 +262,7 @@ class HostNotes:
     ) -> Iterator[HostFact]:
         """Yield the facts at the end of the capture.
 
-        `heard_ns`: time of each host's last TCP or UDP packet. `lacking`: number of incomplete datagrams.
+        `heard_ns`: time of each host's last TCP or UDP packet. `lacking`: incomplete datagrams, per ends.
         """
         for ends, n in lacking.items():
             there, here = map(ip_address, ends)
@@ -292,7 +292,7 @@ class HostNotes:
 
 
 def _find_duplicates(address: bytes, owner: _Owner, addresses: Mapping[bytes, int]) -> Iterator[HostFact]:
-    """Yield a fact if two devices use one address; a proxy or a replaced device does not count."""
+    """Yield a fact if two devices use one address, but not for a device with many or a replaced one."""
     changes = [one for one in owner.changes if max(addresses[one.old], addresses[one.new]) < MANY_ADDRESSES]
     back = any((b.old, b.new) == (a.new, a.old) for a, b in pairwise(changes))
     often = len(changes) >= OWNER_TURNS and changes[OWNER_TURNS - 1].ns - changes[0].ns <= TURNS_NS

@@ -1,4 +1,4 @@
-"""A captured packet to the TCP segment or UDP datagram in it: link layers, IPv4, IPv6."""
+"""Finds the TCP segment or UDP datagram in a captured packet: link layers, IPv4, IPv6."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ class IpPayload(NamedTuple):
 class Fragment(NamedTuple):
     """A piece of an IP packet. `at`: its offset in the content; `head`: the bytes before the whole content.
 
-    `of`: equal in all pieces of one packet; `length_at`: offset of the length in the head. That length
-    counts `counted` bytes of the head, too.
+    `of`: the key that all pieces of one packet share; `length_at`: offset of the length field in the head.
+    The length includes `counted` bytes of the head.
     """
 
     of: tuple[bytes, ...]
@@ -138,13 +138,13 @@ class Fragments:
         self._packets.pop(of, None)
 
     def _is_lost(self, of: tuple[bytes, ...]) -> bool:
-        """Return whether a datagram lacks pieces; its first alone does not count (capture filter)."""
+        """Return whether a datagram lacks pieces; a first piece alone does not count (capture filter)."""
         pieces = self._packets[of]
         is_datagram = of not in self._done and of[3:] in ((), (bytes((UDP,)),))
         return is_datagram and (len(pieces.content) > 1 or pieces.first is None)
 
     def count_lost(self) -> dict[tuple[bytes, ...], int]:
-        """Return how many datagrams lack pieces, by sender and receiver, where at least half of them do."""
+        """Return how many datagrams lack pieces, by both ends; only if >= 2 and >= half the whole ones."""
         lost = self._lost + Counter(of[:2] for of in self._packets if self._is_lost(of))
         return {ends: n for ends, n in lost.items() if n >= 2 and n * 2 >= self._whole[ends]}
 

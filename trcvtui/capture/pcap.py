@@ -1,4 +1,4 @@
-"""The codec of capture files: pcapng and pcap to packets, packets and what surrounds them to pcapng.
+"""The codec of capture files: reads pcapng and pcap; writes pcapng: packets and the blocks around them.
 
 Rule 1: a file is read block by block; no length in it is trusted, and no block above `MOST_BLOCK` is kept.
 Rule 2: time is integer nanoseconds since 1970, whatever the file counts in.
@@ -96,7 +96,7 @@ class Packet(NamedTuple):
 class CaptureReader:
     """The packets of one file in its order, with about two chunks of it in memory.
 
-    `read` returns at most so many bytes, b"" at the end; a pipe may give fewer.
+    `read(n)` returns at most n bytes, b"" at the end; a pipe may return fewer.
     Raise UserError if the file does not begin as a capture.
     """
 

@@ -39,7 +39,7 @@ class PlcEnd(NamedTuple):
 
 
 class PlcGuess(NamedTuple):
-    """Which end is the PLC's: the direction it sends, how sure that is (0 to 1), and why."""
+    """Which end is the PLC: the direction in which it sends, how sure this is (0 to 1), and why."""
 
     says: WireDirection
     confidence: float
@@ -57,8 +57,8 @@ def parse_plc(text: str) -> PlcEnd:
 class KnownEnds(NamedTuple):
     """What a project or a recorded run says about the ends of its PLC.
 
-    Ports on which it listens and ports that it calls; its own addresses and its partners'. `connects`: the
-    CONNECT of a run, by port of the PLC and partner as text.
+    The PLC listens on `listens` and calls the ports in `calls`; `own` and `partners` are addresses.
+    `connects`: the CONNECT of a run, by port of the PLC and partner as text.
     """
 
     listens: frozenset[int] = frozenset()
@@ -127,7 +127,7 @@ def guess_plc(
 def make_no_match_error(where: str, given: str, found: Iterable[Conversation], offer: str = "") -> UserError:
     """Return the error for an end or a project without a conversation, with the ends of the capture.
 
-    `offer`: words before the list of ends: what the user can do with one of them.
+    `offer`: words before the list of ends; they say what the user can do with an end.
     """
     ends = sorted({address_text(end.address) for each in found for end in (each.there, each.back)})
     return mistake(where, given, f"{offer}one of the ends that are there: " + ", ".join(ends[:8]))

@@ -1,4 +1,4 @@
-"""Packets to conversations: reassembled TCP streams, UDP datagrams in their order.
+"""Makes conversations from packets: reassembled TCP streams, UDP datagrams in their order.
 
 Rule 1: the first copy of a byte counts; a different later copy is an event.
 Rule 2: bytes that the receiver acknowledged and the capture lacks are a hole; nothing fills it.
@@ -165,7 +165,7 @@ class WireDirection:
         return self.position - self.missing
 
     def allows_fast_path(self) -> bool:
-        """Return whether only bytes in order can come: the fast path of `add_packets`."""
+        """Return whether only bytes in order can come: then `add_packets` takes its fast path."""
         other, conversation = self.other, self.conversation
         return (
             self.is_firm
@@ -203,13 +203,13 @@ class Conversation:
         self.there.other, self.back.other = self.back, self.there
 
     def mark_established(self) -> None:
-        """Mark its SYN as answered, though no packet of the handshake is here."""
+        """Mark its SYN as sent and answered, although the capture has no packet of the handshake."""
         self.begins_with_syn = self.is_established = True
         self.listener = self.back
 
     @property
     def forget_after_ns(self) -> int:
-        """Return how long it must be silent until a growing capture forgets it."""
+        """Return how long the conversation must be silent before a growing capture forgets it, in ns."""
         if self.protocol == "udp" and not self.tap:
             return SILENT_NS
         return ENDED_KEPT_NS if self.end is not None else FOREVER_NS
@@ -329,7 +329,7 @@ class Conversations:
                 self._skip_missing(conversation.last_ns, direction, direction.position + left)
 
     def forget_silent(self, ns: int) -> list[int]:
-        """Forget conversations that ended long ago, and silent ones if many; return their numbers."""
+        """Forget conversations that ended long ago, and silent ones if too many; return their numbers."""
         is_full = len(self.all) > MOST_CONVERSATIONS // 2
         over = [
             each for each in self.all if ns - each.last_ns > (SILENT_NS if is_full else each.forget_after_ns)
@@ -548,7 +548,7 @@ class Conversations:
     def open_tapped(self, ns: int, talk: Conversation, wire: TwoEnds, is_new: bool) -> bool:
         """Add a conversation that a tap announces; its packets will have the ends `wire`.
 
-        Where no SYN will come, a KEEP_ALIVE event announces it. Return False above MOST_CONVERSATIONS.
+        If no SYN will come, a KEEP_ALIVE event announces `talk`. Return False above MOST_CONVERSATIONS.
         """
         if len(self.all) >= MOST_CONVERSATIONS:
             self.unlisted += 1
@@ -721,7 +721,7 @@ class Conversations:
     # -- bytes -------------------------------------------------------------------------------------------
 
     def _place(self, ns: int, direction: WireDirection, at: int, data: bytes) -> None:
-        """Put bytes into their place: delivered and waiting ones stay (rule 1), early ones wait."""
+        """Put bytes into their place: bytes delivered or waiting stay (rule 1), early bytes wait."""
         old = direction.position - at
         if old > 0:
             self._compare(ns, direction, at, data[:old])
@@ -862,7 +862,7 @@ def _add_sack(direction: WireDirection, options: bytes) -> None:
 
 
 def _is_challenge(direction: WireDirection, ack: int) -> bool:
-    """Return whether an ACK that answers a SYN belongs to an older connection (RFC 5961)."""
+    """Return whether an ACK that answers a SYN acknowledges an older connection (RFC 5961)."""
     caller = direction.other
     is_first = direction.syn is None and caller.syn is not None and not direction.conversation.is_established
     return is_first and not caller.segments and not direction.segments and ack != caller.next

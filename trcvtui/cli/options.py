@@ -42,7 +42,7 @@ class _WideHelpFormatter(argparse.HelpFormatter):
 
 
 class CommandParser(argparse.ArgumentParser):
-    """Prints a mistake as one line; `make_epilog` makes the last lines of the help when it is shown."""
+    """Prints a mistake as one line; `make_epilog` makes the last lines of the help once it is needed."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(formatter_class=_WideHelpFormatter, allow_abbrev=False, **settings)
@@ -65,7 +65,7 @@ CommandRows = Mapping[str, CommandRow]
 
 
 def add_commands(parser: CommandParser, rows: CommandRows, metavar: str = "WHAT", **settings: Any) -> None:
-    """Add the commands, or only the one that the first argument names: each takes a millisecond."""
+    """Add the commands, or only the one that the first argument names: adding each takes 1 ms."""
     commands = parser.add_subparsers(metavar=metavar, **settings)
     for name in [word for word in parser.given[:1] if word in rows] or rows:
         about, add, run = rows[name]

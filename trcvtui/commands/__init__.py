@@ -1,1 +1,1 @@
-"""The bench commands: one line of text to a frozen command and back."""
+"""The bench commands: a line of text is read as a frozen command, which can be written as a line again."""

@@ -40,7 +40,7 @@ class FrameChecker:
         self._frames = self._lost = self._doubled = self._shifts = self._strange = 0
 
     def begin(self) -> None:
-        """Begin with a new stream: half a frame of the old one is dropped."""
+        """Begin with a new stream: an incomplete frame of the old one is dropped."""
         self._kept.clear()
         self._is_shifted = False
 
@@ -88,7 +88,7 @@ FILL_KINDS: Final = (*NUMBER_KINDS, *CHECKSUMS)
 class Fill:
     """`width` bytes at `offset`: n (binary), digits (decimal) or a checksum of all bytes before.
 
-    `hole`: it is written as {n} inside the payload's text, not as an option after it.
+    `hole`: the number is written as {n} inside the payload's text, not as an option after the text.
     """
 
     kind: str
@@ -98,7 +98,7 @@ class Fill:
     hole: bool = field(default=False, compare=False)
 
     def content(self, before: bytes, number: int) -> bytes:
-        """Return the bytes, given those before them and the number of the message, from 0."""
+        """Return the bytes to fill in; `before`: the bytes before them; `number`: the message's, from 0."""
         if self.kind == BINARY_NUMBER:
             return (number % (1 << 8 * self.width)).to_bytes(self.width, self.order)
         if self.kind == DECIMAL_DIGITS:

@@ -233,7 +233,7 @@ def _add_with_parts(content: dict[str, Any], project: Project, where: str, writt
 
 
 def _check_messages(decl: Declaration, project: Project, where: str) -> None:
-    """Raise UserError for mistakes that the table's reader cannot find: in messages, steps, peer routines."""
+    """Raise UserError for mistakes in messages, steps and routines that the table's reader cannot find."""
     match decl:
         case MessageDecl():
             check_message(decl, project, where)
@@ -298,7 +298,7 @@ _CONTENT_READERS: Final[dict[str, Callable[[Words], dict[str, Any]]]] = {
 
 
 def parse_change(words: Words, project: Project) -> Change | None:
-    """Return `set [KIND] NAME KEY=VALUE ...`, None if it sets pins of an instance; raise UserError."""
+    """Return `set [KIND] NAME KEY=VALUE ...`, None if the line sets an instance's pins; raise UserError."""
     kind, name = _read_kind_and_name(words, project)
     if not kind or (kind == INSTANCE and not _changes_declaration(words, name, project)):
         return None
@@ -315,7 +315,7 @@ def parse_change(words: Words, project: Project) -> Change | None:
 
 
 def _read_kind_and_name(words: Words, project: Project) -> tuple[str, str]:
-    """Return kind and name after `set` or `remove`; take a written kind. Kind "": nothing has this name."""
+    """Return kind and name after `set` or `remove`; consume the kind if written. Kind "": no such name."""
     if words.peek() in PART_KINDS and words.peek(1) and "=" not in words.peek(1):
         return words.next(""), words.peek()
     name = words.peek()
@@ -337,7 +337,7 @@ def _join_kinds(texts: list[str]) -> str:
 
 
 def _changes_declaration(words: Words, name: str, project: Project) -> bool:
-    """Return whether a key belongs to the declaration and is no input: a CONNECT, DATA or a task."""
+    """Return whether a key changes the declaration (block, CONNECT, DATA, task), not an input."""
     decl = project.instance(name)
     if decl is None:
         return False
@@ -364,7 +364,7 @@ def _read_changes(kind: str, words: Words) -> dict[str, Any]:
 
 
 def parse_remove(words: Words, project: Project) -> Remove:
-    """Return `remove [KIND] NAME`; raise UserError if it does not exist, or is in use."""
+    """Return `remove [KIND] NAME`; raise UserError if the entry does not exist or is in use."""
     kind, name = _read_kind_and_name(words, project)
     missing = "the name of what to remove"
     name = unquote(words.take_rest_text(missing)) if kind == UDT else words.next(missing)
@@ -434,7 +434,7 @@ def describe_edit(command: EditCommand, project: Project) -> str:
 
 
 def port_text(port: int) -> str:
-    """Return the port that was chosen, as the last words of a line."""
+    """Return the chosen port as the last words of a line."""
     return f" LocalPort={port}"
 
 
@@ -489,7 +489,7 @@ def _restarts(edit: Edit, project: Project) -> list[str]:
 
 
 def add_line(command: AddEntry | AddVariable) -> str:
-    """Return the line that `parse_add` reads as this command."""
+    """Return the line from which `parse_add` makes this command."""
     if isinstance(command, AddEntry) and command.text:
         return command.text
     decl = command.decl

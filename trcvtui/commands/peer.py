@@ -74,7 +74,7 @@ _HOLE_PATTERN: Final = re.compile(r"\{([^{}]*)\}")
 
 
 def parse_send(words: Words, project: Project, peer: str, holes_in_text: bool = False) -> PeerSend:
-    """Return the message after `peer P1 send`; `holes_in_text`: {n} in a text is a number."""
+    """Return the message after `peer P1 send`; `holes_in_text`: {n} in a text stands for the number."""
     project = project.with_peer_layout(peer)
     options = words.cut_tail_words(lambda word: _OPTION_PATTERN.fullmatch(word) is not None)
     payload, fills = _read_message(words, project, holes_in_text)
@@ -248,7 +248,7 @@ def _parse_send(message: MessageDecl, peer: str, project: Project, where: str) -
 def _parse_steps(
     sequence: SequenceDecl, peer: str, project: Project, words: Words
 ) -> tuple[tuple[int, PeerSend], ...]:
-    """Return each message with the pause before it in ns."""
+    """Return each message of a sequence, with the pause before it in ns."""
     steps, pause = [], 0
     for step in sequence.steps:
         if "#" in step:

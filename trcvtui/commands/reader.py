@@ -1,4 +1,4 @@
-"""Reads lines on inputs, the running program, the PLC, the wire, faults and time into frozen commands."""
+"""Reads lines about inputs, the running program, the PLC, the wire, faults and time, as frozen commands."""
 
 from __future__ import annotations
 
@@ -197,7 +197,7 @@ BREAK_WORD: Final = "break"
 
 
 def can_be_fed(buffer: ComBufferDecl) -> bool:
-    """Return whether `feed` may use a ComBuffer: its source is `sim` or `serial`, it has no `line`."""
+    """Return whether `feed` may use a ComBuffer: its source is `sim` or `serial`, and it has no `line`."""
     return buffer.source in (SIMULATED, SERIAL) and not buffer.line
 
 

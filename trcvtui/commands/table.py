@@ -65,7 +65,7 @@ def feed_line(c: words.FeedSerial) -> str:
 
 
 def message_text(c: words.PeerSend) -> str:
-    """Return the message as after `peer P1 send`."""
+    """Return the message as it is written after `peer P1 send`."""
     if c.text.startswith("message "):
         return c.text  # its options are in the library
     parts = [c.text or f"hex {c.payload.hex(' ')}"]
@@ -89,7 +89,7 @@ def _fill_text(fill: Fill) -> str:
 
 
 def rule_text(c: words.AddReply) -> str:
-    """Return a rule as in `replies` of a project file."""
+    """Return a rule as it is written in `replies` of a project file."""
     return f"{match_text(c.match)} send {message_text(c.send)}"
 
 
@@ -217,7 +217,7 @@ class BenchActions(Protocol):
 
 
 class WordRow(Struct, frozen=True):
-    """One frozen command: its line, and what it does; `act` None: scans pass, and a runner carries it out."""
+    """One frozen command: its line and action; `act` None: a runner carries it out, scans may pass."""
 
     record: type
     write: Callable[[Any], str]

@@ -115,7 +115,7 @@ def leaf_bytes(layout: Layout, leaf: Leaf, text: str, where: str) -> bytes:
 
 @contextmanager
 def prefix_problems(where: str) -> Iterator[None]:
-    """Put `where` before the place of each mistake in the block."""
+    """Put `where` before the place of each mistake that the `with` block raises."""
     try:
         yield
     except UserError as refused:
@@ -165,7 +165,7 @@ def file_bytes(path: Path, where: str) -> bytes:
 
 
 def chunks(payload: bytes, split: Iterable[int]) -> tuple[memoryview, ...]:
-    """Return the payload in pieces of the sizes of `split`, the rest as the last; no piece is empty."""
+    """Return the payload in pieces of the sizes in `split`; the rest is the last piece. None is empty."""
     view = memoryview(payload)
     pieces, start = [], 0
     for size in split:
@@ -195,7 +195,7 @@ def parse_pin_value(pin: Pin, text: str, where: str) -> PinValue:
 
 
 def parse_value(kind: Kind[T], text: str, before: str, where: str) -> T:
-    """Return a text read as a kind; `before` is the text before it in the line, such as `gap=`."""
+    """Return a text as a value of `kind`; `before` is the text before it in the line, such as `gap=`."""
     found = kind.from_text(text)
     if found is None:
         raise mistake(where, f"{before}{quote(text)}", kind.expected_for(text))
@@ -308,11 +308,11 @@ class Words:
         return self._line[self._tokens[start].start : self._tokens[self.place - 1].end]
 
     def cut_tail_words(self, begins: Callable[[str], bool]) -> list[str]:
-        """Cut off and return the tail: from the first remaining word that `begins` on."""
+        """Cut off the remaining words from the first one for which `begins` is true; return them."""
         return self.cut_tail(begins).remaining_words()
 
     def cut_tail(self, begins: Callable[[str], bool]) -> Words:
-        """Cut off the tail, from the first remaining word that `begins` on; return it as Words."""
+        """Cut off the remaining words from the first for which `begins` is true; return them as Words."""
         after = range(self.place, len(self._tokens))
         number = next((n for n in after if begins(self._tokens[n].text)), len(self._tokens))
         tail = copy(self)
@@ -343,7 +343,7 @@ class Words:
         return word
 
     def make_unknown_error(self, name: str, known: Iterable[str], what: str) -> UserError:
-        """Return the mistake of an unknown name; `what` says what the known ones are."""
+        """Return the mistake of an unknown name; `what` is the kind of the known names."""
         return self.error(quote(name), expected_name(name, known, what), "unknown")
 
 

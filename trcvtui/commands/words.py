@@ -84,7 +84,7 @@ class Starts:
 
 @dataclass(frozen=True, slots=True)
 class FieldIs:
-    """`field Telegram.id = 7`: the stream, cut into Telegrams from its beginning, has one with this value."""
+    """`field Telegram.id = 7`: one Telegram of the stream, cut from its beginning, has this value."""
 
     type_name: str
     path: str
@@ -100,7 +100,7 @@ NO_MARK: Final = "none"
 
 @dataclass(frozen=True, slots=True)
 class SetFrameMark:
-    """`suffix RD hex 0D 0A`, `prefix RD none`; `pin`: the pin of its length, "" if it is a STRING."""
+    """`suffix RD hex 0D 0A`, `prefix RD none`; `pin`: the pin of the mark's length, "" for a STRING."""
 
     instance: str
     mark: str
@@ -391,14 +391,14 @@ Condition = PinsAre | PeerIs | PeerReceived | DataIs | MemberIs
 
 
 class Wait(Struct, frozen=True):
-    """`wait TRCV_C_1 STATUS=7004 within T#2s`: let scans pass until it holds; time in ns."""
+    """`wait TRCV_C_1 STATUS=7004 within T#2s`: let scans pass until the condition holds; time in ns."""
 
     condition: Condition
     within_ns: int = DEFAULT_LIMIT_NS
 
 
 class Expect(Struct, frozen=True):
-    """`expect ...`: holds now, or within a time in ns."""
+    """`expect ...`: the condition holds now, or within a time in ns."""
 
     condition: Condition
     within_ns: int | None = None

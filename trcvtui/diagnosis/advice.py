@@ -1,4 +1,4 @@
-"""Evidence to sentences: why a block shows its STATUS, what proves it, and what to do about it.
+"""Turns evidence into sentences: why a block shows its STATUS, what proves it, and what to do about it.
 
 Rule 1: the condition selects the rules, never a STATUS number. Each rule returns a sentence or "".
 Rule 2: a rule is one row of ADVICE_RULES: conditions, traffic, function. Rows for one kind of traffic replace
@@ -324,8 +324,8 @@ JOB_CONDITIONS: Final = frozenset({Condition.STARTED, Condition.RUNNING})
 class Advice:
     """`why`: the present state; `causes`: what is proven, the most telling first; `do`: what to do.
 
-    `code`: the STATUS of the last failed attempt; its row of the table says more than the shown one.
-    `rules`: those that returned a sentence.
+    `code`: the STATUS of the last failed attempt; its row of the table says more than the shown STATUS.
+    `rules`: the rules that returned a sentence.
     """
 
     why: str
@@ -455,13 +455,13 @@ def _is_building(e: Evidence) -> bool:
 
 
 def _attempt_code(e: Evidence) -> int | None:
-    """Return the code of the last failed attempt; None: no next one follows, or the block showed none."""
+    """Return the code of the last failed attempt; None: no next attempt follows, or no code showed."""
     attempt = e.facts.attempt
     return attempt.status if attempt is not None and attempt.condition and _is_building(e) else None
 
 
 def _describe_failed_attempt(e: Evidence, words: str) -> tuple[AdvisedCause, ...]:
-    """Return its causes and remedies as of the scan that showed it; `words` describe its cause."""
+    """Return the causes and remedies of an attempt when its code showed; `words` describe its cause."""
     attempt = e.facts.attempt
     if attempt is None or _attempt_code(e) is None:
         return ()

@@ -65,7 +65,7 @@ def _last_error_ns(item: tuple[object, _ErrorRecord]) -> int:
 
 
 class BlockSymptoms:
-    """Takes the ledger of a run, line by line; `list_findings` is called at its end."""
+    """Takes the ledger of a run, line by line; then `list_findings` returns the symptoms."""
 
     def __init__(self, bench: Bench, wall_ns: int) -> None:
         self._bench, self._wall_ns = bench, wall_ns
@@ -112,7 +112,7 @@ class BlockSymptoms:
         )
 
     def list_findings(self, is_running: bool) -> tuple[Finding, ...]:
-        """Return the symptoms of the run; of a running one, those that are not over."""
+        """Return the symptoms of the run; while it runs, without an ERROR that is over and old."""
         snapshot = self._bench.runtime.snapshot()
         found = [*self._find_lasting_errors(is_running)]
         named = {one.instance for one in found}
@@ -176,7 +176,7 @@ class BlockSymptoms:
         return replace(found, cause="framing", confidence=FRAMING_CONFIDENCE, evidence=evidence, mend=(mend,))
 
     def _find_connect(self, name: str) -> str:
-        """Return the CONNECT of an instance; on a ComBuffer, that of the instance that feeds it."""
+        """Return the CONNECT of an instance; on a ComBuffer, the CONNECT of the instance that feeds it."""
         project = self._bench.project
         decl = project.instance(name)
         own = decl.connect if decl is not None else ""
@@ -196,7 +196,7 @@ class BlockSymptoms:
             yield self._finding(shown.name, "not-connected", text, since, connect=shown.connect)
 
     def _unfinished(self, shown: InstanceSnapshot) -> Iterator[Finding]:
-        """Yield that a job holds bytes, and none came for twice the usual pause (QUIET_NS at least)."""
+        """Yield a finding if a begun job got no bytes for twice the usual pause (QUIET_NS at least)."""
         last = shown.last_receive_ns
         if not block_row(shown.block).receives_on_net or not 0 < shown.have < shown.need or last is None:
             return

@@ -133,6 +133,6 @@ CAUSED_CONDITIONS: Final = frozenset(condition for row in CAUSE_WORDS.values() f
 
 
 def default_remedies(cause: str) -> tuple[Remedy, ...]:
-    """Return the remedy of a cause for want of a better one; (): none."""
+    """Return the remedy that a cause has if no rule offers a better one; (): none."""
     text = CAUSE_WORDS[cause].remedy
     return (Remedy(text),) if text else ()

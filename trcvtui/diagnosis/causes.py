@@ -1,7 +1,7 @@
 """The rules of the doctor, one row a cause: what proves it, which causes silence it, and the remedy.
 
 Rule 1: a judge that lacks a fact says nothing. A conversation is healthy if no rule speaks.
-Rule 2: a row silences those that it explains: a storm is one finding, not ten resets.
+Rule 2: a cause silences the causes that it explains: a storm is one finding, not ten resets.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class EndsGroup:
 
     @cached_property
     def sequential_lines(self) -> tuple[LineFacts, ...]:
-        """Return those that were built one after the other; without those parallel to the one before."""
+        """Return the built conversations, without each that began before the one before it had ended."""
         found: list[LineFacts] = []
         for one in self.built:
             if not found or found[-1].last_ns <= one.first_ns:
@@ -86,7 +86,7 @@ class EndsGroup:
 
     @cached_property
     def has_recovered(self) -> bool:
-        """Return whether one of them is open, and has been for ten seconds."""
+        """Return whether one of the conversations is open, and has been for ten seconds."""
         return any(one.is_built and one.end is None and one.lasted_ns >= RECONNECT_NS for one in self.lines)
 
     @cached_property
@@ -122,7 +122,7 @@ class EndsGroup:
 
     @cached_property
     def plc_end_and_reset_counts(self) -> tuple[int, int]:
-        """Return how many of them the PLC end ended, and how many any end ended by RST."""
+        """Return how many conversations the PLC end ended, and how many either end ended by RST."""
         ends = [one.end for one in self.ended_lines if one.end is not None]
         return sum(1 for end in ends if end.by_plc), sum(1 for end in ends if end.kind == "rst")
 
@@ -134,7 +134,7 @@ class EndsGroup:
 
 
 class LineCase(NamedTuple):
-    """A conversation, all between its ends (`group`), and earlier ones at its listener (`older`)."""
+    """A conversation; `group`: all conversations of its ends; `older`: earlier ones at its listener."""
 
     line: LineFacts
     group: EndsGroup
@@ -516,7 +516,7 @@ def _has_written_since(line: LineFacts, by_plc: bool, since_ns: int) -> bool:
 
 
 def _has_parallel_connection(case: LineCase, ns: int) -> bool:
-    """Return whether the same ends had another connection then: a new one does not replace this one."""
+    """Return whether the same ends had another connection at `ns`: a new one then replaces nothing."""
     others = [one for one in case.group.lines[-MOST_AROUND:] if one is not case.line and one.is_built]
     return any(one.first_ns <= ns < one.last_ns for one in others)
 

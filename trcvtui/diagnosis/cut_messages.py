@@ -1,7 +1,7 @@
 """Cuts the bytes of one direction of a capture into messages, as they come: by pauses or into records.
 
 Rule 1: a pause ends a message. With a type the end of a segment does, too, unless the segment is full: then
-the rest follows. A multiple of the type's size is records of it; any other size is one message.
+the rest follows. A multiple of the type's size is several records; any other size is one message.
 Rule 2: no record crosses a hole, or a message of another size.
 Rule 3: several records in one piece wait for a single message: its size shows whether they are records. Six
 messages of 10 bytes have the size of five of 12.

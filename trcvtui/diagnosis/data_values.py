@@ -44,7 +44,7 @@ def find_unwritten_members(receiver: Receiver, size: int) -> UnwrittenMembers | 
 
 
 def describe_odd_values(receiver: Receiver, frames: Sequence[bytes]) -> tuple[str, ...]:
-    """Return a text for each member with a value that no machine sends, in two of three frames or more.
+    """Return a text for each member with a value that no machine sends, in at least two of three frames.
 
     Numbers that are not finite do not count: devices send them for "no value".
     """

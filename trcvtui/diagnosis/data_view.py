@@ -43,7 +43,7 @@ def is_sensible_real(value: float, within: tuple[float, float] = SENSIBLE_REAL) 
 
 
 def is_senseless_real(value: float) -> bool:
-    """Return whether it is not finite, or of a magnitude that no machine sends."""
+    """Return whether a number is not finite, or has a magnitude that no machine sends."""
     low, high = SENSELESS_REAL
     return not math.isfinite(value) or 0 < abs(value) < low or abs(value) > high
 
@@ -125,7 +125,7 @@ class Offer(NamedTuple):
 
 
 def find_layout_offer(decl: DataDecl, size: int | None, content: bytes) -> Offer | None:
-    """Return a layout for DATA; messages of `size` bytes came, `content` is the newest one or its part.
+    """Return a layout for DATA; messages of `size` bytes came, `content` is the newest or a part of it.
 
     None if the layout fits, if several sizes came, or if no other one fits better.
     """
@@ -172,7 +172,7 @@ def make_view_command(decl: DataDecl, choice: LayoutChoice) -> str:
 
 
 def make_choice(layout: str, byte_order: str, text: str) -> LayoutChoice:
-    """Return the choice of these rules; what the layout implies is None."""
+    """Return these settings as a choice; a setting that the layout implies is None."""
     rules = rules_for(layout)
     return LayoutChoice(
         layout,

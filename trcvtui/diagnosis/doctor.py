@@ -48,7 +48,7 @@ BYTE_CAUSES: Final = {
 
 
 class LineVerdict(Struct, forbid_unknown_fields=True):
-    """The verdict on one conversation; None: on a whole file, or on a project."""
+    """The verdict on one conversation; `conversation` None: on a whole file, or on a project."""
 
     conversation: Ends | None
     findings: list[Finding]
@@ -189,7 +189,7 @@ def _judge_symptoms(
 ) -> list[Finding]:
     """Add to each finding the symptoms that it explains; return all findings without a conversation.
 
-    A symptom without an explanation is a finding of its conversation. `before`: those without one so far.
+    A symptom without an explanation is a finding of its conversation. `before`: findings without one yet.
     """
     alone, lint, new = [*before], dict[int, int](), list[tuple[LineFacts, Finding]]()
     of_line = {case.line.number: made.findings for case, made in zip(cases, verdicts, strict=True)}
@@ -246,8 +246,8 @@ def _select_lines(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts
 def judge_line(case: LineCase, troubles: Sequence[Finding] = (), is_running: bool = False) -> LineVerdict:
     """Return the verdict on one conversation; `troubles`: what its program did wrong.
 
-    While the run continues, causes that end connections are over once a connection stays open; other causes
-    are over once their conversation has ended and another one still sends.
+    While the run continues, leave out causes that are over: causes that end connections, once a connection
+    stays open; other causes, once their conversation has ended and another one still sends.
     """
     line = case.line
     found, remarks, not_judged = judge_case(case)
@@ -270,7 +270,7 @@ def judge_line(case: LineCase, troubles: Sequence[Finding] = (), is_running: boo
 
 
 def _merge_findings(troubles: Sequence[Finding], found: list[Finding]) -> list[Finding]:
-    """Return one finding per cause: if program and packets both have it, that of the packets."""
+    """Return one finding per cause: if program and packets both have it, the one of the packets."""
     alone, number_of = [], {one.cause: number for number, one in enumerate(found)}
     for one in troubles:
         if (number := number_of.get(one.cause)) is None:
@@ -349,8 +349,8 @@ def run_doctor(
 ) -> int:
     """Write the verdicts on all captures as they come; return 0 healthy, 1 findings, 2 nothing judged.
 
-    `names`: other names for files in their verdicts. `scheduler`: of a Dask cluster that judges instead of
-    `jobs` processes.
+    `names`: other names for files in their verdicts. `scheduler`: a Dask scheduler; its cluster judges
+    instead of `jobs` processes.
     """
     write, total, is_first = sys.stdout.write, _Total(), True
     for made in before:

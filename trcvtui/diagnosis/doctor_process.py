@@ -1,6 +1,6 @@
 """Judges a run or captures in another process, which gets blocks of a journal, or the names of files.
 
-Bounds: MOST_FINDINGS, the surest, in texts of MOST_TEXT characters.
+Bounds: the surest MOST_FINDINGS findings; MOST_TEXT characters for each text of evidence.
 """
 
 from __future__ import annotations

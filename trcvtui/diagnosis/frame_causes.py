@@ -51,7 +51,7 @@ class MessageSizes(NamedTuple):
 
 
 def select_whole_messages(line: LineFacts) -> tuple[LineMessage, ...]:
-    """Return the whole messages: none that the capture, an end or a closed window may have cut."""
+    """Leave out messages that the capture, an end or a closed window may have cut, if enough remain."""
     found = line.messages
     closed = line.from_plc.closed
     if closed:
@@ -590,7 +590,7 @@ def _make_reading_judge(cause: str) -> Callable[[LineFacts, Receiver | None], Fi
 
 
 def _judge_unwritten(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    """Judge which members frames never write. A frame may end between two members on purpose: a remark."""
+    """Judge which members frames never write. If frames end between two members, only remark it."""
     if receiver is None or not receiver.need or receiver.is_whole or not line.messages:
         return None
     size = receiver.need
@@ -633,7 +633,7 @@ def _segment(message: LineMessage) -> SegmentFacts:
 
 
 def _is_lone_message(line: LineFacts, receiver: Receiver) -> bool:
-    """Return whether a single message came, and a job waited for its rest for a second or longer."""
+    """Return whether a single message came, and a job waited 1 s, or to the line's end, for its rest."""
     only = line.messages[0]
     is_over = line.end is not None or line.last_ns - only.ns >= SECOND
     return len(line.messages) == 1 and only.pieces == 1 and only.size < receiver.need and is_over

@@ -68,7 +68,7 @@ def _choose_plainest(fits: Sequence[Fit], rules: LayoutRules) -> Fit | None:
 def _read_single_frame(
     frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules
 ) -> Finding | None:
-    """Read the only message in another layout of exactly its size; the values are such as machines send."""
+    """Read the only message in another layout of exactly its size, if machines send such values."""
     from trcvtui.udt.compare.fit import rank
 
     size = len(frames[0])

@@ -1,4 +1,4 @@
-"""What ARP, ICMP and SACK prove: no such host, a duplicate address, no route, packets too large for it."""
+"""What ARP, ICMP and SACK prove: no such host, a duplicate address, no route, oversized packets."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DOUBLE_EFFECTS: Final = frozenset({
 
 
 def is_service(line: LineFacts) -> bool:
-    """Return whether datagrams are ordinary in any network: to all hosts, or of a common service."""
+    """Return whether a line has datagrams that any network has: to all hosts, or of a common service."""
     ends = line.plc_end, line.partner_end
     if line.protocol != "udp":
         return False
@@ -49,7 +49,7 @@ def _by_icmp(line: LineFacts, some: Sequence[TimedNote], sure: float, *texts: st
 
 
 def find_icmp_reports(line: LineFacts, receivers: Sequence[Receiver], *kinds: str) -> Finding | None:
-    """Return the finding that a host refuses packets to a port, or a router or filter refuses any to it."""
+    """Return the finding that a host refuses a port, or a router or filter refuses packets to the host."""
     some = [one for one in line.undelivered if one.note.kind in kinds]
     is_udp = line.protocol == "udp"
     if not some or (line.is_built and not is_udp):
@@ -124,9 +124,9 @@ def _is_only_small_arriving(flow: DirectionFacts) -> bool:
 def list_host_facts(
     facts: CaptureFacts, receivers: Sequence[Receiver], plc: bytes
 ) -> Iterator[tuple[HostFact, bool]]:
-    """Yield addresses without a host, and those of two devices that have no conversation.
+    """Yield addresses without a host, and addresses of two devices that have no conversation.
 
-    With each: whether it is in the project, is `plc` (the chosen address), or is alone in the capture.
+    With each: whether it is in the project, is `plc` (the chosen address), or all lines are services.
     """
     known = {plc, *(end for one in receivers for end in (one.own_address, one.partner_address))} - {b""}
     ends = {end[0] for line in facts.lines for end in (line.plc_end, line.partner_end)}

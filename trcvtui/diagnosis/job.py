@@ -21,7 +21,7 @@ from trcvtui.wording import age_text, count
 class SuggestedAction(NamedTuple):
     """What to do: a sentence, and the bench lines that do it, in order; (): no bench line does it.
 
-    `needs_trial`: they change what a job takes or what its bytes mean, and were not tried on received bytes.
+    `needs_trial`: the lines change what jobs take or what bytes mean, and were not tried on received bytes.
     """
 
     text: str
@@ -41,7 +41,7 @@ AdviceFunction = Callable[[Evidence], RuleAnswer]
 
 
 def tip(cause: str, text: str, *lines: str, needs_trial: bool = False) -> AdvisedCause:
-    """Return a sentence with one thing to do; each `{}` in `text` becomes one of the bench lines."""
+    """Return a cause with one thing to do about it; each `{}` in `text` becomes one of the bench lines."""
     for line in lines:
         text = text.replace("{}", f"`{line}`", 1)
     return AdvisedCause(cause, (SuggestedAction(text, lines, needs_trial),))

@@ -85,7 +85,7 @@ class ClosedWindow(NamedTuple):
 
 
 class LateAck(NamedTuple):
-    """A small write whose ACK came late: after how long, and how long after that the next write left."""
+    """A small write with a late ACK: how long the ACK took, and how long after it the next write left."""
 
     write: SegmentFacts
     wait_ns: int
@@ -164,12 +164,12 @@ class DirectionFacts:
             self.moments.append((write, kind))
 
     def packets_of(self, *kinds: str) -> tuple[int, ...]:
-        """Return the numbers of the first packets with something odd."""
+        """Return the numbers of the first packets at which odd things of these kinds occurred."""
         found = dict.fromkeys(write.packet for write, kind in self.moments if kind in kinds)
         return tuple([*found][:MOST_SHOWN])
 
     def first_of(self, kind: str) -> SegmentFacts | None:
-        """Return the first place of something odd."""
+        """Return the first write at which an odd thing of this kind occurred; None: there is none."""
         return next((write for write, known in self.moments if known == kind), None)
 
 
@@ -258,7 +258,7 @@ class LineFacts:
     def make_filter(self, evidence: str, of_group: bool) -> str:
         """Return a Wireshark filter for those of its packets that are evidence; "": there is none.
 
-        `of_group`: for those of all conversations with the same listener.
+        `of_group`: a filter for the packets of all conversations with the same listener.
         """
         if self.protocol == "serial" or evidence == "arp":
             return "" if self.protocol == "serial" else evidence
@@ -270,7 +270,7 @@ class LineFacts:
         return " && ".join(parts)
 
     def has_harm_at(self, ns: int) -> bool:
-        """Return whether a block showed an ERROR or lost a job then; True if that is not known."""
+        """Return whether a block showed an ERROR or lost a job about then; True if that is not known."""
         return self.harms is None or any(-HARM_BEFORE_NS <= one - ns <= HARM_AFTER_NS for one in self.harms)
 
     def to_seconds(self, ns: int) -> float:
@@ -481,10 +481,10 @@ def collect_facts(
     receives: bool = False,
     until_ns: int = 0,
 ) -> CaptureFacts:
-    """Return the facts of one capture; what is `known` of the PLC decides which end it is.
+    """Return the facts of one capture; what is `known` of the PLC decides which end is the PLC.
 
     `receives`: the PLC is known to receive; if only one end sends, the PLC is the other one.
-    `until_ns`: the capture lasts so long; a conversation without an end is silent until then.
+    `until_ns`: when the capture ends; a conversation without an end is silent until then.
     """
     collector, troubles = _Collector(), list[Problem]()
     found = collector.found

@@ -243,7 +243,7 @@ def _judge_ids(project: Project) -> Iterator[Finding]:
 
 
 def _judge_ports(project: Project) -> Iterator[Finding]:
-    """Yield CONNECTs with one local port, of one protocol at one address; ISO-on-TCP shares its port."""
+    """Yield CONNECTs with one local address and port, both of TCP or of UDP; ISO-on-TCP shares its port."""
     first: dict[tuple[bool, str, int], ConnectConfig] = {}
     mend = Remedy("give each of them its own LocalPort")
     for config in project.connects:
@@ -316,7 +316,7 @@ def _written_pins(project: Project) -> WrittenPins:
 
 
 def _judge_missing_cont(project: Project, written: WrittenPins) -> Iterator[Finding]:
-    """Yield instances that ask for data but never get the CONT that they need for a connection."""
+    """Yield instances that are to send or receive but never get the CONT that a connection needs."""
     for decl in project.instances:
         pins = {pin.name for pin in project.pins(decl.block)}
         asks = [pin for pin in ("EN_R", "REQ") if any(written.get((decl.name, pin), ()))]

@@ -38,12 +38,12 @@ class LengthPlace(NamedTuple):
 
     @property
     def is_usual(self) -> bool:
-        """Return whether it counts all bytes of the message, or those after it."""
+        """Return whether the length counts all bytes of the message, or the bytes after the length."""
         return self.more in (0, self.at + self.width)
 
 
 def find_length_field(messages: Sequence[bytes]) -> LengthPlace | None:
-    """Return the length field that is right in each message; None: none is, or only by chance."""
+    """Return the length field that is right in each message; None: no field is, or it may be chance."""
     lengths = {len(one) for one in messages}
     if len(lengths) < 2 or len(messages) < LEAST_MESSAGES:
         return None
@@ -131,7 +131,7 @@ class HeadAndBody(NamedTuple):
 
 
 def find_head_and_body(writes: Sequence[SegmentFacts], content: bytes, need: int) -> HeadAndBody | None:
-    """Return the finding that each second write is the body to the head before it; None: not proved.
+    """Return head and body, if each second write is the body to the head before it; None: not proved.
 
     Proof is a length in the head, or that both together always have the size of a job.
     """

@@ -191,7 +191,7 @@ def explain_long_sender(e: Evidence) -> RuleAnswer:
 
 
 def explain_odd_size(e: Evidence) -> str:
-    """The newest message has another size than the frame, which all before it filled."""
+    """The newest message has another size than the frame; each earlier message filled one."""
     sizes = e.facts.messages.last
     if e.adhoc or len(sizes) < 2 or not e.need or sizes[-1] == e.need or set(sizes[:-1]) != {e.need}:
         return ""
@@ -235,7 +235,7 @@ def explain_burst_size(e: Evidence) -> str:
 
 
 def suggest_ad_hoc(e: Evidence) -> RuleAnswer:
-    """Static and stuck, and whether more bytes will come is not known."""
+    """A static job is stuck, and it is not known whether more bytes will come."""
     if e.adhoc or receive_state(e) != STUCK or not e.have:
         return ""
     here = count(e.have, "byte")

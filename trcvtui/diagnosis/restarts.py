@@ -19,7 +19,7 @@ def find_restarts(
 ) -> Mapping[LineFacts, LineFacts]:
     """Return the half-open connections, each with the call that proves it.
 
-    `groups`: those of one caller to one listener.
+    `groups`: each has the connections of one caller to one listener.
     """
     found: dict[LineFacts, LineFacts] = {}
     at_ends: dict[frozenset[tuple[bytes, int]], list[LineFacts]] = {}

@@ -48,7 +48,7 @@ _HANDSHAKE, _ALERT, _DATA, _CHANGE_CIPHER = 22, 21, 23, 20
 def find_unit_heads(flow: DirectionFacts, has_begin: bool) -> list[bytes]:
     """Return the heads of the first units of TLS or ISO-on-TCP, without a gap; []: it is neither.
 
-    If the begin is not in the capture, they may begin at one of the first writes.
+    If the capture lacks the begin, the first unit may begin at one of the first writes.
     """
     content = flow.content
     for at in [0] if has_begin else [write.at for write in flow.writes[:MOST_UNITS]]:
@@ -216,7 +216,7 @@ def judge_tls(line: LineFacts) -> Finding | None:
 
 
 def _is_handshake_complete(both: dict[str, list[tuple[int, bytes]]]) -> bool:
-    """Return whether a handshake up to TLS 1.2 succeeded: both ends encrypted, or data passed."""
+    """Return whether a handshake up to TLS 1.2 succeeded: both ends encrypt, or one, and data passed."""
     kinds = [[kind for kind, _ in records] for records in both.values()]
     ready = [_CHANGE_CIPHER in each and _HANDSHAKE in each[each.index(_CHANGE_CIPHER) :] for each in kinds]
     return all(ready) or (any(ready) and any(_DATA in each for each in kinds))

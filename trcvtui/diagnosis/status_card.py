@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # the screen explains before it imports a project
 
 
 class DataBytes(NamedTuple):
-    """DATA of an instance, its bytes, and those of the running job."""
+    """DATA of an instance, its bytes, and the bytes of the running job."""
 
     decl: DataDecl | None
     content: bytes
@@ -127,7 +127,7 @@ def _list_missing(e: Evidence, decl: DataDecl | None) -> str:
 
 
 def list_frame_notes(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
-    """Return what is proven about frames and messages of an instance; []: they agree."""
+    """Return what is proven about frames and messages of an instance; []: they agree, or ADHOC is on."""
     if instance.adhoc:
         return []
     return [*_note_shift(instance, index), *_note_unfinished_frame(instance, index)]

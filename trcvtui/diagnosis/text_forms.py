@@ -78,7 +78,7 @@ def find_string_header(messages: Sequence[bytes]) -> int:
 
 
 def offer_string(receiver: Receiver, messages: Sequence[bytes]) -> RemedyOffer | None:
-    """Return the remedy if a STRING gets text without header, or with one of another length; else None."""
+    """Return the remedy if a STRING gets text without header, or with a wrong length in it; else None."""
     type_, rules = receiver.type, receiver.rules
     if (
         not isinstance(type_, StringType)

@@ -1,4 +1,4 @@
-"""Captures judged by several workers: processes of this machine, or those of a Dask cluster.
+"""Captures judged by several workers: processes of this machine, or workers of a Dask cluster.
 
 Rule 1: a worker that dies loses no file: another worker tries it again, and then it is reported.
 Rule 2: bytes from a cluster run no code here: answers are JSON of one form, and no other object is built.
@@ -163,7 +163,7 @@ def _judge_in_workers(
 
 
 def _judge_at_worker(path: str, asked: Question, judge: JudgeFunction[Question, Answer]) -> bytes:
-    """Return JSON of worker, answer and problems; with neither of these two, the worker cannot open it."""
+    """Return JSON of worker, answer and problems; without answer and problems it cannot open the file."""
     from distributed import get_worker
 
     answer: Answer | UserError | None = None

@@ -52,7 +52,7 @@ INTERNAL_FAULT: Final = Switch(
 
 
 def map_codes(rows: Iterable[StatusRow]) -> dict[str, dict[Condition, int]]:
-    """Return what each block shows for each condition, as the rows say."""
+    """Return the code that each block shows for each condition, as the rows say."""
     codes: dict[str, dict[Condition, int]] = {}
     for row in rows:
         for block in row.blocks:
@@ -64,8 +64,8 @@ class Dialect(Struct, frozen=True):
     """One vendor's blocks. `models` maps a PLC model to its connection budget; the first is the default.
 
     `describes_connects`: a CONNECT is a connection description (TCON_IP_v4, ...), no TCP_CONNECTCONFIG.
-    `structures`: the connection descriptions that it takes, () all of them.
-    `folder`: of its scenarios, if that has another name.
+    `structures`: the connection descriptions that it takes; (): all of them.
+    `folder`: the folder of its scenarios, if that has another name than the dialect.
     `follows`: the document that describes its sequence, if dialects with the same table differ in sequence.
     `words`: its own words for conditions; it uses them where the neutral word is another vendor's.
     """
@@ -86,7 +86,7 @@ class Dialect(Struct, frozen=True):
     words: Mapping[str, str] = field(default_factory=dict)
 
     def label(self, condition: str) -> str:
-        """Return a condition in two or three words, in a column beside its code."""
+        """Return a condition in two or three words, for a column beside its code."""
         return self.words.get(condition, condition)
 
     @property
@@ -112,7 +112,7 @@ def defaults(dialect: Dialect) -> dict[str, SwitchValue]:
 def read_switches(
     dialect: Dialect, raw: Mapping[str, object], where: str
 ) -> tuple[dict[str, SwitchValue], list[Problem]]:
-    """Return a value for every switch (durations in ns) and the problems of those that `raw` gets wrong."""
+    """Return a value for every switch (durations in ns) and the problems of the wrong ones in `raw`."""
     values, problems = defaults(dialect), []
     known = {switch.name: switch for switch in dialect.switches}
     for name, given in raw.items():

@@ -40,14 +40,14 @@ class Explanation(Struct, frozen=True):
     def select_scenarios(self) -> tuple[str, ...]:
         """Return the scenarios named for this code, first those whose name begins with it.
 
-        For an error, a few that play a note of the manual follow. If there are none of both: the first few.
+        For an error, a few that play a note of the manual follow. If there are neither: the first few.
         """
         named = sorted(filter(self._is_named_in, self.scenarios), key=lambda file: self._place_in(file) > 0)
         notes = [file for file in self.scenarios if _is_note_scenario(file) and file not in named]
         return (*named, *notes[: MOST_SCENARIOS if self.row.error else 0]) or self.scenarios[:MOST_SCENARIOS]
 
     def may_select(self, file: str) -> bool:
-        """Return whether a scenario of this name is named before all others, if it shows this code."""
+        """Return whether `select_scenarios` prefers a scenario of this name, if it shows this code."""
         return self._is_named_in(file) or (self.row.error and _is_note_scenario(file))
 
     def _is_named_in(self, file: str) -> bool:
@@ -132,7 +132,7 @@ def is_number(row: StatusRow) -> bool:
 def add_scenarios(
     found: Iterable[Explanation], by_dialect: Mapping[str, ScenariosByCode]
 ) -> list[Explanation]:
-    """Return the rows with the scenarios that show them; `by_dialect`: those of each dialect, by name."""
+    """Return the rows with the scenarios that show them; `by_dialect`: the scenarios of each dialect."""
     return [
         replace(one, scenarios=_look_up(one.row, by_dialect.get(one.dialect, NO_SCENARIOS))) for one in found
     ]
@@ -143,7 +143,7 @@ def add_card_scenarios(
 ) -> list[Explanation]:
     """Return the rows with as many scenarios as a card names; `scenarios_of` reads the given files.
 
-    If some of those named for the code show it, no other is read: reading all takes 100 ms.
+    If a preferred scenario shows the code, no other one is read: reading all takes 100 ms.
     """
     return [_with_card_scenarios(one, scenarios_of) for one in found]
 

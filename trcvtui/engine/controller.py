@@ -1,7 +1,7 @@
 """The bench as a screen drives it: one line in, one answer out; one request in, one picture out.
 
-Rule: a scenario gets a fresh bench in place of the present one; after it the opened project gets a fresh one
-too. There is always exactly one bench.
+Rule: a scenario gets a fresh bench in place of the present one; after the scenario the opened project gets
+a fresh one too. There is always exactly one bench.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ SCENARIO_USAGE: Final = "load FILE.toml sim|live, step, run or stop"
 
 
 def fresh_bench(project: Project, kernel: str, seam: Seam | None = None) -> Bench:
-    """Return a bench before its first scan; the commands of `start` act in that one."""
+    """Return a bench before its first scan; the commands of `start` act in that scan."""
     bench = Bench(project, kernel, seam)
     for step in start_steps(project):
         bench.do(step.command)
@@ -155,7 +155,7 @@ def _recording_path(name: str) -> Path:
 
 
 class Controller:
-    """The bench as the screen drives it. While `holding`, `wanted` more scans pass, and those of a step."""
+    """The bench as the screen drives it. While `holding`, `wanted` more scans pass, and its player's."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -486,7 +486,7 @@ class Controller:
         return answers
 
     def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
-        """Return the bench after its last scan; at most `most_lines` of the new ledger lines, the newest."""
+        """Return the bench after its last scan; of new ledger lines, the newest `most_lines` at most."""
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         known = request.bench == self._bench_number
         since = request.since_seq if known else 0

@@ -1,6 +1,6 @@
 """How a screen drives the bench: lines out, pictures in, the engine in a process of its own.
 
-Rule: importing this costs next to nothing: the engine starts before anything else is imported.
+Rule: importing this module costs next to nothing: the engine starts before anything else is imported.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class ProcessDriver:
         return newest
 
     def _accept_message(self, message: Any) -> BenchUpdate | None:
-        """Return a picture; None for the project, which comes before them."""
+        """Return the message if it is a picture; None if it is the project, which comes first."""
         if self._project is None:
             self._project = message
             return None
@@ -113,7 +113,7 @@ class ProcessDriver:
         return picture
 
     def _next_message(self) -> Any:
-        """Return the next message, None while no whole one has come."""
+        """Return the next message, None if no whole message has come yet."""
         try:
             return self._arriving.next()
         except (EOFError, OSError):
@@ -133,7 +133,7 @@ class ProcessDriver:
         return stopped
 
     def _check_message(self, message: Any) -> Any:
-        """Return a message; raise EngineStopped for the last one of an engine."""
+        """Return the message; raise EngineStopped if it says why the engine has ended."""
         match message:
             case UserError():
                 raise EngineStopped(message.lines()[0])
@@ -160,11 +160,7 @@ class ProcessDriver:
 
 
 class EngineDriver(ProcessDriver):
-    """The bench.
-
-    With `netns` it runs in a network of its own, which the caller has found to be allowed. With `read_only`
-    it opens no file but those of the project. With `is_shared` tabs connect at `door`.
-    """
+    """The bench, in an engine process of its own."""
 
     def __init__(
         self,
@@ -196,7 +192,7 @@ class EngineDriver(ProcessDriver):
 
 
 class AttachedDriver(ProcessDriver):
-    """The bench of `trcvtui serve` for one of its tabs: the engine is that of `serve`."""
+    """The bench of `trcvtui serve` for one of its tabs: `serve` has started the engine."""
 
     is_shared = True
 

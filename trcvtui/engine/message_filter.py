@@ -1,7 +1,7 @@
 """A filter of messages: the condition of a trigger, checked for each row.
 
 `weight > 3`, `STATUS=80C5`, `RCVD_LEN!=12`: a name without an instance is a member of DATA or a pin of the
-instance. A row has the pins in `ROW_VALUES` alone. A value that a row lacks makes no condition true.
+instance. Of the pins a row has those in `ROW_VALUES`. A condition on a value that a row lacks is false.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _COLUMN_PINS: Final = (
 
 
 def read_filter(text: str, project: Project, instance: str, where: str = "filter") -> Filter:
-    """Return the filter of an instance's rows; raise UserError."""
+    """Return the filter for the rows of an instance; raise UserError for a wrong condition."""
     decl = project.instance(instance)
     assert decl is not None
     comparison = read_comparison(text.strip(), where, FILTER_FORM)
@@ -80,14 +80,14 @@ def _make_filter(
 
 
 def path_prefixes(instance: str, data: DataDecl | Layout | None) -> tuple[str, ...]:
-    """Return what may precede the path of a member: the instance, the name of its DATA."""
+    """Return the names that may precede the path of a member: the instance and its DATA; () if no DATA."""
     return (instance, data.name) if isinstance(data, DataDecl) else ()
 
 
 def find_member(layout: Layout | None, name: str, *before: str) -> tuple[int, Node] | None:
     """Return the number of the first leaf at a path, and its node; None: there is none.
 
-    `data`, the type's name, or one of `before` may precede the path; alone it names a type of one value.
+    `data`, the type's name, or one of `before` may precede the path, or replace it if a type is one value.
     """
     if layout is None or not layout.leaf_count:
         return None
@@ -101,5 +101,5 @@ def find_member(layout: Layout | None, name: str, *before: str) -> tuple[int, No
 
 
 def unknown_member_error(where: str, name: str, names: Iterable[str]) -> UserError:
-    """Return the mistake that a name is no member, with the nearest one."""
+    """Return the error for a name that is no member; it suggests the nearest name."""
     return mistake(where, quote(name), expected_name(name, names, "member"), "unknown")

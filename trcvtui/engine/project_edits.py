@@ -3,7 +3,7 @@
 Rule: `create`, `delete` and `resize` change the program that runs; `add`, `set` of a part, `remove` and
 `undo` change the project too, and are what `save project` writes. Present inputs, DATA and faults belong
 to the session (`save scenario`).
-Rule of saving 1: what the file has now stays, also what was written there since it was opened.
+Rule of saving 1: the present text of the file is edited: what others wrote there since it was opened stays.
 Rule of saving 2: the new text is loaded before it is written, and takes the place of the old one in one step.
 Rule of saving 3: another file gets the text that was opened or saved last, with the edits of the bench.
 """
@@ -88,7 +88,7 @@ FORCE: Final = "!"
 
 
 def parse_save_target(words: str, own: Path, written: Collection[str], where: str) -> Path:
-    """Return the file that `[FILE] [!]` names; raise UserError rather than replace a file of others."""
+    """Return the file that `[FILE] [!]` names; raise UserError for a foreign file without `!`."""
     name = words.strip()
     is_forced = name.endswith(FORCE)
     name = name.removesuffix(FORCE).strip()
@@ -109,7 +109,7 @@ def parse_save_target(words: str, own: Path, written: Collection[str], where: st
 
 
 def refuse_shipped_file(path: Path, where: str) -> None:
-    """Raise UserError where a file is, or would be, in a folder of trcvtui itself."""
+    """Raise UserError if the path of a file is in a folder of trcvtui itself; the file may not exist."""
     here = Path(os.path.realpath(path))
     if any(here.is_relative_to(os.path.realpath(folder)) for folder in (demo_path().parent, configs_path())):
         raise mistake(where, f"{here.name}, which came with trcvtui", "save project FILE, a file of your own")
@@ -118,7 +118,7 @@ def refuse_shipped_file(path: Path, where: str) -> None:
 def apply_edits(
     text: str, own: Path, path: Path, edits: Edits, constants: Mapping[str, int]
 ) -> tuple[str, Project]:
-    """Return the text of `own` with these edits, and what it loads as in `path`; raise UserError."""
+    """Return the text of `own` with these edits, and the project that it is in `path`; raise UserError."""
     added = [edit.after for edit in edits if edit.before is None and edit.after is not None]
     if added:
         text = append_entries(text, added, str(own))
@@ -206,7 +206,7 @@ class ProjectEdits:
         self.before, self._begun_from_file = None, self.saved == self.done
 
     def check(self, command: EditCommand) -> EditCommand:
-        """Return the command as read for this project; raise UserError if only the bench can take it."""
+        """Return the command, parsed for this project; raise UserError if only the bench accepts it."""
         mine = parse_line(format_command(command), self.project, PROMPT)
         assert isinstance(mine, EDIT_COMMANDS)
         check_bench(project_after(mine, self.project))
@@ -269,7 +269,7 @@ class ProjectEdits:
             self._inode = os.stat(self.project.path).st_ino if text else 0
 
     def _restore_types(self, folder: Path) -> None:
-        """Write the missing type files as they were; their names begin in `folder`."""
+        """Write the missing type files as they were; their names are relative to `folder`."""
         for each in self.project.udts:
             place = folder / each.name
             if each.content and not place.exists():
@@ -298,7 +298,7 @@ class ProjectEdits:
 
 
 def move_project(project: Project, path: Path) -> Project:
-    """Return the project of another file; the names of its UDT files begin in that folder."""
+    """Return the project moved to another file; its UDT files get names relative to the folder of that."""
     new = path.parent
     old = project.base if project.base.is_dir() else new  # else its files have come along
     parts = {key: _move_part(getattr(project, key), old, new) for key in ("udts", "undoable")}

@@ -35,7 +35,7 @@ FIRST_MAKE_NS: Final = 2_000_000  # the first picture of a tab brings all that i
 
 
 class AttachedScreen:
-    """One screen; `number` counts them from 0. The numbers of its lines are unique among all screens."""
+    """One screen; `number`: 0 for the first one. The numbers of its lines are unique among all screens."""
 
     def __init__(self, channel: Channel, number: int) -> None:
         self.channel, self.number = channel, number
@@ -68,7 +68,7 @@ class AttachedScreens:
         self._hello = pickle.dumps(project, pickle.HIGHEST_PROTOCOL) if door is not None else b""
 
     def read_messages(self, until: int) -> Iterator[tuple[AttachedScreen, tuple[int, str] | UpdateRequest]]:
-        """Yield messages until `until` (ns); add, remove tabs; raise EOFError once the first ended."""
+        """Yield messages until `until` (ns); update tabs; raise EOFError if the first screen has ended."""
         if self._door is not None and (descriptor := self._door.accept()) is not None:
             self._came += 1
             self.all.append(tab := AttachedScreen(Channel(descriptor), self._came))

@@ -1,10 +1,10 @@
 """Punctual scans: requests to the operating system, and how late and how long each scan was.
 
-They need no privileges; failure is normal and is shown. Linux only.
+The requests need no privileges; failure is normal and is shown. Linux only.
 Measured: timer slack 1 ns and an EEVDF slice of 100 us bring the p99 start
 lateness of a 10 ms scan beside a busy screen from 3.8 ms to 0.1 ms. Where the kernel gives each session a
-share of the processor (autogroup), the slice counts inside the session only: the engine gets one of its own
-and does not pay for the time of the screen.
+share of the processor (autogroup), the slice counts inside the session only: so the engine gets its own
+session, and the time of the screen is not charged to it.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ BAD_SHOWN_NS: Final = 10_000_000_000  # how long a bad scan is shown
 
 
 class ScanTiming:
-    """Overruns and the worst lateness (ns), from a bad scan on until 10 s were good."""
+    """Overruns and the worst lateness (ns) of the latest bad scans; 10 s without a bad scan clear them."""
 
     def __init__(self, mode: str) -> None:
         self._mode = mode

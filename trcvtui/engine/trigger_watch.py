@@ -59,13 +59,13 @@ class PinCondition(Struct, frozen=True):
         return OPERATORS[self.operator](pin_now(bench, self.instance, self.pin), self.value)
 
     def fires_by(self, event: InputEdge) -> bool:
-        """Return whether an edge within a scan fires the trigger: a pin may rise and fall in one scan."""
+        """Return whether this edge of an input fires the trigger: a pin may rise and fall in one scan."""
         is_it = (event.instance, event.pin) == (self.instance, self.pin)
         return is_it and OPERATORS[self.operator](event.value, self.value)
 
 
 class MemberCondition(Struct, frozen=True):
-    """A comparison of a value in DATA with a given one; texts only as equal or not."""
+    """A comparison of a value in DATA with a given value; texts can only be equal or unequal."""
 
     data: str
     offset: int
@@ -78,7 +78,7 @@ class MemberCondition(Struct, frozen=True):
         return self._holds(bench.runtime.data_part(self.data, self.offset, self.offset + self.size))
 
     def holds_in(self, message: bytes) -> bool:
-        """Return whether it holds in a message for DATA; False if the message is too short for it."""
+        """Return whether the condition is true in a message for DATA; False if the message is too short."""
         return self._holds(message[self.offset : self.offset + self.size])
 
     def _holds(self, part: bytes) -> bool:
@@ -89,7 +89,7 @@ TriggerCondition = PinCondition | MemberCondition
 
 
 class Trigger(Struct, frozen=True):
-    """A trigger as it was written; with `holds` no further scan passes once it has fired."""
+    """A trigger as it was written; with `holds` the scans stop when it fires."""
 
     text: str
     condition: TriggerCondition
@@ -192,7 +192,7 @@ NamedBytes = tuple[tuple[str, bytes], ...]
 
 
 class FrozenScan(Struct, frozen=True):
-    """The bench in the scan of a trigger; `events`: the newest ones of the ledger then."""
+    """The bench in the scan of a trigger; `events`: the newest events in the ledger at that time."""
 
     fired: TriggerEvent
     snapshot: Snapshot
@@ -295,6 +295,6 @@ class TriggerWatch:
         return self._trigger.text if self._trigger is not None else ""
 
     def take_frozen(self) -> FrozenScan | None:
-        """Return the bench in the scan of a trigger that has fired since the last call."""
+        """Return the bench as it was when a trigger fired; None: none has fired since the last call."""
         kept, self.kept = self.kept, None
         return kept

@@ -308,7 +308,7 @@ class Agent:
             self._publisher.clear_all_but(self._is_used)
 
     def _note_scan(self, snapshot: Snapshot, now: int) -> None:
-        """Note the time of a new scan: a picture without a new scan is no sign of life."""
+        """Note the time of a new scan; a picture without one is a sign of life of shadows only."""
         if snapshot.scan != self._scan or self._has_shadows:  # an idle watched line has no new scans
             self._scan, self._scanned_at = snapshot.scan, now
             self._patience = max(STALE_NS, STALE_SCANS * snapshot.interval_ns)

@@ -183,7 +183,7 @@ def _tls_context(broker: BrokerAccess) -> ssl.SSLContext:
 
 
 class BrokerConnection:
-    """A connection to a broker that reconnects by itself; `news` yields its events in order."""
+    """A connection that reconnects to its broker by itself; `news` yields its events in order."""
 
     def __init__(
         self, broker: BrokerAccess, client_id: str, will: LastWill | None = None, topics: tuple[str, ...] = ()

@@ -30,7 +30,7 @@ class KeptEvent(NamedTuple):
 
 
 class _RunSeqs:
-    """The received numbers of one run; those before `first` are not missed."""
+    """The received numbers of one run; a number before `first` never counts as missing."""
 
     def __init__(self, first: int) -> None:
         self._first, self._top = first, first - 1
@@ -64,7 +64,7 @@ class EventLog:
         self._has_begun = False
 
     def begin_counting(self) -> None:
-        """From now on count every missing event of a new run: its first one has number 1."""
+        """From now on count every missing event of a new run, from number 1 on."""
         self._has_begun = True
 
     @property

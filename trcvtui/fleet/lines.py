@@ -36,7 +36,7 @@ class AgentInstance:
         self._base = 0, 0  # counts of the engines before
 
     def edge(self, boot: str, at: float, edge: StatusEdge, place: dict[str, object]) -> EventMessage | None:
-        """Return the event of an edge to a new ERROR or ERROR STATUS; `place`: its scan and recording."""
+        """Return an event if ERROR is new, or the STATUS of an ERROR; `place`: its scan and recording."""
         shown = edge.outputs.error, edge.outputs.status
         is_new = edge.outputs.error and shown != self._last
         self._last = shown
@@ -106,7 +106,7 @@ class AgentLine:
         return changed
 
     def figures(self, at: float) -> FiguresMessage:
-        """Return the figures since the last ones."""
+        """Return the figures for the time since the last call."""
         received, sent, then = self._last_figures
         seconds = max(at - then, 1e-3) if then else float(MINUTE_S)
         self._last_figures = self.received, self.sent, at
@@ -127,7 +127,7 @@ class AgentLine:
 class AgentBench:
     """A bench: its lines and instances by name; `boot` identifies this run of the agent.
 
-    `names`: the name of a line by its CONNECT or ComBuffer, where it differs.
+    `names`: for a CONNECT or ComBuffer the name of its line, if the two names differ.
     """
 
     def __init__(

@@ -35,7 +35,7 @@ class _PendingMessage(NamedTuple):
 
 
 class _RetainedTopic:
-    """The newest message of a topic; `payload` makes it when it is sent, not before `due_at`."""
+    """The newest message of a topic, sent at `due_at` or later; `payload` makes its bytes at that time."""
 
     __slots__ = ("due_at", "gap", "is_sent", "payload")
 

@@ -37,7 +37,7 @@ TOPIC_QOS: Final = (("+/figures", 0), ("+/+/status", 0), ("+/+/event", 1), ("+/+
 
 
 def state_topics(pattern: str) -> tuple[str, ...]:
-    """Return the first topics to subscribe to: the states of all agents, or of those of one site."""
+    """Return the first topics to subscribe to: the states of all agents, or of the agents of one site."""
     return (f"{ROOT}/{'+' if _is_pattern(pattern) else encode_level(pattern)}/+/state",)
 
 

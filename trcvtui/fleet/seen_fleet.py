@@ -118,7 +118,7 @@ class FleetLine:
 
     @property
     def cause(self) -> str:
-        """Return the cause of its state, for groups."""
+        """Return the cause of the line's state; lines can be grouped by it."""
         if self.shows == OFFLINE:
             return "the agent is offline"
         if not self.name and self.shows == AWAY:
@@ -136,12 +136,12 @@ class FleetLine:
 
     @property
     def lacks_messages(self) -> bool:
-        """Return whether the broker should have retained messages of this line that have not come."""
+        """Return whether messages are missing that the broker should have retained for this line."""
         has_status = any(each.status is not None for each in self.instances.values())
         return self.figures is None or not has_status or self.missing > 0
 
     def shown_since(self, wall: float) -> float | None:
-        """Return the begin of its state: seconds of UTC since 1970, by our clock."""
+        """Return when its state began, in seconds of UTC since 1970, by our clock; None: not known."""
         worst = self.worst_instance
         status = worst.status if worst is not None else None
         times = [self.agent.to_our_time(each.t, wall) for each in (self.figures, status) if each is not None]
@@ -155,14 +155,14 @@ class FleetLine:
         return self.agent.to_our_time(status.t, wall) - max(0.0, age)
 
     def stuck_s(self, instance: FleetInstance, wall: float) -> float:
-        """Return for how long a job with some of its bytes has got no more; 0.0: there is none."""
+        """Return for how many seconds a job with some of its bytes has got no more; 0.0: no such job."""
         status = instance.status
         if status is None or not 0 < status.here < status.wanted:
             return 0.0
         return wall - self.agent.to_our_time(status.t, wall)
 
     def errors_an_hour(self, wall: float) -> int:
-        """Return the ERRORs of the last hour: those that came, or the agent's count if that is larger."""
+        """Return the number of ERRORs in the last hour: as they came, or the agent's count if larger."""
         oldest = int(wall // BUCKET_S) - HOUR_BUCKETS
         for bucket in [each for each in self.errors if each <= oldest]:
             del self.errors[bucket]
@@ -263,7 +263,7 @@ class FleetModel:
             self._add_events(line, instance, (message,), wall)
 
     def mark_missing(self, wall: float) -> None:
-        """Mark agents as offline that did not return with the broker: a restart loses their last wills."""
+        """Mark agents as offline whose state did not come again: a restart loses their last wills."""
         for agent in self.agents.values():
             if not agent.is_heard and not agent.is_offline and agent.state is not None:
                 agent.state, agent.since = replace(agent.state, state="offline", t=wall), wall

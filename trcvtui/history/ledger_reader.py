@@ -32,10 +32,7 @@ class LedgerReader:
         self._at = 0, 0  # scan and time of the last line that was read
 
     def catch_up(self, until: int | None = None) -> bool:
-        """Read the lines since the last call, up to `until` on the clock; return whether that is all.
-
-        After an exception in a listener the lines up to here count as overwritten.
-        """
+        """Read the lines since the last call, until the time `until`; return whether all are read."""
         try:
             return self._read_lines(until)
         except Exception as error:

@@ -249,7 +249,7 @@ class LinkStatistics:
 def past_facts(
     lines: Iterable[Line], line: Line, edge: StatusEdge, connect: str
 ) -> tuple[ConnectFacts, ScanStamp]:
-    """Return what was known while an edge of the past showed, and the scan up to which it showed."""
+    """Return the facts known just before the edge after a past one, and the last scan read for them."""
     kept = list(lines)
     following = next((known for known in kept if known.seq > line.seq and _is_edge_of(known, edge)), None)
     shown = [k for k in kept if k.seq <= line.seq or (following is None or k.scan < following.scan)]

@@ -1,7 +1,7 @@
 """One row for each message of an instance: a receive job that ended with bytes, a frame, a send job.
 
 Rule 1: a row has no bytes of its own, only their places in a ring (net/received_ring.py).
-Rule 2: STATUS is that after the scan of the row; without a change of its outputs an instance has no edge.
+Rule 2: STATUS is the value after the scan of the row; an instance whose outputs stay the same has no edge.
 """
 
 from __future__ import annotations
@@ -33,9 +33,7 @@ HOLE_REASON: Final = "hole"
 
 
 class MessageRow(NamedTuple):
-    """A message; `t_ns` is the time of its last byte, `gap_ns` the time since that of the message before.
-
-    `number` is that of the job or frame. `position` and `others` say where its bytes are in the ring of
+    """A message; `t_ns` is the time of its last byte, `gap_ns` the time since the message before.
     `stream`; -1: nowhere. The values of its first `have` bytes are known. `content` is set when the row
     leaves the engine; None: its bytes have left the ring.
     """
@@ -58,11 +56,7 @@ CONTENT_INDEX: Final = MessageRow._fields.index("content")
 
 
 class MessagesDelta(Struct, frozen=True):
-    """Rows `first` .. of an instance, which has had `count` in all; those before `oldest` have no values.
-
-    `share`: how much of a recording has been read for them. `gaps`: from when to when the connection was
-    down; `errors`: when an ERROR came; both in ns.
-    """
+    """Rows of an instance from number `first` on, of `count` so far; rows before `oldest` have no values."""
 
     instance: str
     first: int
@@ -201,7 +195,7 @@ class MessageRows(NewestRows):
         reader.lost.append(self._handle_loss)
 
     def make_delta(self, instance: str, since: int, until: int = MAX_SCAN) -> MessagesDelta:
-        """Return the same object as long as nothing is new: then it is not sent to the screen again."""
+        """Return the rows; the same object if nothing is new: it is not sent to the screen again."""
         self._catch_up()
         index, of = self._streams.index, self._by_instance.get(instance)
         state = instance, since, until, index.down_changes, of and (of.count, of.errors and of.errors[-1])
@@ -227,7 +221,7 @@ class MessageRows(NewestRows):
         self.add_row(instance, number, scan, t_ns, size, connect, pieces, reason, have)
 
     def _find_arrival_ns(self, connect: str, reads: Sequence[RecvSpan], size: int) -> int:
-        """Return when the last byte of a message came: in a capture with its packet, else with its read."""
+        """Return when the last byte of a message came: the time of its packet, else of its recv call."""
         last, config = reads[-1], self._bench.project.connect(connect)
         if config is not None and config.session is not None:  # packets of a session have other bytes
             return last.t_ns
@@ -269,7 +263,7 @@ class MessageRows(NewestRows):
             self._sends[event.instance] = t_ns, join_pieces([*job[1], (event.position, event.size)])
 
     def _handle_send_end(self, seq: int, scan: int, t_ns: int, event: SendEnded) -> None:
-        """Add what the stack took: the rest of a cut job is not part of its message."""
+        """Add a row of the bytes that the stack took; the rest of a cut job is not in the message."""
         instance, number, connect, _, _, size, done, reason = event
         last_ns, pieces = self._sends.pop(instance, (t_ns, []))
         if not done and not size:

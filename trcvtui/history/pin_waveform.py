@@ -1,4 +1,4 @@
-"""The pins of instances over the scans: one pin, the changes from the engine, one instance, the newest few.
+"""The pins over the scans: one pin, changes from the engine, one instance, the instances shown last.
 
 Rule: what was left out is a gap; nothing about it is guessed.
 """
@@ -66,7 +66,7 @@ class PinWaveform:
         self._zoom = 0
 
     def add(self, scan: int, t_ns: int, value: LaneValue) -> None:
-        """Append a change; the same value again is none."""
+        """Append a change; ignore a value that is equal to the last one."""
         if self.values and self.values[-1] == value:
             return
         self.scans.append(scan)
@@ -127,7 +127,7 @@ class PinWaveform:
 
 
 class PolledWaveform(PinWaveform):
-    """What a watch table shows of a pin: it polls every 100 ms and misses what is between."""
+    """What a watch table shows of a pin: the table polls every 100 ms and misses the changes in between."""
 
     def __init__(self, source: PinWaveform) -> None:
         super().__init__()
@@ -175,7 +175,7 @@ class PinChange(NamedTuple):
 class WaveformDelta(Struct, frozen=True):
     """The changes of one instance from its change number `first` on (1: its very first), in order.
 
-    `before`: every pin from `before_scan` to the first change; nothing else changed up to `until_scan`.
+    `before`: all pins from `before_scan` to the first change. Up to `until_scan` there is no other change.
     """
 
     instance: str
@@ -189,7 +189,7 @@ class WaveformDelta(Struct, frozen=True):
 
 
 def cut_delta(news: WaveformDelta, scan: int, t_ns: int) -> WaveformDelta | None:
-    """Return the changes up to a past scan; None: what is kept begins later."""
+    """Return the changes up to a past scan; None: the kept changes begin after it."""
     if news.before and news.before_scan > scan:
         return None
     changes = tuple(change for change in news.changes if change.scan <= scan)
@@ -360,7 +360,7 @@ class WaveformCache:
     def make_requests(self, instances: Iterable[str], scan: int | None = None) -> tuple[tuple[str, int], ...]:
         """Return what to request of the engine: each instance with the last change that is known.
 
-        With `scan`, only changes up to it.
+        With `scan`, only instances whose changes are not known up to it, and can still be had.
         """
         known = self._waves
         wanted = instances if scan is None else [name for name in instances if self._is_missing(name, scan)]
@@ -376,7 +376,7 @@ class WaveformCache:
             self.get_wave(fresh.instance).add_delta(fresh, interval_ns)
 
     def add_deltas_up_to(self, news: Iterable[WaveformDelta], interval_ns: int, scan: int, t_ns: int) -> None:
-        """Append what is new and not after a scan."""
+        """Append the new changes up to a scan."""
         for fresh in news:
             then = cut_delta(fresh, scan, t_ns)
             if then is None:

@@ -50,7 +50,7 @@ class ReceivedStream:
         self.arrivals: deque[RecvSpan] = deque(maxlen=MOST_ARRIVALS)  # of a ComBuffer: untaken
 
     def add(self, *spans: JobSpan) -> None:
-        """Insert the pieces of a job by position: of two that read in turns, the later may end first."""
+        """Insert the pieces of a job by position: if two jobs read in turns, the later may end first."""
         place = len(self.jobs)
         if spans and place and self.jobs[-1].position > spans[0].position:
             place = bisect_right(self.jobs, spans[0].position, key=BY_POSITION)
@@ -58,7 +58,7 @@ class ReceivedStream:
         self.blanks += [span for span in spans if not span.is_kept]
 
     def add_pieces(self, span: JobSpan, pieces: Pieces) -> None:
-        """Add a job, or dropped bytes, of `whole` bytes in so many pieces."""
+        """Add a job, or dropped bytes, with a span for each of its pieces."""
         first, spans = 0, list[JobSpan]()
         for position, size in pieces:
             rest = span.whole - first - size
@@ -78,7 +78,7 @@ class ReceivedStream:
         self.looked_at = len(self.recvs) + len(self.jobs) + SLACK
 
     def find_pieces(self, incarnation: int, offset: int, size: int) -> Pieces:
-        """Return where `size` bytes from `offset` of a connection are, as far as recv calls have them."""
+        """Return where `size` bytes from `offset` of a connection are, if recv calls have them."""
         found: Pieces = []
         begin, end = (incarnation, offset), (incarnation, offset + size)
         place = bisect_right(self.recvs, begin, key=lambda recv: (recv.incarnation, recv.offset + recv.size))
@@ -127,7 +127,7 @@ class ReceivedStream:
         return []
 
     def find_job_pieces(self, instance: str, number: int) -> list[JobSpan]:
-        """Return the pieces of the job, or frame, of that number if it is among the newest; else []."""
+        """Return the pieces of the job, or frame, of this number with DONE if among the newest; else []."""
         for place in range(len(self.jobs) - 1, max(-1, len(self.jobs) - MOST_STEPS), -1):
             job = self.jobs[place]
             if job.done and job.number == number and job.instance == instance:
@@ -135,7 +135,7 @@ class ReceivedStream:
         return []
 
     def find_job(self, instance: str, number: int) -> int | None:
-        """Return where the newest job, or frame, of that number begins."""
+        """Return where the newest job, or frame, with this number and DONE begins; None: it is not kept."""
         found = (
             job.position for job in reversed(self.jobs)
             if job.done and job.number == number and job.instance == instance and not job.first
@@ -145,7 +145,7 @@ class ReceivedStream:
     def find_next_ended(self, position: int, is_forward: bool, is_done: bool = True) -> int | None:
         """Return where the next job, or the previous one, that ended with DONE begins.
 
-        Without `is_done`: the next bytes that were dropped.
+        Without `is_done`: where the next, or previous, bytes begin that were dropped.
         """
         place = (bisect_right if is_forward else bisect_left)(self.jobs, position, key=BY_POSITION)
         numbers = range(place, len(self.jobs)) if is_forward else range(place - 1, -1, -1)
@@ -154,7 +154,7 @@ class ReceivedStream:
 
 
 class ReceivedStreams:
-    """The streams of a bench: one a CONNECT, UDP_CONFIG or ComBuffer."""
+    """The streams of a bench: one for each CONNECT, UDP_CONFIG or ComBuffer."""
 
     def __init__(self, bench: Bench, reader: LedgerReader) -> None:
         self.index = reader.index
@@ -261,7 +261,7 @@ class ReceivedStreams:
     # -- jobs without an end -----------------------------------------------------------------------------
 
     def list_open_spans(self, name: str, start: int, stop: int) -> Iterator[JobSpan]:
-        """Yield what running jobs, and frames without their end, have between two positions."""
+        """Yield the spans of running jobs, and of frames without their end, between two positions."""
         waiting = self.streams[name].arrivals
         running = self.index.list_running(name)
         jobs = [(_runs(job.number), instance, job.number, reads) for instance, job, reads in running]

@@ -200,7 +200,7 @@ class HistoryWindow(Struct, frozen=True):
         return self.content[positions.start - self.start : positions.stop - self.start]
 
     def has_values(self, positions: range) -> bool:
-        """Return whether every byte of these positions is here with its value."""
+        """Return whether the window has the value of each byte at these positions."""
         first, stop = positions.start, positions.stop
         is_kept = all(job.is_kept for job in find_spans(self.jobs, first, stop))
         holes = [span for span in find_spans(self.messages, first, stop) if span.peer == A_HOLE]
@@ -285,7 +285,7 @@ class RejectedClients(Struct, frozen=True):
 
 
 class LastLoss(Struct, frozen=True):
-    """The last end of a connection: `what` is the ledger's word; with its partner and error."""
+    """The last end of a connection: `what` is the ledger's name for it; `peer` is the partner."""
 
     at: ScanStamp
     what: str
@@ -296,11 +296,7 @@ class LastLoss(Struct, frozen=True):
 
 
 class ConnectFacts(Struct, frozen=True):
-    """What is known of one CONNECT and one instance on it, however many lines have passed since.
-
-    `sender` and `messages` are known of a peer of this bench only; `bursts` are bytes between two pauses, of
-    any partner. Offsets count in the stream of the present connection.
-    """
+    """What is known of one CONNECT and one instance on it, also from lines that are overwritten since."""
 
     sender: str = ""
     messages: Sizes = Sizes()

@@ -135,7 +135,7 @@ class JobRecord(NamedTuple):
     recvs: Sequence[RecvSpan] = ()
 
     def list_pieces(self, is_running: bool) -> list[tuple[int, int]]:
-        """Return (offset, size) of all its bytes of the stream: another job may have read in between."""
+        """Return (offset, size) of each piece of the job: another job may have read in between."""
         found = join_pieces((recv.offset, recv.size) for recv in self.recvs)
         missing = self.size - sum(size for _, size in found)
         if found and missing and is_running:
@@ -200,7 +200,7 @@ class StreamIndex:
         self.ends: dict[bool, list[Listener]] = {True: [], False: []}  # called with JobEnded, by DONE
 
     def add_listeners(self, listeners: Mapping[type, Listener]) -> None:
-        """Call these with each event of their type, after the index has it."""
+        """From now on call each listener with the events of its type, after the index has read them."""
         for kind, listener in listeners.items():
             self.listeners.setdefault(kind, []).append(listener)
 
@@ -302,7 +302,7 @@ class StreamIndex:
         return self._sent.get(key)
 
     def find_messages_within(self, link: LinkKey, offset: int, size: int, position: int) -> list[MessageSpan]:
-        """Return the messages in `size` bytes from `offset` of a connection, placed from `position` on."""
+        """Return the messages in `size` bytes from `offset` of a connection; `offset` is at `position`."""
         sent = self._find_sent(link)
         found: list[MessageSpan] = []
         if sent is None:
@@ -324,7 +324,7 @@ class StreamIndex:
         return self._are_packets or self.packet_times is not None
 
     def find_packet_ns(self, link: LinkKey, offset: int, datagram: int | None = None) -> int | None:
-        """Return the time of the packet with a byte in a capture, or of that with a datagram's number."""
+        """Return the time of the captured packet that has this byte, or is the datagram of this number."""
         if self.packet_times is not None and link in self._links:
             return self.packet_times(*self._links[link], offset)
         sent = self._find_sent(link)

@@ -50,7 +50,7 @@ class _Source:
         return self.ring.lack_reason if self.begin == self.ring.begin else "older than the jobs that are kept"
 
     def read_runs(self, start: int, stop: int) -> ByteRuns:
-        """Return the bytes from `start` to `stop`, in one run as long as no byte is missing."""
+        """Return the bytes from `start` to `stop`; a new run begins after missing bytes."""
         start, stop = max(start, self.begin), min(stop, self.end)
         found: ByteRuns = []
         for blank in find_spans(self.stream.blanks, start, stop):
@@ -60,7 +60,7 @@ class _Source:
         return [*found, (start, self.ring.read(start, stop))] if start < stop else found
 
     def list_jobs(self, start: int, stop: int) -> list[JobSpan]:
-        """Return the spans of jobs between two positions; those of jobs that ended later are running ones."""
+        """Return the spans of jobs between two positions; a job that ended later counts as running."""
         spans = find_spans(self.stream.jobs, start, stop)[: MOST_SPANS + 1]
         return [span if span.scan <= self.scan or not span.is_kept else as_running(span) for span in spans]
 
@@ -82,7 +82,7 @@ class StreamReader:
         self._reached = 0
 
     def read_window(self, request: HistoryRequest) -> HistoryWindow:
-        """Return the window; it is moved to what is kept."""
+        """Return the window, moved or cut so that it lies within the bytes that are kept."""
         self._catch_up()
         ring = self._bench.runtime.received_ring(request.connect)
         if ring is None:

@@ -1,6 +1,6 @@
 """The recorder of the timing pane: every change of every pin, kept in the process of the scans.
 
-Rule 1: it reads every line of the ledger, so no frame of the screen and no flood can lose a pulse.
+Rule 1: it reads every line of the ledger, so that no pulse is lost between two pictures or in a flood.
 Rule 2: if changes were dropped, a delta has the value that each pin had before the delta's first change.
 Rule 3: an instance that does not change costs nothing; a change costs about a microsecond.
 """
@@ -29,7 +29,7 @@ HANDLED_NOTES: Final = frozenset({CREATED_NOTE, DELETED_NOTE, DOWNLOADED_NOTE})
 
 
 class PinHistory:
-    """The newest changes of one instance; `get_pins_before` has the pin values after the dropped ones."""
+    """The newest changes of one instance; `get_pins_before` returns the pins after the last dropped one."""
 
     def __init__(self, before: PinValues, keep: int) -> None:
         self._before = dict(before)

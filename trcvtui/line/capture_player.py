@@ -292,12 +292,12 @@ class CapturePlayer:
                     end.fall_silent()
 
     def resolve_overlap(self, number: int, last_ns: int) -> None:
-        """Give a conversation its CONNECT: the conversation that holds it was silent after this time."""
+        """Give a conversation its CONNECT: the conversation that holds it was silent after `last_ns`."""
         self._last_ns[self.overlaps.pop(number)] = last_ns
         self._plan.unassigned.pop(number, None)
 
     def end_conversation(self, number: int, ns: int) -> None:
-        """Free a conversation's CONNECTs after this time, even if no packet showed its end."""
+        """Free the CONNECTs of a conversation from `ns` on, even if no packet showed its end."""
         self._last_ns[number] = ns
 
     def play_captures(self, paths: Sequence[str]) -> None:
@@ -377,7 +377,7 @@ def plan_maker(
 
 
 def _change_ad_hoc_keys(plan: ShadowPlan, sets: Sequence[str]) -> ShadowPlan:
-    """Return the plan with the values that `--set` gives to keys of its ad-hoc shadows; raise UserError."""
+    """Return the plan; keys of its ad-hoc shadows have the values given with `--set`; raise UserError."""
     project = plan.project
     for text in sets:
         path, _, value = text.partition("=")

@@ -1,9 +1,9 @@
 """Packets of a growing capture, played to shadows as they come; a conversation gets shadows when it begins.
 
-Rule 1: time is that of the packets. An event is played when a packet 40 ms younger has come. So the shadows
-of a new PLC end exist before its first event, and it does not matter where one read ends.
+Rule 1: time comes from the packets. An event is played when a packet 40 ms younger has come. So the shadows
+of a new PLC end exist before its first event, and it does not matter how reads cut the packets.
 Rule 2: after 30 ms without a packet all events are played, and time goes on a few scans. After a second
-it follows the clock; it waits that long because the program that pipes packets may hold older ones back.
+time follows the clock; not earlier, as the program that pipes packets may hold older ones back.
 Rule 3: ended conversations are forgotten, so that only open ones use memory.
 """
 

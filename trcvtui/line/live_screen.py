@@ -1,4 +1,4 @@
-"""The process behind a live screen: shadows that play while it shows them (`watch -`, `tap`)."""
+"""The process behind a live screen: shadows that play while the screen shows them (`watch -`, `tap`)."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class TapEnded(EngineStopped):
 
 
 class TapDriver(ProcessDriver):
-    """Shadows of the tap that started this screen; it hands over channels that carry its packets.
+    """Shadows of the tap that started this screen; the tap hands over channels for its packets.
 
     `kernel`: TAP, or ARMED_TAP for a screen whose keys act without a question.
     """
@@ -113,7 +113,7 @@ class TapSocketDriver(ProcessDriver):
 
 
 def capture_main(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> None:
-    """Start a capture program and serve the screen with its packets; it ends with this process."""
+    """Start a capture program and serve the screen with its packets; the program ends with this process."""
     serve_until_gone(channel, lambda: _run_capture(channel, command, asked))
 
 
@@ -138,7 +138,7 @@ def _run_capture(channel: Channel, command: Sequence[str], asked: ShadowChoice) 
 class ShadowServer:
     """Serves a screen with playing shadows.
 
-    `way`: to the tap that started the screen; None: a pipe, or a tap that another command started.
+    `way`: the channel to the tap that started the screen; None: a pipe, or a tap of another command.
     """
 
     first_ns = 0

@@ -5,8 +5,8 @@ Rule 2: a partner does not react. Bytes that a shadow sends are discarded; keep-
 Rule 3: bytes that a shadow does not read wait, up to a bound. Then scans run until there is room, as a closed
 window would make the partner wait. Bytes that are never read are left out, and counted.
 Rule 4: if a PLC end closes or resets in the capture, its shadow ends. The shadow reads the bytes that the
-PLC can have read. It ends in its next scan, not before its first job; if it connected N scans late, N scans
-later. In a recording of ours the PLC has read all bytes: the shadow ends after them.
+PLC can have read. It ends in its next scan, but not before its first job. If it connected N scans late, it
+ends N scans later. In a recording by trcvtui the PLC has read all bytes: the shadow ends after them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _WASTE_BUFFER: Final = memoryview(bytearray(1 << 16))
 
 
 class ShadowBench:
-    """A bench whose partners are played; `on_scan` gets the changes of a scan, and instances that lack bytes.
+    """A bench whose partners are played; `on_scan` gets a scan's changes and the instances that lack bytes.
 
     `on_scan` is called after each scan with a change or an event.
     """
@@ -91,7 +91,7 @@ class ShadowBench:
         self.forbid_skipping()
 
     def count_task_scans(self, connect: str) -> int:
-        """Return the scans between two calls of the slowest block of a CONNECT."""
+        """Return every how many scans the slowest task with a block of a CONNECT runs."""
         names = {each.task for each in self.bench.project.instances if each.connect == connect}
         tasks = [task.interval_ns for task in self.bench.project.tasks if task.name in names]
         return max([-(-each // self._interval) for each in tasks], default=1)
@@ -173,7 +173,7 @@ class ShadowBench:
 class ReplayedPartner:
     """One end of a conversation as the partner of a CONNECT; it calls the CONNECT (`calls`) or is called.
 
-    `left_out` counts bytes that never reached the shadow; `is_over`: after FIN, RST, or no connection.
+    `left_out` counts bytes that never reached the shadow; `is_over`: after FIN or RST, or a failed connect.
     """
 
     def __init__(self, shadows: ShadowBench, connect: str, own: Endpoint, calls: bool) -> None:

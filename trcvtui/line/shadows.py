@@ -1,6 +1,6 @@
 """Which conversation goes to which CONNECT: one of the project, or an ad-hoc one.
 
-Rule 1: the addresses and the calling end are those on the wire; those of the CONNECT are ignored.
+Rule 1: the addresses and the calling end are taken from the wire; the CONNECT's settings are ignored.
 Rule 2: conversations of one PLC end go to one CONNECT, one after the other.
 """
 
@@ -75,7 +75,7 @@ class ShadowPlan(NamedTuple):
 
 
 def find_directions(guess: PlcGuess, conversation: Conversation) -> tuple[WireDirection, WireDirection]:
-    """Return the directions of the PLC end and its partner; the guess may be of another reading pass."""
+    """Return the directions of the PLC end and its partner; `guess` may come from another reading pass."""
     there, back = conversation.there, conversation.back
     is_there = guess.says.conversation.there is guess.says
     return (there, back) if is_there else (back, there)
@@ -102,7 +102,7 @@ def _guess_plc_ends(
 
 
 def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) -> ShadowPlan:
-    """Return a plan with two TRCV_Cs for each PLC end: for the bytes to it and for those from it."""
+    """Return a plan with two TRCV_Cs for each PLC end: one for bytes to it, one for bytes from it."""
     rules = read_project({"dialect": dialect}, "--dialect", Path()).rules
     of_bytes = f"ARRAY[0..{min(AD_HOC_BYTES, rules.max_len) - 1}] OF BYTE"
     base = read_project(
@@ -266,7 +266,7 @@ def _list_hosts(addresses: Iterable[str]) -> frozenset[bytes]:
 
 
 def make_tap_rows(taps: Sequence[TapDecl]) -> tuple[WatchDecl, ...]:
-    """Return [[watch]] rows for the same conversations; a serial line has no ends, and no row."""
+    """Return [[watch]] rows for the conversations of taps; a serial line has no ends, and so no row."""
     places = [(tap, parse_place(tap.to, f"[[tap]] {tap.name}: to")) for tap in taps if tap.connect]
     return tuple(
         WatchDecl(tap.name, format_end(to.address, to.port), tap.connect, back=tap.back)
@@ -276,7 +276,7 @@ def make_tap_rows(taps: Sequence[TapDecl]) -> tuple[WatchDecl, ...]:
 
 
 def plan_for_project(found: Sequence[Conversation], project: Project, plc: str | None) -> ShadowPlan:
-    """Return a plan with links of a project: those of its [[watch]] rows, else the only one that fits."""
+    """Return a plan with the links that a project's [[watch]] rows name, else the only link that fits."""
     given = None if plc is None else parse_plc(plc)
     unassigned: dict[int, str] = {}
     rows = [(parse_plc(w.plc), parse_plc(w.partner) if w.partner else None, w) for w in project.watches]
@@ -351,7 +351,7 @@ def _link(project: Project, name: str) -> AnyLink:
 
 
 def _find_fitting_link(project: Project, guess: PlcGuess, listens: bool, is_given: bool) -> str | None:
-    """Return the link that fits the ends; with `--plc` else the only one of its role, or at all."""
+    """Return the link that fits the ends; with `--plc` else the only link of its role, or the only link."""
     protocol = guess.says.conversation.protocol
     if protocol == "serial":
         return _find_fitting_line(project, guess.says.address[0].decode(errors="replace"))

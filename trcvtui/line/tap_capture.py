@@ -1,7 +1,7 @@
 """The bytes that pass a tap, as packets between the caller and the end it calls, as if there were no tap.
 
-An intervention is a comment on the packet that it made or changed. The recording child process writes them to
-stdout; a file that is cut off can still be read.
+An intervention is a comment on the packet that it made or changed. The recording child process writes
+the packets to stdout; a file that is cut off can still be read.
 """
 
 from __future__ import annotations
@@ -258,7 +258,7 @@ class TapCapture:
     """Makes the pcapng of a tap, whole blocks at a time; `taps`: its routes, and which end is the PLC.
 
     Notes on the tap's actions and losses are packets, too: JSON on an interface of their own. A statistics
-    block carries the time when no packet does. Interfaces of serial lines follow these two.
+    block carries the time when no packet does. Interfaces of serial lines come after `NOTES_ID`.
     """
 
     def __init__(self, title: str, taps: Mapping[str, object]) -> None:

@@ -51,7 +51,7 @@ class ObserverSettings(NamedTuple):
     """How the tap is observed; `form`: text or jsonl.
 
     `has_screen`: on a screen. `holds`: both directions of each conversation are held from its beginning.
-    `is_armed`: keys of the screen intervene without a question. `may_order`: observers at the socket, too.
+    `is_armed`: keys of the screen intervene without a question. `may_order`: socket observers intervene.
     """
 
     project: Path | None

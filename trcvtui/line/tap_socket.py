@@ -31,8 +31,8 @@ def open_connection(project: Path) -> int:
 def serve_observers(events: str, ways: str, path: str, may_order: str, taps: str) -> None:
     """Serve observers until the tap ends.
 
-    `events`, `ways`: descriptors, of the tap's events and of new channels. path "": no guests. `taps`: the
-    routes and the PLC end, in JSON.
+    `events`, `ways`: the descriptors for the tap's events and new channels. `path`: the socket, "": none.
+    `taps`: the routes and the PLC end, in JSON.
     """
     ignore_signals(GROUP_SIGNALS)  # they end the tap, and this process ends with it
     place = Path(path) if path else None

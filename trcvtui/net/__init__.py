@@ -1,1 +1,1 @@
-"""How bytes travel: the kernel seam, the networks that answer it, and connections."""
+"""How bytes travel: the kernel seam, the networks that implement it, and connections."""

@@ -1,7 +1,7 @@
-"""UDP broadcasts: one socket sends them, and a second one receives those of its network.
+"""UDP broadcasts: one socket sends them; a second socket receives the broadcasts of its network.
 
-On Linux a socket that is bound to an address gets no broadcast. The second one is bound to the broadcast
-address of that very network, never to 0.0.0.0; datagrams to 255.255.255.255 reach neither.
+On Linux a socket that is bound to an address gets no broadcast. The second socket is bound to the broadcast
+address of its network, never to 0.0.0.0. A datagram to 255.255.255.255 reaches neither socket.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ MOST_OWN_BROADCASTS: Final = 256  # datagrams of our own that one call skips
 def enable_broadcasts(
     kernel: Kernel, owner: str, handle: Handle, local: Endpoint, polled: bool = True
 ) -> tuple[Handle | None, str]:
-    """Let a socket send broadcasts; return a second one that receives those of its network, or why not."""
+    """Let a socket send broadcasts; return a second socket that hears them, or None, and what is wrong."""
     refused, here = kernel.set_broadcast(handle), local.address
     if refused is not None or here == ANY_ADDRESS:  # a socket at 0.0.0.0 receives them itself
         return None, str(refused or "")

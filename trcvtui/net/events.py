@@ -50,9 +50,9 @@ class ConnectionChanged(Struct, frozen=True):
 class BytesReceived(NamedTuple):
     """One recv call took `size` bytes that begin at `offset` of the incarnation's received stream.
 
-    `instance` received them: jobs of tasks of other priority can alternate (resources.py, DirectionClaims).
-    `position`: of the first byte in the ring of the CONNECT (received_ring.py). `cut`: bytes at the end of a
-    datagram that had no room in the buffer.
+    `instance` received them: jobs in tasks of two priorities can alternate (resources.py, DirectionClaims).
+    `position`: where the first byte is in the CONNECT's ring (received_ring.py). `cut`: bytes at the end
+    of a datagram that had no room in the buffer.
     """
 
     connection: str
@@ -68,7 +68,7 @@ class BytesReceived(NamedTuple):
 class BytesSent(NamedTuple):
     """One send call gave `size` bytes of `instance` to the local stack; `offset` is in the sent stream.
 
-    `position`: of the first byte in the ring of what the CONNECT has sent.
+    `position`: where the first byte is in the ring of what the CONNECT has sent.
     """
 
     connection: str
@@ -83,7 +83,7 @@ class BytesSent(NamedTuple):
 class BytesDropped(Struct, frozen=True):
     """Bytes of the stream that will never reach DATA, and why.
 
-    offset -1: they were still in the stack; `position`: of the first byte in the ring of the CONNECT.
+    offset -1: they were still in the stack; `position`: where the first byte is in the CONNECT's ring.
     """
 
     connection: str

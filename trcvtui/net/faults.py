@@ -1,6 +1,6 @@
-"""Planned faults: which call fails, when and with which errno; and the kernel and serial port that obey.
+"""Planned faults: which call fails, when and with which errno; a kernel and a port that obey the plan.
 
-A planned fault carries `injected=True`, so that it is not mistaken for one of the network.
+A planned fault carries `injected=True`, so that it is not mistaken for a fault of the network.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ KNOWN_ERRORS: Final = frozenset(errno.errorcode.values()) | {
 
 
 class PlannedFault(Struct, frozen=True):
-    """One line of the plan: from the nth such call on, `times` calls fail; None: until cleared."""
+    """One line of the plan: from the nth such call on, `times` calls fail (None: all, until cleared)."""
 
     call: str
     error: str
@@ -61,7 +61,7 @@ class PlannedFault(Struct, frozen=True):
     seen: int = 0
 
     def __str__(self) -> str:
-        """Return it nearly as the bench command `fault` writes it."""
+        """Return nearly the bench command `fault` that plans it."""
         parts = ["fault", self.call, self.error]
         parts += [f"on {self.on}"] if self.on is not None else []
         parts += [f"nth={self.nth}"] if self.nth != 1 else []
@@ -220,7 +220,7 @@ class FaultyKernel(KernelProxy):
 
 
 class FaultyPort:
-    """A port whose calls fail as planned; a planned Fault of `read` or `write` closes it, as a real one."""
+    """A port whose calls fail as planned. Also a planned Fault of `read` or `write` closes it."""
 
     def __init__(self, port: SerialPort, plan: FaultPlan, owner: str) -> None:
         self._port, self._plan, self._owner = port, plan, owner

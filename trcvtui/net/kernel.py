@@ -1,9 +1,9 @@
 """The seam: socket-shaped calls that a real and a simulated network both answer.
 
 Rule 1: no exception crosses the seam; every call answers with a value, WOULD_BLOCK or a Fault.
-Rule 2: a Fault names the call and the errno *name* (never a number: they differ between systems).
+Rule 2: a Fault names the call and the errno *name* (never its number: the numbers differ between systems).
 Rule 3: a handle is opaque and is never used again after `abort` or `close`.
-The facts that every kernel must share are the contract suite tests/net/contract.py.
+The contract suite tests/net/contract.py has the facts that every kernel must share.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class PathInfo(Struct, frozen=True):
     """What the stack knows of a connection's send side; bytes and milliseconds.
 
     `probes_often`: a closed window is probed every second (TCP_RTO_MAX_MS is in force). Then `last_ack_ms`
-    stays small while the link lives, and silence for 3 x I means that the link is dead.
+    stays small while the link lives, and silence for 3 keep-alive intervals means that the link is dead.
     """
 
     unacked: int
@@ -89,9 +89,9 @@ class Kernel(Protocol):
         """Return the addresses of this machine, with loopback; () while they are unknown."""
 
     def set_link(self, owner: str, up: bool) -> str:
-        """Cut the wire of all handles of an owner, also of those made later, or mend it.
+        """Cut the wire of all handles of an owner, also of handles that are made later; or mend it.
 
-        Nothing crosses a cut wire and no call reports it: a pulled cable. Return what is wrong, or "".
+        As with a pulled cable, nothing crosses it and no call reports this. Return what is wrong, or "".
         """
 
     def poll(self) -> None:
@@ -106,7 +106,7 @@ class Kernel(Protocol):
     def socket(self, owner: str) -> Handle | Fault: ...
 
     def set_reuse(self, handle: Handle) -> Fault | None:
-        """Allow the address and port to be bound while old connections of it linger."""
+        """Allow an address and port to be bound while old connections of this end linger."""
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
         """Set the options; return the names of those that this system refused."""
@@ -133,7 +133,7 @@ class Kernel(Protocol):
         """Take one finished handshake from a listener; the new handle has the listener's owner."""
 
     def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
-        """Return the address of a name; WOULD_BLOCK: ask again. Freeing the handle ends the question.
+        """Return the address of a name; WOULD_BLOCK: ask again. Freeing the handle ends the look-up.
 
         EAI_NONAME: the name is unknown, or no name server answers.
         """
@@ -151,7 +151,7 @@ class Kernel(Protocol):
         """Write what the stack takes now and return that count."""
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
-        """Make a UDP socket, used as any other; with `set_reuse` several can have one broadcast address."""
+        """Make a UDP socket, used as any other; `set_reuse` lets several have one broadcast address."""
 
     def set_broadcast(self, handle: Handle) -> Fault | None:
         """Let a UDP socket send to broadcast addresses; without this call such a send fails with EACCES."""
@@ -173,7 +173,7 @@ class Kernel(Protocol):
         """
 
     def discard(self, handle: Handle, most: int) -> int:
-        """Read away at most so many queued bytes and return how many; fault plans do not count it."""
+        """Drop at most so many queued bytes and return how many; fault plans do not count this call."""
 
     def unread(self, handle: Handle) -> int:
         """Return how many received bytes wait in the stack."""

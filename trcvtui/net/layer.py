@@ -38,8 +38,8 @@ class Credentials(Struct, frozen=True):
     """What one end shows and what it asks of the other. Files are PEM, by absolute path; "" is none.
 
     `authorities`: the CAs that may have signed the partner's certificate. `asks_client`: the passive end asks
-    for one. `server_name`: the name that the active end asks for; `checks_name`: the certificate must bear it
-    as a subjectAlternateName. `is_unverified`: any certificate will do; the project must say so explicitly.
+    for a certificate. `server_name`: the name that the active end asks for; `checks_name`: a certificate
+    must have it as subjectAlternateName. `is_unverified`: any will do; the project must say so explicitly.
     """
 
     certificate: str = ""
@@ -102,11 +102,11 @@ class LayerSession(Protocol):
 
     @property
     def has_backlog(self) -> bool:
-        """Return whether bytes wait here that were not looked at: then a feed of no bytes does work."""
+        """Return whether bytes wait here that were not looked at; a feed of no bytes then reads them."""
 
     @property
     def is_costly(self) -> bool:
-        """Return whether the next step is one of a handshake that costs real time."""
+        """Return whether the next step is a handshake step that takes much time."""
 
     @property
     def partner_is_done(self) -> bool:
@@ -123,10 +123,10 @@ class LayerSession(Protocol):
         """End a handshake or a message that takes too long, where the session limits it."""
 
     def take_remarks(self) -> list[str]:
-        """Return, once, what was ignored of the partner's bytes, in words; a few of each session."""
+        """Return, once, texts on what was ignored of the partner's bytes; a few for each session."""
 
     def say_goodbye(self) -> bool:
-        """Announce the end to the partner, once; return whether this kind of session can do that."""
+        """Announce the end to the partner, once; return whether it was announced, now or earlier."""
 
     def take_output(self) -> bytes:
         """Return what must be sent to the partner, once."""
@@ -149,6 +149,6 @@ class LayerSettings(Protocol):
 
     @property
     def shares_port(self) -> bool:
-        """Return whether several passive CONNECTs may listen on one port: the partner says which it wants."""
+        """Return whether several passive CONNECTs may share a port: a partner names the one it wants."""
 
     def make_session(self, is_active: bool) -> LayerSession: ...

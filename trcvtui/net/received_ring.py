@@ -1,6 +1,6 @@
-"""The newest bytes that each CONNECT, UDP_CONFIG or ComBuffer has received, or sent: a ring each, bounded.
+"""The newest bytes that each CONNECT, UDP_CONFIG or ComBuffer has received, or sent: bounded rings.
 
-A position counts the bytes of one ring since the start of the PLC, over all its connections, also bytes that
+A position counts all bytes of one ring since the start of the PLC, over all connections, also bytes that
 are no longer kept. Bytes whose values the PLC never had (they were unread when the connection ended, or a
 datagram was longer than its buffer) have positions too, at most MOST_SKIPPED each time.
 Rule: the bytes are no part of a run's state. After a restore a ring begins, empty, at its last position.
@@ -121,7 +121,7 @@ class ReceivedRing:
         return position
 
     def skip(self, size: int) -> int:
-        """Give positions to bytes of unknown value; return the first."""
+        """Give positions to bytes of unknown value, MOST_SKIPPED at most; return the first position."""
         return self.append(bytes(min(size, MOST_SKIPPED)))  # else the end of one connection empties the ring
 
     def _begin_block(self, position: int) -> None:

@@ -138,11 +138,11 @@ class WaitingMessage(NamedTuple):
 class Unread(NamedTuple):
     """What is unread at a handle.
 
-    `size`: bytes of a stream; `data`: those after the first `skip`, up to PEEK_DEPTH.
+    `size`: how many bytes of a stream; `data`: the bytes from the position `skip` to PEEK_DEPTH.
     `end`: fin, rst, "" if the poll has seen no end. `is_full`: the partner's window may be small, or a
-    session takes no more out of the stack. `messages`: those after the first `skip`; None: it is a stream.
-    `clients`: those that wait at a listener. `dropped`: datagrams that the stack had no room for.
-    `has_session`: the bytes on the wire differ from these (TLS, ISO-on-TCP).
+    session takes no more out of the stack. `messages`: all but the first `skip`; None: it is a stream.
+    `clients`: how many wait at a listener. `dropped`: how many datagrams the stack had no room for.
+    `has_session`: the bytes on the wire differ from the data (TLS, ISO-on-TCP).
     """
 
     size: int = 0

@@ -1,4 +1,4 @@
-"""A tap's vocabulary: its places, the events that it reports to observers, the orders that they give."""
+"""A tap's vocabulary: its places, the events that it reports to observers, the orders of observers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class TapPlace(NamedTuple):
     line: SerialSettings | None = None
 
     def __str__(self) -> str:
-        """Return the place as the user writes it; of a serial one without the settings."""
+        """Return the place as the user writes it, but a serial place without its settings."""
         if self.line is not None:
             return f"serial:{self.line.port}"
         return ("udp:" if self.kind == "udp" else "") + format_end(self.address, self.port)
@@ -176,7 +176,7 @@ VERB_SIZES: Final = {
 
 
 def parse_order(line: bytes, routes: int) -> TapOrder:
-    """Return the order in a line; raise ValueError if it is no order. `routes`: how many there are."""
+    """Return the order in a line; raise ValueError if it is no order. `routes`: the number of taps."""
     route, number, way, verb, rest = line.decode("ascii").split(" ")
     sizes, _, data = rest.partition(";")
     numbers = tuple([int(size) for size in sizes.split(",") if size])

@@ -34,7 +34,7 @@ class UpdateRequest(Struct, frozen=True):
     """A request: lines of the ledger after `since_seq`, and the bytes of these variables and jobs.
 
     `waves`: instances whose pins are drawn over time, with the number of the last change on the screen.
-    `bench` and `project`: their numbers in the last picture; what has another number now is sent anew.
+    `bench`, `project`: the numbers in the last picture; the engine resends what has another number now.
     """
 
     since_seq: int = 0
@@ -67,8 +67,8 @@ class BenchUpdate(Struct, frozen=True):
 
     `bench` counts the benches, `project_number` the versions of the project; `project` comes only if the
     screen does not have this version. `player`: None without a scenario; `trial`: None before the first
-    `try-splits`. `facts` are those of the instances in `partial_of`. `armed` is the waiting trigger. With
-    `fired` the picture shows the scan in which a trigger fired; the PLC has run on since.
+    `try-splits`. `facts`: of the instances in `partial_of` of the request. `armed`: the waiting trigger.
+    With `fired` the picture shows the scan in which a trigger fired; the PLC has run on since.
     """
 
     snapshot: Snapshot

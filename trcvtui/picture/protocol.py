@@ -23,7 +23,7 @@ def reads_only(line: str) -> bool:
 
 
 class EngineStopped(Exception):
-    """The engine process has ended; the text says why, and its last line is a short form.
+    """The engine process has ended; the text says why, and its last line says it in short.
 
     `ends_screen`: the screen cannot continue. `is_internal`: an error of this program, or a signal, has
     ended the engine; `folder`: the folder of its recording, None: no recording.

@@ -118,7 +118,7 @@ class UpdatePipe:
 
 
 class MessageReader:
-    """Complete messages of a channel, each of `most` bytes at most; it never waits for the rest of one."""
+    """Complete messages of a channel, each of `most` bytes at most; reading one never waits."""
 
     def __init__(self, channel: Channel, most: int) -> None:
         self._channel, self._most = channel, most
@@ -170,7 +170,7 @@ class UpdateReader(MessageReader):
         self._parts: Sequence[list[Any]] = [], [], []  # of the last picture
 
     def next(self) -> Any:
-        """Return the next message as `read_message` does, but a picture as a whole."""
+        """Return the next message as `read_message` does, but decoded; a picture is put together."""
         message = self.read_message()
         return None if message is None else self._load_message(message)
 

@@ -1,4 +1,4 @@
-"""Which instances a scan really calls: those whose outcome may differ from the last scan's.
+"""Which instances a scan really calls: only the ones that may have another outcome than in the last scan.
 
 A CONNECT and its instances sleep once each of them has given a stable outcome. Any command, a poll event on
 it, or a change in the communication phase wakes it. While it is awake all its instances are called, in the
@@ -6,7 +6,7 @@ order of the program. An idle CONNECT costs nothing, and no output shows the dif
 (tests/properties/test_ready_only.py).
 
 A task is due at the multiples of its interval; its instances are called in the first scan that has reached
-the time. An interval of 25 ms with scans of 10 ms means the scans at 0, 30, 50, 80, ...
+the time. An interval of 25 ms with scans of 10 ms means calls in the scans at 0, 30, 50, 80, ... ms.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class CallOrder:
         self.awake.update(connects)
 
     def call(self, turn: int) -> list[StatusEdge]:
-        """Call the instances that are awake and due; return the edges of those whose outputs changed."""
+        """Call the instances that are awake and due; return an edge for each one with changed outputs."""
         changed: list[StatusEdge] = []
         if not self.awake:
             return changed
@@ -87,7 +87,7 @@ class CallOrder:
         return self._places[connect]
 
     def take_awake(self) -> set[str]:
-        """Return the CONNECTs on which anything may have changed since the last call."""
+        """Return the CONNECTs on which anything may have changed since `take_awake` was called last."""
         awake, self._awake_since = self._awake_since, set(self.awake)
         return awake
 

@@ -32,7 +32,7 @@ class BlinkInput(Struct, frozen=True):
 
 
 class WriteData(Struct, frozen=True):
-    """Overwrite `payload` bytes of the global variable `data` from byte `offset`."""
+    """Write the bytes `payload` into the global variable `data`, from byte `offset` on."""
 
     data: str
     offset: int

@@ -2,7 +2,7 @@
 
 Rule 1: the exception is an entry of the journal. A replay takes the part out of service in that scan because
 the entry says so, whether or not the program still raises there.
-Rule 2: a UserError in a replay is passed on: it says where run and journal differ. So is one of a command.
+Rule 2: a UserError is passed on in a replay (it says where run and journal differ) and from a command.
 Rule 3: with TRCVTUI_EXCEPTIONS=raise nothing is contained, as in the tests.
 """
 

@@ -134,7 +134,7 @@ class Instance:
         return self.take_outcome(outcome) or first
 
     def fail(self, why: str) -> bool:
-        """Show ERROR, and be called no more until `restart_block`; return whether any output differs."""
+        """Show ERROR; the block is not called until `restart_block`; return whether any output differs."""
         self._block, self._block_would_read = StoppedBlock(), None
         self.has_failed = self.called = self.asleep = True
         return self.take_outcome(

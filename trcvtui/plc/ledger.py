@@ -24,7 +24,7 @@ KEPT_LINES: Final = 20_000
 class Outputs(NamedTuple):
     """The outputs of one instance after a scan. `status` is the WORD; `rcvd_len` in bytes, None: no pin.
 
-    Of a block on a ComBuffer `status` is Error, and `rx_timeout` or `byte` is a pin, too.
+    For a block on a ComBuffer, `status` is its pin Error; it may also have the pin `rx_timeout` or `byte`.
     """
 
     status: int
@@ -47,7 +47,7 @@ class Outputs(NamedTuple):
 
 
 class StatusEdge(Struct, frozen=True):
-    """The outputs of an instance, in the ledger where they differ from the scan before; `cause` says why."""
+    """The outputs of an instance, written when they differ from the scan before; `cause` says why."""
 
     instance: str
     block: str
@@ -87,7 +87,7 @@ class PeerSent(NamedTuple):
 class BenchNote(Struct, frozen=True):
     """Something the bench did: a peer's connection, a fault injected, the PLC stopped, DATA written.
 
-    `end` is the address of the partner that it is about; `for_all`: about all CONNECTs that listen there.
+    `end`: the address of the partner concerned; `for_all`: the note is about all CONNECTs at the port.
     """
 
     subject: str
@@ -152,14 +152,14 @@ class Ledger:
         self._ring.extend([(scan, t_ns, event) for event in events])
 
     def lines_since(self, seq: int, most: int = KEPT_LINES) -> tuple[Line, ...]:
-        """Return the lines after `seq` that are still kept, oldest first; the newest `most` of them."""
+        """Return the lines after `seq` that are still kept, oldest first; only the newest `most` lines."""
         items = self.events_since(seq, most)
         first = self.last_seq - len(items) + 1
         new = tuple.__new__  # quicker than Line(..), which a picture needs for each line
         return tuple([new(Line, (seq, *item)) for seq, item in enumerate(items, first)])
 
     def events_since(self, seq: int, most: int = KEPT_LINES) -> list[StampedEvent]:
-        """Return what was written after `seq`, oldest first; the newest `most` of it."""
+        """Return the events after `seq`, oldest first; only the newest `most` events."""
         fresh = min(self.last_seq - seq, len(self._ring), most)
         return list(islice(reversed(self._ring), max(0, fresh)))[::-1]
 

@@ -81,7 +81,7 @@ def element_kind_of(type_: Type) -> ElementKind:
 
 
 def text_lens_of(type_: Type, size: int) -> LeastTextLens:
-    """Return the smallest LENs of a variable that is one text: `size` to send; a constant to receive."""
+    """Return the least LENs for a variable that is one text: `size` to send, a constant to receive."""
     if not isinstance(type_, StringType):
         return NO_TEXT_LENS
     return LeastTextLens(sent=size, received=LEAST_WSTRING_LEN if type_.wide else LEAST_STRING_LEN)
@@ -226,7 +226,7 @@ class Runtime:
         return tuple(instance.edge for instance in self._call_order.due_instances(self._env.scan - 1))
 
     def outputs(self, instance: str) -> Outputs:
-        """Return the outputs of an instance as the last scan left them; before its first scan it has none."""
+        """Return the outputs of an instance after the last scan; before its first scan, 0 and FALSE."""
         known = self._instances.get(instance)
         return known.outputs if known else Outputs(0, False, False, False, 0)
 
@@ -244,7 +244,7 @@ class Runtime:
         return bytes(self._data[name].content[start:stop])
 
     def received_ring(self, name: str) -> ReceivedRing | None:
-        """Return the newest bytes that a link or ComBuffer received; for its `sent_ring_name`, sent."""
+        """Return the newest bytes that a link or ComBuffer received; `sent_ring_name` names those sent."""
         return self._resources.received.get(name)
 
     def job_bytes(self, instance: str) -> bytes:
@@ -264,7 +264,7 @@ class Runtime:
         return SentBytes(*ends, connection.bytes_sent, connection.unacknowledged())
 
     def quiet_until(self) -> int | None:
-        """Return when (ns) a change comes by time alone, while the scans change nothing; None: never.
+        """Return when (ns) time alone causes the next change, if the scans change nothing; None: never.
 
         The time of the last scan means: not known. A handle that becomes ready may change something earlier.
         """
@@ -286,7 +286,7 @@ class Runtime:
         self._env.scan += scans
 
     def sample_stack(self) -> None:
-        """Ask the stack about each connection: for a recording."""
+        """Ask the stack about each connection, so that a recording has the answers."""
         for connection in self._connections.values():
             if connection.state is State.CONNECTED:
                 connection.unacknowledged()
@@ -382,7 +382,7 @@ class Runtime:
         )
 
     def _stop_instance(self, instance: Instance, why: str, in_connection: bool = False) -> bool:
-        """Let an instance show ERROR and hold no lock; close its connection if no other instance uses it."""
+        """Show ERROR, hold no lock; close the connection if `in_connection`, or if no other one uses it."""
         name, connect = instance.name, instance.decl.connect
         self._containment.clean_up(("instance", name), partial(instance.drop_job, INTERNAL_ERROR))
         is_changed = instance.fail(why)

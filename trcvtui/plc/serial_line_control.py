@@ -1,8 +1,8 @@
 """The bytes of a ComBuffer: from and to a serial port, a TRCV_C or a TSEND_C, chunk by chunk.
 
-Rule 1: what is known of the connection outlives the TRCV_C: a new one of the same name takes it over.
-Rule 2: a ComBuffer without room for a whole DATA holds the TRCV_C: it is called with EN_R = 0, so that the
-bytes stay with the network, which slows the sender. A job that has bytes is not held: it would drop them.
+Rule 1: a new TRCV_C or TSEND_C takes over what a deleted one of its name knew of the connection.
+Rule 2: a ComBuffer without room for a whole DATA holds the TRCV_C by calls with EN_R = 0: the bytes stay
+with the network, which slows the sender. While its job has bytes it is not held: the job would drop them.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class PortExchange:
             self._rx.put(payload)
 
     def sample_line_errors(self) -> None:
-        """Ask the driver for its error counts: for a recording."""
+        """Ask the driver for its error counts, so that a recording has them."""
         if self.is_open:
             self._port.line_errors()
 
@@ -256,7 +256,7 @@ class StreamFeed:
             earlier.leave_connection()
 
     def note_deleted(self) -> None:
-        """The TRCV_C is deleted: the line is no longer held."""
+        """The TRCV_C is deleted: the ComBuffer no longer holds it."""
         if self.is_held:
             self.is_held = False
             self._buffer.note_held(False)
@@ -272,7 +272,7 @@ class StreamFeed:
             self._end_stream()
 
     def stop(self) -> None:
-        """PLC STOP: the connection is closed, and `SerialLines.stop` drops the rest."""
+        """PLC STOP: the connection is closed; `SerialLines.stop` drops the bytes in the ComBuffer."""
         self._incarnation, self.is_held = None, False
 
     def _is_same(self, connection: Connection) -> bool:

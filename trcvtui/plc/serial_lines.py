@@ -140,7 +140,7 @@ class SerialLines:
         return StreamFeed(connection, instance.data, buffer, holds=not decl.size, follows_en_r=follows)
 
     def recording(self, name: str, until: int, tick: int) -> LineRecording:
-        """Return what has come over the line of a ComBuffer; of an unknown one nothing."""
+        """Return what has come over the line of a ComBuffer; nothing if the ComBuffer is unknown."""
         if name not in self._decls:  # it is declared by the next scan
             return LineRecording("", ())
         decl = self._decls[name]
@@ -156,7 +156,7 @@ class SerialLines:
         self._buffers[name].mark_end("line broken")
 
     def poll_errors(self) -> None:
-        """Ask the drivers of the open ports for their error counts: for a recording."""
+        """Ask the drivers of the open ports for their error counts, so that a recording has them."""
         for feed in self._ports.values():
             feed.sample_line_errors()
 
@@ -188,13 +188,13 @@ class SerialLines:
                 self._run_safely(name, partial(self._move_bytes, name, decl.per_cycle, receivers.get(name)))
 
     def _move_bytes(self, name: str, most: int, receiver: str | None) -> None:
-        """Move bytes of a written ComBuffer, `most` of them (0: all), into the one at the other end."""
+        """Move up to `most` bytes (0: all) of a written ComBuffer into the ComBuffer at the other end."""
         gone = self._buffers[name].read(most or self._buffers[name].count)
         if gone and receiver is not None:  # bytes sent into no cable are lost, as on a real line
             self._buffers[receiver].put(gone)
 
     def stop(self) -> None:
-        """Empty all of them and close the ports: PLC STOP."""
+        """PLC STOP: empty all ComBuffers and close the ports."""
         self.close()
         for buffer in self._buffers.values():
             buffer.discard_all("PLC STOP")

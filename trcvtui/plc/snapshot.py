@@ -24,7 +24,7 @@ from trcvtui.plc.ledger import Outputs
 class ConnectionSnapshot(Struct, frozen=True):
     """One CONNECT. `state` is closed, queued, created, establishing or connected; times in ns of the run.
 
-    With `udp` it is a UDP_CONFIG, and created is its ready state.
+    With `udp` it is a UDP_CONFIG; its state created means ready.
     """
 
     name: str
@@ -56,7 +56,7 @@ class SentBytes(Struct, frozen=True):
 class FramerSnapshot(Struct, frozen=True):
     """Prefix and suffix as a receiving block would use them now; None: the pointer is 0.
 
-    `noise` are the last of the `discarded` bytes before a prefix, `last` the marks of the newest frame.
+    `noise`: the last of the `discarded` bytes before a prefix; `last`: the marks of the newest frame.
     """
 
     prefix: bytes | None
@@ -147,7 +147,7 @@ class AddrSnapshot(Struct, frozen=True):
 class ComBufferSnapshot(Struct, frozen=True):
     """One ComBuffer: `count` of `size` bytes wait, `arrived` have come, `lost` had no room or no reader.
 
-    `is_up` unless its port is missing; `port` is that port by name, `fault` why it is not there. A ComBuffer
+    `is_up`: its port is not missing; `port`: the name of that port; `fault`: why it is missing. A ComBuffer
     that sends over a `line` has the port of that line.
     """
 
@@ -201,7 +201,7 @@ class Snapshot(Struct, frozen=True):
 def connection_snapshot(connection: Connection, now: int) -> ConnectionSnapshot:
     """Return a CONNECT or a UDP_CONFIG as it is at `now` (ns).
 
-    Of a UDP_CONFIG `created` is ready, `remote` the other end of the last datagram.
+    For a UDP_CONFIG, the state created means ready; `remote` is the other end of the last datagram.
     """
     retry, config = connection.retry_at, connection.config
     if isinstance(connection, UdpEndpoint) and connection.is_config:

@@ -147,7 +147,7 @@ def _convert(
 
 
 def _convert_structure(config: ConnectConfig, dialect: Dialect, notes: list[str]) -> ConnectConfig:
-    """Return a CONNECT in a structure that the other dialect takes; if there is none, with a flaw."""
+    """Return a CONNECT in a structure that the other dialect takes, or with a flaw if there is none."""
     description, taken = config.description, dialect.structures
     if description is None or not taken or description.structure.name in taken:
         return config

@@ -77,7 +77,7 @@ _TIA_TSAP: Final = re.compile(r"[0-9a-fA-F]{2}\.[0-9a-fA-F]{2}")  # as TIA write
 
 
 def parse_selector(text: str) -> bytes | None:
-    """Return a TSAP: `16#E002` and TIA's `E0.02` are bytes, `text:E002` and what cannot be hex are text.
+    """Return a TSAP: `16#E002` and TIA's `E0.02` are hex; `text:E002` and all that cannot be hex are ASCII.
 
     Return None for a text that could be either (see `unambiguous_spellings`) or is no TSAP.
     Older files have `hex E0 02` and `text E0 02`.
@@ -180,8 +180,8 @@ def resolve_tls(
 ) -> TlsSettings | DescriptionFlaw:
     """Return the TLS settings: the active end trusts TLSServerCertRef and shows TLSClientCertRef.
 
-    On the passive end it is the other way round. If the trusted one is 0, all certificates
-    without a key are trusted; if its own is 0, it shows none.
+    On the passive end it is the other way round. If the number of the trusted certificate is 0,
+    all certificates without a key are trusted; if the number of its own is 0, it shows none.
     """
     server, client = description.number("TLSServerCertRef"), description.number("TLSClientCertRef")
     own, trusted = (client, server) if spec.is_active else (server, client)
@@ -366,7 +366,7 @@ class BenchKeys(Struct, frozen=True):
 
 
 def check_bench_keys(table: Table, description: Description) -> None:
-    """Report a key of the bench that has no effect with this description."""
+    """Report the first key of the bench that has no effect with this description."""
     spec = read_spec(description)
     iso_port, is_iso = table.text("IsoPort"), spec.protocol is Transport.ISO
     may_be_iso = is_iso or (spec.protocol is Transport.UNKNOWN and speaks_iso(description.structure.name))
@@ -406,7 +406,7 @@ def read_description(table: Table, number: int, structures: tuple[str, ...]) -> 
 
 
 def _default_type(table: Table, structures: tuple[str, ...]) -> str:
-    """Return the structure of a CONNECT without `type`: the first one that has one of its fields."""
+    """Return the structure of a CONNECT without `type`: the first with a field that the table has."""
     own = [name for name in structures if any(table.has(field.name) for field in CONNECTIONS[name].fields)]
     return own[0] if own else DEFAULT_TYPE
 
@@ -467,7 +467,7 @@ def make_config_fields(
     certificates: Certificates,
     structures: tuple[str, ...],
 ) -> dict[str, Any]:
-    """Return a CONNECT's arguments without its name; `structures`: what the instructions take, (): all."""
+    """Return a CONNECT's arguments without its name; `structures`: those the instructions take, (): all."""
     spec = read_spec(written.description)
     session = _make_session(written.description, spec, bench, rules, certificates)
     remote, name_flaw = _remote_address(written, spec, bench)
@@ -587,7 +587,7 @@ def iso_port_of(config: ConnectConfig) -> int | str | None:
 
 
 def listen_port_of(config: ConnectConfig) -> int | None:
-    """Return ListenPort, None if it listens on the port of its description."""
+    """Return ListenPort, None if the CONNECT listens on the port of its description, IsoPort or none."""
     spec, port = read_spec(_require_description(config)), config.local.port
     if spec.protocol is Transport.ISO or config.active:
         return None
@@ -597,7 +597,7 @@ def listen_port_of(config: ConnectConfig) -> int | None:
 
 
 def dns_answer_of(config: ConnectConfig) -> str | None:
-    """Return DnsAnswer, None if the network's DNS is asked."""
+    """Return DnsAnswer, None if the network's DNS is asked or the description has no name."""
     if not read_spec(_require_description(config)).remote_name or config.remote_name:
         return None
     is_without = config.flaw is not None and config.flaw.flaw is Flaw.NO_RESOLVER

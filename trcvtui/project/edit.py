@@ -96,7 +96,7 @@ def _field(key: str, ask: Hint, project: Project, block: str) -> AddField:
 
 
 def default_block(project: Project) -> str:
-    """Return the block that a form begins with: for the first instance one that connects and receives."""
+    """Return the block that a form begins with; for a first instance one that connects and receives."""
     blocks = project.dialect.blocks
     receivers = [block for block in blocks if (row := block_row(block)).owns_link and row.receives_on_net]
     return receivers[0] if receivers and not project.instances else blocks[0]
@@ -225,7 +225,7 @@ def append_entry(project: Project, decl: Declaration) -> Project:
 
 
 def read_change(decl: Declaration, pairs: Mapping[str, Any], project: Project, where: str) -> Declaration:
-    """Return a declaration with some keys changed, a None removes the key; raise UserError.
+    """Return a declaration with some keys changed (None removes a key); raise UserError if it is invalid.
 
     The entry is written in the first of its equivalent forms that can be read with the changes.
     """

@@ -72,7 +72,7 @@ def all_names(
 
     `blocks`: names of instances with their blocks. `ports`: ComBuffers with a port. Uses: `stream_in`,
     `stream_out`: instances that can feed or empty a ComBuffer; `port`; `udp_end`: what may receive datagrams,
-    also a CONNECT if it is a description, which can be of UDP.
+    also a CONNECT if `describes`: a description can be one of UDP.
     """
     builders = [(name, row) for name, block in blocks if (row := block_row(block)).owns_link]
     found = {
@@ -101,7 +101,7 @@ def check_names(kind: str, table: Table, names: NamesByKind, around: Context) ->
 
 
 def find_shared_ends(tables: Sequence[Table]) -> None:
-    """Report every source, line and port that an earlier ComBuffer has, and a source that has a line."""
+    """Report each source, line and port of an earlier ComBuffer, and each source ComBuffer with a line."""
     for key, has, expected in BUFFER_ENDS:
         seen: dict[str, str] = {}
         for table in tables:
@@ -138,7 +138,7 @@ SET_FORM: Final = "PATH=VALUE such as connect.C1.LocalPort=2000 or options.retry
 def apply_overrides(
     document: Mapping[str, Any], overrides: Iterable[str], problems: list[Problem]
 ) -> dict[str, Any]:
-    """Return a copy of the document with every `PATH=VALUE`; the last one of a path counts."""
+    """Return a copy of the document with every `PATH=VALUE`; of two for a path the last one counts."""
     changed = {key: _copy_part(value) for key, value in document.items()}
     for override in overrides:
         path, equals, text = override.partition("=")

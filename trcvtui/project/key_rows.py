@@ -70,8 +70,8 @@ def offer_fixed(*texts: str) -> Offer:
 class Hint(Struct, frozen=True):
     """What a form and completion offer: hint, known values, and the value that is filled in at first.
 
-    `where`: for which project and block. `is_bare`: a line has the value without its key. `is_quoted`:
-    its text may have blanks. `is_of_change`: only the form that changes an entry asks for it.
+    `where`: whether it is asked, by project and block. `is_bare`: a line has the value without its key.
+    `is_quoted`: its text may have blanks. `is_of_change`: only the form that changes an entry asks for it.
     """
 
     hint: str | Callable[[Project, str], str]
@@ -103,10 +103,10 @@ def _is_always_allowed(table: Table, around: Context) -> bool:
 class Key(Struct, frozen=True):
     """One key. Without a `kind` it is read together with another one.
 
-    `of`: where the declaration keeps the value, as `local.port`. `writes`: returns the value to write in
-    place of that, None: the key is left out. `default`: the value of a missing key. `is_said`: it is written
+    `of`: where the declaration keeps the value, as `local.port`. `writes`: returns the value to write
+    instead, None: the key is left out. `default`: the value of a missing key. `is_said`: it is written
     even if it is the default. `only`: whether the table may have it, or why not. `reads`: reads it together
-    with its other keys. `is_played`: a replay with another value gives a true answer (replay/partners.py):
+    with other keys. `is_played`: a replay with another value gives a true answer (replay/partners.py):
     it changes what the PLC does with its input, not the input. `help`: one sentence.
     """
 
@@ -215,7 +215,7 @@ PART_CLASSES: Final[dict[str, Callable[..., Any]]] = {
 
 
 def _arguments(values: TableValues) -> dict[str, Any]:
-    """Return the arguments of the class; those of a part such as `local.port` make that part's class."""
+    """Return the arguments of the class; those such as `local.port` are put into a part, `local`."""
     arguments: dict[str, Any] = {}
     parts: dict[str, dict[str, Any]] = {}
     for key, value in values.by_row:

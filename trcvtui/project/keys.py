@@ -167,7 +167,7 @@ def _references(*kinds: str) -> Offer:
 
 
 def _propose_last(offer: Offer) -> Callable[[Project, str], str]:
-    """Return a function that proposes the newest of these names, "" if there is none."""
+    """Return a function that proposes the last name of `offer`, "" if it has none."""
     return lambda project, block: next(reversed(offer(project, block)), "")
 
 

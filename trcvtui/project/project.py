@@ -45,7 +45,7 @@ class DataDecl(Struct, frozen=True, eq=False):
     """One global variable: its type as written and as laid out; size in bytes.
 
     `optimized`: it is in a data block whose order the PLC chooses, so that instructions take it as a whole.
-    `choice` is its own layout; a field that is None is as the PLC lays it out.
+    `choice`: its own layout; a field that is None means: as the PLC does it.
     """
 
     name: str
@@ -61,7 +61,7 @@ class InstanceDecl(Struct, frozen=True):
     """One block instance; `data` None leaves the DATA pin open. `inputs` are initial values by pin name.
 
     `on_config`: `connect` names a UDP_CONFIG. `addr`: where datagrams go to, and come from. For a block on a
-    ComBuffer `connect` names that; `pointers` are its variables of prefix and suffix, "" for a pointer 0.
+    ComBuffer, `connect` names the ComBuffer; `pointers`: variables of prefix and suffix, "": a pointer 0.
     """
 
     name: str
@@ -138,7 +138,7 @@ class SequenceDecl(Struct, frozen=True):
 class WatchDecl(Struct, frozen=True):
     """One watched line: the instances on `connect` are shadows that receive what comes to the PLC end `plc`.
 
-    Ends are ADDR or ADDR:PORT; `partner` "": any. `back`: the CONNECT of what comes from `plc`, "": none.
+    Ends are ADDR or ADDR:PORT; `partner` "": any. `back`: the CONNECT for what `plc` sends, "": none.
     """
 
     name: str
@@ -149,10 +149,7 @@ class WatchDecl(Struct, frozen=True):
 
 
 class TapDecl(Struct, frozen=True):
-    """One tap: places as `trcvtui tap` takes them; the instances on a CONNECT are shadows of a direction.
-
-    `connect`: shadows of what goes to the PLC end; `back`: of what comes from it, "": no shadow.
-    """
+    """One tap: places as `trcvtui tap` takes them; the instances on a CONNECT are shadows of a direction."""
 
     name: str
     listen: str
@@ -191,7 +188,7 @@ Certificates = Mapping[int, CertificateDecl]
 
 
 class UdtFile(Struct, frozen=True):
-    """One file of UDTs as it was read; `name` begins in the project's folder."""
+    """One file of UDTs as it was read; `name`: its path from the project's folder."""
 
     name: str
     content: bytes
@@ -298,7 +295,7 @@ class Project(Struct, frozen=True, eq=False):
         return next((d for d in self.data if d.name == name), None)
 
     def received_data(self, instance: str) -> DataDecl | None:
-        """Return the DATA that an instance receives into, None for a block that sends."""
+        """Return the DATA into which an instance receives, None if its block only sends or DATA is open."""
         decl = self.instance(instance)
         row = block_row(decl.block) if decl is not None else None
         if decl is None or row is None or not (row.receives_on_net or row.reads_rx_buffer):
@@ -309,7 +306,7 @@ class Project(Struct, frozen=True, eq=False):
         return next((c for c in self.connects if c.name == name), None)
 
     def connection_id(self, block: str, connect: str) -> int | None:
-        """Return the value of a block's ID, None for a block without that pin."""
+        """Return the value of a block's ID, None without that pin or a description of the CONNECT."""
         config = self.connect(connect)
         if not block_row(block).has_id or config is None or config.description is None:
             return None

@@ -27,7 +27,7 @@ POINTER_PREFIX: Final = "p"  # the first letter of a pin that takes an address
 
 
 class CallForm(NamedTuple):
-    """How a call is written. `is_short`: no defaults; `written`: DATA content after `start`, by name."""
+    """How a call is written. `is_short`: no defaults; `written`: the initial bytes of DATA, by name."""
 
     is_short: bool = False
     is_multi: bool = False
@@ -69,7 +69,7 @@ def _has_db(project: Project, form: CallForm) -> bool:
 
 
 def _pins(project: Project, decl: InstanceDecl, values: Inputs, form: CallForm) -> list[Pin]:
-    """Return the pins that a call names; a short one keeps in-outs (CODESYS) or CONT (hidden in TIA)."""
+    """Return the pins of a call; a short one has inputs that are not 0, in-outs (CODESYS), CONT (TIA)."""
     pins = project.pins(decl.block)
     in_outs = {pin.name for pin in _filter(pins, Direction.IN_OUT)}
     kept = {"CONT"} if project.dialect.describes_connects else in_outs
@@ -205,7 +205,7 @@ def _declarations(project: Project, decl: InstanceDecl, form: CallForm) -> Itera
 
 
 def _type_of(decl: InstanceDecl, pin: Pin) -> str:
-    """Return the type as in the manual; its Error is an enumeration, the one of the bench a number."""
+    """Return the type of a pin as in the manual: Error is an enumeration there, a number on the bench."""
     return "ComError_t" if _row(decl).has_com_buffer and pin.name == "Error" else pin.iec_type
 
 

@@ -212,7 +212,7 @@ def _duration_parser(least: int) -> Callable[[str], int | None]:
 
 
 def _milliseconds(text: str) -> int | None:
-    """Return the ms of a TIME, None beyond 32 bits without a sign, as in TwinCAT."""
+    """Return the ms of a TIME, None if they are no whole number below 2^32, as in TwinCAT."""
     is_count = text.isascii() and text.isdigit() and len(text) < 11
     ns = int(text) * 1_000_000 if is_count else parse_duration(text)
     return None if ns is None or ns % 1_000_000 or not 0 <= ns < 1_000_000 << 32 else ns // 1_000_000
@@ -292,7 +292,7 @@ LINT: Final = integer(*ELEMENTARY["LINT"].limits)
 
 
 def addresses_by_name(value: Any) -> tuple[tuple[str, str], ...] | None:
-    """Return the names of a table with their addresses, None where one is no address."""
+    """Return the names of a table with their addresses, None if one of these is no address."""
     if not isinstance(value, Mapping):
         return None
     found = [(name, parse_address(address)) for name, address in value.items() if isinstance(address, str)]

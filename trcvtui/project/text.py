@@ -170,7 +170,7 @@ def _insert_entries(plain: str, decls: Sequence[Declaration]) -> str | None:
 
 
 def _document_edit(change: Callable[[TOMLDocument], bool]) -> Callable[[str], str | None]:
-    """Return a function that makes this change in a text, and returns None if it cannot."""
+    """Return a function that returns a text with this change, None if the change is not possible."""
 
     def edit(plain: str) -> str | None:
         document = _parse_unchanged(plain)

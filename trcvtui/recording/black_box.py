@@ -66,7 +66,7 @@ class BlackBox:
         self._ending: list[WriterProcess] = []
 
     def give_up(self) -> None:
-        """Keep nothing from now on: it costs the scans too much."""
+        """Keep nothing from now on: the box costs the scans too much time."""
         self._off_reason = GAVE_UP_TEXT
         self._kept.clear()
         self._frames.clear()
@@ -113,7 +113,7 @@ class BlackBox:
             self._size -= len(oldest.block)
 
     def advance(self) -> None:
-        """Feed the writers; note how those that are done have ended."""
+        """Feed the writers; note how each finished writer has ended."""
         if self._recording is not None:
             self._recording.advance()
             if self._recording.trouble:

@@ -3,7 +3,7 @@
 Rule 1: a name is never used again; only files of this run are removed.
 Rule 2: each file begins with `RunHeader`. If scans are missing after it, `LostEntries` is next: such a file
 is replayed from its first keyframe.
-Rule 3: if a replay beside makes keyframes, a file that begins in the middle ends only after its first one.
+Rule 3: if a replay process makes keyframes, a file that begins in the middle gets one before it ends.
 Rule 4: a file of a trigger has the journal from the beginning of the run, of at most MOST_OLD_BYTES: a
 what-if begins there. The file has keyframes, too.
 Rule 5: connections keep sequence numbers and ports from file to file, even across entries that no file has.

@@ -97,7 +97,7 @@ class LostEntries(NamedTuple):
 
 
 class WireCall(NamedTuple):
-    """A call of the PLC at the wire, of which packets are made; no part of the journal.
+    """A call of the PLC at the wire; packets are made from it. It is no part of the journal.
 
     `at`: ns of the run; `args`: those after the handle; `data`: the bytes that came, or were taken.
     """
@@ -397,7 +397,7 @@ class _BlockReader:
         return value
 
     def read_entry(self, known: list[Entry]) -> Entry:
-        """Return the next entry; `known` are those before it."""
+        """Return the next entry; `known`: the entries before it in the block."""
         if self._block[self.at : self.at + 1] == _REPEATED_CALL_TAG:
             return self._read_repeated_call(known)
         value = self.read_value()

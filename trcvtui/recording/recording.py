@@ -312,7 +312,7 @@ class Recording:
     def read_entries(self, first: int = 0) -> Iterator[Entry]:
         """Yield the entries of the journal from block number `first` on, as far as they can be read.
 
-        Raise UserError where not even the first one can.
+        Raise UserError if not even the first entry can be read.
         """
         return chain.from_iterable(self._read_by_block(first))
 
@@ -334,7 +334,7 @@ class Recording:
     def _items(self, at: int, payloads: list[bytes], number: int = 0) -> Iterator[tuple[bytes, BlockPlace]]:
         """Yield blocks of the journal from `number` on, keyframes and index, with their places.
 
-        Before each block, `payloads` gets those of its packets. Raise UserError for a changed block.
+        Before each block, `payloads` gets the payloads of its packets. Raise UserError for a changed block.
         """
         pieces: list[bytes] = []
         begun, journal_at, kept, check, is_over = -1, 0, 0, 0, False
@@ -420,7 +420,7 @@ class Recording:
 
 
 def read_run_header(path: FileName) -> RunHeader | None:
-    """Return the first entry of a recording; None: the file is none."""
+    """Return the first entry of a recording, None if the file is no recording."""
     try:
         first = next(iter(Recording(path).read_entries()), None)
     except UserError:
@@ -458,7 +458,7 @@ def _get_payload(interface: int, data: bytes) -> bytes:
 
 
 def _read_written_index(file: IO[bytes]) -> list[BlockPlace]:
-    """Return the rows of the index at the end of a file; [] if there is none that fits."""
+    """Return the rows of the index at the end of a file; [] if it has no valid index."""
     pieces: list[bytes] = []
     end = file.seek(0, os.SEEK_END)
     while not (pieces and pieces[0].startswith(INDEX_MAGIC)):  # backwards: a block ends with its length

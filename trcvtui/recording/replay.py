@@ -35,7 +35,7 @@ COMPARED_ARGS: Final = {"set_options": 1, "set_user_timeout": 1}  # so many; lat
 class ReplaySeam:
     """Answers from entries that passed is_valid_answer; `write_note` writes recorded notes into the ledger.
 
-    `begins`: the RunHeader of the journal, if it has one; `files`: those that were read so far.
+    `begins`: the RunHeader of the journal, if it has one; `files`: the files known so far.
     """
 
     has_answers = True
@@ -57,7 +57,7 @@ class ReplaySeam:
             self.front = next(entries, None)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return the state for a keyframe, which has the place in the journal and may be in any file."""
+        """Return the state for a keyframe: no file name, no entries, as the keyframe has its position."""
         return self.__dict__ | {"entries": None, "where": ""}
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
@@ -102,7 +102,7 @@ class ReplaySeam:
         return answer_call
 
     def _find_entry(self, owner: str, call: str, args: tuple[object, ...]) -> CallRecord:
-        """Return the entry of a call, after notes and gaps; raise UserError for another call.
+        """Skip notes and gaps; return the entry of this call; raise UserError if another entry is next.
 
         If the recorded run had an exception instead, raise RecordedException.
         """
@@ -136,7 +136,7 @@ class ReplaySeam:
             self._known[owner, "path", args] = answer
 
     def _answer_in_gap(self, owner: str, call: str, args: tuple[object, ...]) -> object:
-        """Return the answer of this gap, else the newest earlier one; None: there is none."""
+        """Return the answer in this gap, else the newest one of an earlier gap, None if there is none."""
         while isinstance(self.front, CallRecord) and self.front.call.startswith(IN_GAP):
             found = self.front[:3] == (owner, IN_GAP + call, args)
             self._skip_entry(self.front)

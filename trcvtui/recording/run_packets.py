@@ -1,8 +1,8 @@
-"""The packets of a run, entry by entry: those of the present block, pointers to them, their comments.
+"""The packets of a run, made entry by entry: packets of the present block, pointers to them, and comments.
 
 Rule 1: an entry points to packets of its own block that have the same bytes; else it keeps its bytes.
-Rule 2: the end of a job is a comment at the packet with the last byte of the job. If that packet is written
-already, the comment is at the newest packet in this block, or at the block itself, and says so.
+Rule 2: the end of a job is a comment at the packet with the last byte of the job. If that packet is not in
+this block, the comment is at the newest packet of the connection here, or at the block itself, and says so.
 Rule 3: files of a run share one RunPackets, so that open connections keep their sequence numbers, ports
 and unread bytes in the next file.
 """
@@ -139,7 +139,7 @@ class RunPackets:
     # -- what points to packets -------------------------------------------------------------------------
 
     def _find_packets(self, flow: Flow, at: int, data: bytes) -> bytes | PacketRuns:
-        """Return pointers to bytes in packets of this block; the bytes, if not all of them are there."""
+        """Return pointers to bytes in packets of this block; if some are not there, return the bytes."""
         places, numbers = self._numbers.get(flow, ([], []))
         runs: list[tuple[int, int, int]] = []
         done, before = 0, -2
@@ -201,7 +201,7 @@ class RunPackets:
     # -- the next file ----------------------------------------------------------------------------------
 
     def skip_entries(self, entries: Iterable[Entry]) -> None:
-        """Follow connections through entries of no file, so that the next file can continue them."""
+        """Follow connections through entries that no file gets, so that the next file can continue them."""
         for entry in entries:
             if isinstance(entry, CallRecord):
                 self.replace_bytes(entry)

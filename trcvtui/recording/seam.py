@@ -1,7 +1,7 @@
 """The seam of a bench: the calls that leave it, and a recorder that makes them and keeps their answers.
 
 Rule 1: a bench reaches kernel, serial ports, the bound of work and commands through its seam alone.
-Rule 2: calls inside a call (of a layer to the network) are not kept; their notes for the ledger are.
+Rule 2: if a layer calls the network inside a call, that inner call is not kept, but its ledger notes are.
 Rule 3: calls at the PLC's wire are kept as well, for the packets of a recording (wire.py).
 """
 
@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 
 class Seam(Protocol):
-    """Where calls leave a bench: a recorder makes them and keeps the answers, a replay returns these."""
+    """Where calls leave a bench: a recorder makes them and keeps answers, a replay returns kept answers."""
 
     @property
     def has_answers(self) -> bool:
@@ -117,7 +117,7 @@ class SeamRecorder:
         self._keep(WireCall(at, owner, call, handle, args, answer, data))
 
     def handle_ledger_note(self, note: LedgerNote) -> None:
-        """Keep notes from inside a call; a replay itself writes those of the PLC and the bench."""
+        """Keep a note from inside a call; a replay makes all others of the PLC and the bench again."""
         if self._is_inside and not self.is_off:
             self._keep(note)
 
@@ -147,7 +147,7 @@ PLAIN_CALLS: Final = (  # calls whose arguments and answers are kept as they are
 
 
 class _SeamKernel:
-    """A kernel that asks its seam: recorded around `inner`, or answered without it."""
+    """A kernel that passes calls to its seam: a recorder makes them with `inner`, a replay has none."""
 
     def __init__(self, seam: Seam, label: str, inner: Kernel | None) -> None:
         self._seam, self._label = seam, label
@@ -370,7 +370,7 @@ class SeamKernel(ReadyKernel, Protocol):
 
 
 def wrap_kernel(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
-    """Return a kernel at the seam; `make` makes the one to be recorded, and is not called in a replay.
+    """Return a kernel at the seam; `make` makes the inner kernel to be recorded; a replay does not call it.
 
     `is_noted`: it is the kernel of a PLC, whose unread bytes are noted in the recording.
     """
@@ -441,7 +441,7 @@ WIRE_CALLS: Final = (  # calls of which packets are made
 class _WireKernel:
     """A kernel around another: it notes each call at the wire at its seam, and passes all calls on.
 
-    `is_next`: no layer is between it and the seam: the next entry has the bytes of a read, the note has none.
+    `is_next`: no layer is between it and the seam. Then the bytes of a read are in the next entry alone.
     """
 
     def __init__(self, seam: Seam, inner: Kernel, is_next: bool) -> None:

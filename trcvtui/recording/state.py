@@ -246,7 +246,7 @@ def encode_state(one: object, shared: SharedObjects) -> bytes:
 
 
 class _StateDecoder:
-    """Makes the objects of one state: first all, empty; then what each holds, as they may form circles."""
+    """Makes the objects of one state: first empty ones, then their content, as they may form circles."""
 
     def __init__(self, content: bytes, shared: SharedObjects, where: str, instead: StandIns) -> None:
         self._content, self._shared, self._where = content, shared.objects, where
@@ -402,7 +402,7 @@ class _StateDecoder:
 
 
 def decode_state(content: bytes, shared: SharedObjects, where: str, instead: StandIns = NO_STAND_INS) -> Any:
-    """Return the object of a state; raise UserError that begins with `where` for bytes that are none.
+    """Return the object of a state; if the bytes are no state, raise UserError that begins with `where`.
 
     Objects of the classes in `instead` are made by its functions, and get the fields of the state.
     """

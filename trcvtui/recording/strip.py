@@ -1,6 +1,6 @@
 """`trcvtui recording`: a copy to pass on, without payload, secrets or names; the Lua for Wireshark.
 
-Rule: what is left out is nowhere in the copy. So the journal is left out with it: it has the project, the
+Rule: what is left out is nowhere in the copy. So the copy has no journal: a journal has the project, the
 commands and every byte that blocks and peers received.
 """
 

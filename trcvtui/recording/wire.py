@@ -41,7 +41,7 @@ class WirePacket(NamedTuple):
     """One packet; `line` is the ComBuffer of a serial one, "" for IP. `payload`: bytes at its end.
 
     `owners`: its CONNECT or ComBuffer; two, if CONNECTs of the PLC talk with each other: then the PLC
-    has both sent and received it. `sent`: by the PLC, or to it; None: both, or a serial line.
+    has both sent and received it. `sent`: True by the PLC, False to it, None: both, or a serial line.
     """
 
     owners: tuple[str, ...]
@@ -281,7 +281,7 @@ class WirePackets:
             yield from self._note_partner_end(call, stream, ACK | (RST if call.args[0] == "rst" else FIN))
 
     def _add_partner_bytes(self, call: WireCall, stream: _TcpStream, at: int) -> Iterator[WirePacket]:
-        """Yield packets of the partner's new bytes (`call.data` begins at `at`) and of its end, if due."""
+        """Yield packets of the partner's new bytes (`call.data` begins at `at`); its FIN or RST, if due."""
         flow = stream.flows[1]
         new = call.data[max(0, flow.in_packets - at) :] if call.data else b""
         if new:
@@ -324,7 +324,7 @@ class WirePackets:
             yield from self._handle_fault(call, stream, call.answer)
 
     def _handle_close(self, call: WireCall) -> Iterator[WirePacket]:
-        """Yield our end: RST if bytes are unread (RFC 1122, 4.2.2.13), by the count of the stack or ours."""
+        """Yield our end: RST if the stack or we count unread bytes (RFC 1122, 4.2.2.13), else FIN."""
         flow = self.flows.get(call.handle, NO_FLOWS)[1]
         unread = call.args[0] if call.args else flow.whole - flow.taken
         yield from self._end_stream(call, (RST if unread else FIN) | ACK)
@@ -517,7 +517,7 @@ def _is_reset(answer: object) -> bool:  # an injected fault has nothing at the w
 
 
 def checksum(data: bytes) -> int:
-    """Return the checksum of RFC 1071: modulo 65535 a sum of 16-bit words equals them as one number."""
+    """Return the checksum of RFC 1071: modulo 65535, all words as one number equal their sum."""
     number = int.from_bytes(data + b"\0" if len(data) & 1 else data, "big")
     rest = number % 0xFFFF
     return 0xFFFF - (rest or (0xFFFF if number else 0))

@@ -1,4 +1,4 @@
-"""A process that leaves one answer in a file; until it is over, the first line there is its progress."""
+"""A process that writes one answer into a file; while it runs, the first line there is its progress."""
 
 from __future__ import annotations
 

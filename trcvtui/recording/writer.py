@@ -1,7 +1,7 @@
 """The writer of a recording is another process: fed through a pipe in the gaps, so that no scan waits for it.
 
-Rule 1: what the pipe does not take waits: at most MOST_WAITING_BYTES, of whole blocks twice that. Entries
-beyond that are left out, and the journal counts them (`LostEntries`).
+Rule 1: what the pipe does not take waits. While more than MOST_WAITING_BYTES wait (for whole blocks: more
+than twice that), new entries are left out, and the journal counts them (`LostEntries`).
 Rule 2: without the writer the bench continues; `trouble` says in one line why nothing is recorded any more.
 Rule 3: the writer ends with its pipe, even if the run was killed: it writes what it has and ends the file.
 """
@@ -40,7 +40,7 @@ WRITER_MAIN, STATE_MAIN = ("follower", "writer_main"), ("follower", "state_main"
 
 
 class WriterProcess:
-    """The sink of a run that must not wait; with `waits` raises UserError if the file is refused."""
+    """The sink of a run that must not wait; `waits`: wait at the start, raise UserError if refused."""
 
     def __init__(
         self, path: Path, record: RecordTarget, waits: bool = True, main: tuple[str, str] = WRITER_MAIN
@@ -88,7 +88,7 @@ class WriterProcess:
         self.advance()
 
     def add_block(self, block: bytes, entries: int = 0) -> None:
-        """Take an encoded block of so many entries; leave it out if too much waits."""
+        """Take an encoded block with this number of entries; leave it out if too much waits."""
         if self.trouble:
             return
         if self._waiting_bytes > 2 * MOST_WAITING_BYTES:
@@ -114,7 +114,7 @@ class WriterProcess:
         self._is_finishing = True
 
     def advance(self) -> None:
-        """Write what waits, as much as the pipe takes."""
+        """Write as much of the waiting bytes as the pipe takes."""
         now = clock.now_ns()
         if not self._is_finishing and (now > self._posted_at + POST_INTERVAL_NS or self._block.is_full):
             self._posted_at = now

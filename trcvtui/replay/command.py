@@ -1,4 +1,4 @@
-"""`trcvtui replay`: a recording run again, and compared or printed as the run was."""
+"""`trcvtui replay`: runs a recording again, and compares it or prints what the run printed."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def print_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
 def run_what_if(
     path: Path, is_check: bool, form: str | None, sets: Sequence[str], dialect: str | None
 ) -> int:
-    """Run a recording as it was, and with other parameters; return 0, or 1 if the file is damaged."""
+    """Run a recording unchanged and with other parameters; return 0, or 1 if the file is damaged."""
     from trcvtui.recording.recording import Recording
     from trcvtui.replay.what_if import WhatIf, print_both_runs
 

@@ -1,4 +1,4 @@
-"""The replay of a recording in a process of its own, and its end at the screen's side."""
+"""The replay of a recording in a process of its own, and the screen's side of the channel to it."""
 
 from __future__ import annotations
 

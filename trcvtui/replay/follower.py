@@ -2,7 +2,7 @@
 
 Rule 1: the entries are written first; a run that cannot follow is ended, and only keyframes are missing.
 Rule 2: a keyframe is due each SPACING_NS of the run, and at the start of a file that begins in the middle.
-Bound: MOST_WAITING_BYTES of blocks wait for it.
+Bound: at most MOST_WAITING_BYTES of blocks wait for the run.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class _IncomingEntries(JournalPosition):
 
 
 class RecordedRunWriter:
-    """A sink and a replay of its entries beside it; `advance` continues the replay as far as it may."""
+    """A sink and a replay of its entries beside it; `advance` continues it while entries and time allow."""
 
     def __init__(self, sink: FileSink, where: str) -> None:
         self._sink, self._where = sink, where
@@ -211,7 +211,7 @@ class LastKeyframeSink:
         self._frame: Keyframe | None = None
 
     def add_entries(self, entries: Iterable[Entry]) -> None:
-        """Do nothing: the run beside it takes them."""
+        """Do nothing: the run beside the sink takes the entries."""
 
     def add_keyframe(self, frame: Keyframe) -> None:
         self._frame = frame

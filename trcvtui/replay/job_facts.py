@@ -68,7 +68,7 @@ TROUBLE_ROWS: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
 
 
 class _StackWaits:
-    """How much waits in the stack of each CONNECT: the least of each second, by the entries in gaps."""
+    """Bytes that wait in the stack of each CONNECT: the least of each second, from the entries in gaps."""
 
     def __init__(self, run: ReplayRun) -> None:
         self._run = run
@@ -111,7 +111,7 @@ class _StackWaits:
             self._paths[connect] = [each for each in paths if each[0] >= second]
 
     def find_floods(self) -> Iterator[tuple[str, int, int]]:
-        """Yield each CONNECT for which more waits each second although jobs run: since when, for how long."""
+        """Yield each CONNECT with more unread bytes each second although jobs run: since when, how long."""
         for connect, least in self._least.items():
             read = self._read.get(connect, set())
             since, run = 0, 0
@@ -156,7 +156,7 @@ def collect_recorded_facts(
 ) -> RecordedFacts | None:
     """Return the facts of a recording of ours; None: it is no recording of ours, or cannot run.
 
-    `sets`: with these parameters, `instance.TRCV_C_1.LEN=20`; raise UserError for a wrong one. While the run
+    `sets`: other parameters, as `instance.TRCV_C_1.LEN=20`; raise UserError for a wrong one. While the run
     continues, the present pins count: a remedy that was applied is no fault any more. `tell` is called for
     each scan.
     """
@@ -219,8 +219,8 @@ def _collect(
 class _RunFacts:
     """Facts of a run that its packets do not show, collected while it runs again.
 
-    `by_ends`: its CONNECTs by the ends of their sockets, as in KnownEnds. `harms`: when (UTC) a block of each
-    CONNECT showed an ERROR, or lost a job.
+    `by_ends`: its CONNECTs by the ends of their sockets, as in KnownEnds. `harms`: for each CONNECT,
+    when (UTC) a block on it showed an ERROR, or lost a job.
     """
 
     def __init__(self, run: ReplayRun, bench: Bench, project: Project) -> None:
@@ -349,7 +349,7 @@ class _RunFacts:
         return receiver._replace(need=job.length, adhoc=job.adhoc, until_ns=until_ns)
 
     def _is_refused(self, cause: str, instance: str) -> bool:
-        """Return whether bytes wait because the instance refuses its jobs, which is another finding."""
+        """Return whether bytes wait because the instance refuses its jobs: another finding says so."""
         return cause in ("flood", "plc-not-reading") and self.symptoms.refuses_jobs(instance)
 
     def find_troubles(self, is_running: bool) -> tuple[Finding, ...]:

@@ -142,7 +142,7 @@ class Keyframes:
     def run_at(self, scan: int) -> ReplayRun:
         """Return the run at a scan that has a keyframe, or at an earlier one, if that keyframe does not fit.
 
-        Raise UserError if none fits.
+        Raise UserError if no keyframe fits.
         """
         if not scan:
             return ReplayRun(PositionedEntries(self._journal), self._where, roots=self.roots)

@@ -1,4 +1,4 @@
-"""When the packets of a recording came, read beside its replay; a scan reads their bytes later."""
+"""When the packets of a recording came. They are read beside its replay: its scans read the bytes later."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ READ_AHEAD_NS: Final = 1_000_000_000  # a packet follows its scan in the file by
 
 
 class PacketTimes:
-    """The packets of connections that begin in a file; `now_ns`: how far its run is, UTC."""
+    """The packets of connections that begin in a file; `now_ns`: the UTC that its run has reached."""
 
     def __init__(self, path: str, wall_ns: int, now_ns: Callable[[], int]) -> None:
         self._packets = merge_packets([path], [])

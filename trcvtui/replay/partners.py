@@ -1,7 +1,7 @@
-"""Partners of a recorded run that do again what they did then, for a bench that makes other calls.
+"""Partners of a recorded run: they repeat their acts for a bench that makes other calls than that run.
 
-Rule 1: a partner does not react. From the scan in which it would see something else of us, or at another
-time, the answer is a guess: `guess_from` (docs/recording.md, "What if").
+Rule 1: a partner does not react. From the scan in which it would see other acts of us, or see them at
+another time, the answer is a guess: `guess_from` (docs/recording.md, "What if").
 Rule 2: a scan gets what the recorded run got in it: bytes that had come, an end, a client, a refusal.
 """
 
@@ -64,11 +64,11 @@ class _Socket:
 
 
 class ReplayedPartners(ReplaySeam):
-    """A seam on which partners do what they did; `peers`: the names of those that the bench has itself.
+    """A seam on which partners repeat their acts; `peers`: the names of the bench's own peers.
 
-    `recorded` advances with the recorded run, which runs first. `intervals_ns`: of the bench that asks and
-    of the recorded one, if they differ. Each scan then runs at a multiple of the first interval, when the
-    recorded run has done its scans up to that time and one more.
+    `recorded` advances with the recorded run, which runs first. `intervals_ns`: those of the bench that
+    asks and of the recorded run, if they differ. Then each scan runs at a multiple of the asking bench's
+    interval, after the recorded run has done its scans up to that time and one more.
     `guess_from`: the first scan of the recorded run from which on the answer is a guess, None: none.
     """
 
@@ -181,7 +181,7 @@ class ReplayedPartners(ReplaySeam):
             self.note_guess(GuessReason.TIME)  # something came between two recorded scans
 
     def compare_scan(self) -> None:
-        """Find out, after a scan, whether partners saw something then that they do not see now."""
+        """Find out, after a scan, whether partners see other acts of us than in the recorded run."""
         recorded, before = self._recorded, self.scan
         for socket in self._sockets.values():
             partner = socket.partner
@@ -220,7 +220,7 @@ class ReplayedPartners(ReplaySeam):
             self.note_guess(GuessReason.PARTNER)
 
     def _match(self, acts: deque[PlcAct], what: tuple[object, ...], is_deaf: bool = False) -> PlcAct | None:
-        """Remove and return the recorded act if it is `what`, in this scan; None: it is not."""
+        """Remove and return the next recorded act if it is `what` in this scan, else None."""
         if acts and acts[0].scan == self.scan and acts[0].what == what and self._is_on_time:
             return acts.popleft()
         if not is_deaf:

@@ -32,7 +32,7 @@ CLOSED, RESET, SHUT = "close", "abort", "shutdown"  # how this end of a connecti
 
 
 class CallPlace(NamedTuple):
-    """In which scan, and at which call of the PLC in it; 0: from its beginning on."""
+    """A scan, and the number of a call of the PLC in this scan; 0: from the beginning of the scan on."""
 
     scan: int
     call: int = 0
@@ -87,7 +87,7 @@ class Partner:
             self._arrived.append((at, whole))
 
     def note_end(self, at: CallPlace, fault: Fault | None, is_told: bool = True) -> None:
-        """Take the end; the Fault of a call replaces one from the state of the socket."""
+        """Note the end; the Fault of a call replaces a Fault that came from the state of the socket."""
         self.fault = fault if is_told and fault is not None else self.fault or fault
         self.ended = min(self.ended, at)
 
@@ -108,7 +108,7 @@ class Partner:
 
 
 class DialledAttempt:
-    """One call of an active CONNECT. `answer`: None is a connection; `gone`: when it was given up."""
+    """One call of an active CONNECT. `answer`: None if it connected; `gone`: when it was given up."""
 
     def __init__(self, began: int) -> None:
         self.began = began  # in which scan
@@ -206,7 +206,7 @@ class RecordedRun:
             known.append((self.scan, now))
 
     def listens(self, owner: str, scan: int) -> bool:
-        """Return whether a CONNECT listens at the end of a scan, the newest or the one before."""
+        """Return whether a CONNECT listens at the end of a scan: of the newest scan or the one before."""
         known = self.listening.get(owner, ())
         return bool(next((handles for since, handles in reversed(known) if since <= scan), ()))
 
@@ -466,7 +466,7 @@ class RecordedRun:
         (self.hearing.add if is_hearing else self.hearing.discard)(handle)
 
     def knows_earlier_messages(self, owner: str, partner: Partner | None) -> bool:
-        """Return whether the unread messages are known; those from before the file are not."""
+        """Return whether the unread messages are known; messages that came before the file are not."""
         return owner not in self._unknown if partner is None else partner.is_known
 
     def _note_send(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:

@@ -58,7 +58,7 @@ def guard_state(is_restored: bool, where: str) -> Iterator[None]:
 
 
 class ReplayRun:
-    """The bench of a recorded run. `scenario` None: it was none; `is_whole`: it has come to its end."""
+    """The bench of a recorded run. `scenario` None: it had no scenario; `is_whole`: it is at its end."""
 
     def __init__(
         self,

@@ -49,7 +49,7 @@ def parse_place(text: str, where: str) -> int | Search:
 class Survey:
     """The journal read once, in slices: the time of each scan, where STATUS changes, where ERRORs come.
 
-    `first`: the last scan that cannot run again; `offset`: the last scan before the journal begins. 0: none.
+    `first`: the last scan that cannot run again; `offset`: the last scan before the journal. 0: none.
     """
 
     def __init__(self, entries: Iterator[Entry], where: str, first: int = 0, offset: int = 0) -> None:
@@ -83,7 +83,7 @@ class Survey:
         return ns + (scan - before) * took // scans
 
     def scan_at(self, ns: int) -> int:
-        """Return the first scan at this time or after it; if all known ones are earlier, the next."""
+        """Return the first scan at this time or later; if all known scans are earlier, the next one."""
         at = bisect_left(self.times, ns)
         if at == len(self.times):
             return self.last_scan + 1

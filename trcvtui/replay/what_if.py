@@ -1,8 +1,8 @@
-"""What-if: a recorded run and the same run with other parameters; where they part, and their results.
+"""What-if: a recorded run and the same run with other parameters; where they begin to differ; the results.
 
 Rule 1: partners do what they did, when they did it (replay/partners.py).
 Rule 2: only keys that are declared replayable may change: a recording cannot answer for the others.
-Rule 3: commands act in their recorded scans; those that write a held pin are left out and counted.
+Rule 3: commands act in their recorded scans; commands that write a held pin are left out and counted.
 Rule 4: with another interval both runs advance by time, and the recorded run is a scan ahead.
 """
 
@@ -51,7 +51,7 @@ class RunTotals(NamedTuple):
 
 
 class ValueDifference(NamedTuple):
-    """The first DONE of both runs with another value: its scan, the member, both values."""
+    """The first DONE at which a value differs between both runs: its scan, the member, both values."""
 
     scan: int
     member: str

@@ -1,4 +1,4 @@
-"""`trcvtui report`: a recording run again, or a capture played to shadows, as one page."""
+"""`trcvtui report`: runs a recording again, or plays a capture to shadows, and writes one page."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ class MessageTable:
         self._second, self._date = -1, ""
 
     def write(self, labels: tuple[str, ...], row: MessageRow, of: str | None = None) -> None:
-        """Write a row; `of`: the instance or direction that has its type; None: the first label."""
+        """Write a row; `of`: the instance or direction whose type it has; None: it is the first label."""
         if not self.rows and self._form != "jsonl":
             self._write_cells([*self._columns, *self._names])
         self.rows += 1
@@ -206,7 +206,7 @@ class _Fields:
         self._cells = [(place, cell) for place, cell in cells if cell is not None]
 
     def values(self, content: bytes) -> LeafValues:
-        """Return the values of the columns; None: the message has no bytes for it."""
+        """Return the values of the columns; a value is None if the message has no bytes for it."""
         if self._numbers is None:
             return decode(self.layout, content)
         return tuple([decode_leaves(self.layout, content, n, n + 1)[0] for n in self._numbers])

@@ -160,7 +160,7 @@ class _FilteredRows:
         return wrong
 
     def change_project(self, project: Project) -> frozenset[str]:
-        """Read the filters for another project; return the instances with another type than the columns."""
+        """Read the filters for another project; return the instances whose columns have another type."""
         types, first = self._list_types(project), self._list_types(self.project)
         self._read_filters(types, project)
         return frozenset(name for name in types if not is_same_type(types[name], first.get(name)))
@@ -340,7 +340,7 @@ class _CaptureMessages:
         _warn_about_capture(found, troubles)
 
     def _make_cutter(self, direction: WireDirection) -> MessageCutter | None:
-        """Return the cutter of a direction; None: no end of its conversation is the `--plc`."""
+        """Return the cutter of a direction; None: neither end of its conversation is the `--plc`."""
         guess = guess_plc(direction.conversation, self._given, NO_KNOWN_ENDS)
         if self._given is not None and guess.why != "--plc":
             return None

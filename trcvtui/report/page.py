@@ -62,7 +62,7 @@ LANE_SHAPES: Final = (  # what a column has seen, its class, its top and height:
 
 
 class ReportSource(NamedTuple):
-    """The origin of a report. `seen`: how the whole run was replayed; else `stopped`: why that ended early.
+    """The origin of a report. `seen`: how the whole run was replayed, or `stopped`: why the replay ended.
 
     `files` (name, bytes, SHA-256) and `conversations` (by the titles in the template) are rows of tables.
     `findings` are the doctor's, the surest first.

@@ -191,7 +191,7 @@ class WalkComparison:
 
 
 def _cell(shown: Outputs | None) -> str:
-    """Return `7008 D 8 B`."""
+    """Return outputs as in `7008 D 8 B`: STATUS, lit lamps, RCVD_LEN."""
     if shown is None:
         return NOTHING_MARK
     lamps = "B" * shown.busy + "D" * shown.done + "E" * shown.error

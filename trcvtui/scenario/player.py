@@ -60,7 +60,7 @@ class Player:
         return self._under_way is not None
 
     def step(self) -> None:
-        """Begin the next step, after the running one; a run to the end stops there."""
+        """Begin the next step after the running one; a run to the end stops after the running step."""
         if not self.is_to_end and not self.is_finished:
             self._wanted += 1
         self.is_to_end = False

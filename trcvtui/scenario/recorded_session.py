@@ -3,8 +3,8 @@
 Rule 1: only commands that were carried out are kept, each with the number of scans that had passed before it.
 Rule 2: a mark begins the expectations anew; the commands before it stay, as they led to the state there.
 Rule 3: a command before the first scan comes after those of the project's `start`, which are not kept.
-Rule 4: on real sockets peers and scans act by two clocks: there, a scenario expects that a job is done
-between two events, but not how often.
+Rule 4: on real sockets peers and scans act by two clocks: there, a scenario expects that jobs are done
+between two events, but not how many.
 Bounds: MOST_COMMANDS commands of MOST_CHARACTERS characters; of each trace its first and its newest runs.
 """
 
@@ -112,7 +112,7 @@ class StatusPattern:
     def format_pattern(self, by_turns: Collection[int] = (), done: Collection[int] = ()) -> str:
         """Return the scans in the notation of a pattern, "" for none.
 
-        After a scan with a STATUS of `done`, any number of scans with one of `by_turns` may follow.
+        After a scan with a STATUS in `done`, any number of scans with a STATUS in `by_turns` may follow.
         """
         newest = self._atoms(self._newest, self._count - len(self._newest) + 1)
         atoms = [*self._atoms(self._first, 1), *[ANY_SCANS] * self._is_cut, *newest]
@@ -126,7 +126,7 @@ class StatusPattern:
 
 
 def _loosen_turns(atoms: list[Atom], by_turns: Collection[int], done: Collection[int]) -> Iterator[Atom]:
-    """Yield the atoms; after a STATUS of `done`, `...` replaces all scans with one of `by_turns`."""
+    """Yield the atoms; after a STATUS in `done`, `...` replaces the scans with a STATUS in `by_turns`."""
     is_open = False
     for atom in atoms:
         if is_open and (atom is ANY_SCANS or (atom.scan is not None and atom.scan[0] in by_turns)):
@@ -320,7 +320,7 @@ class RecordedSession:
         return -(-due // each) + 1
 
     def _count_calls(self, trace: _Trace, until: int) -> None:
-        """Add the calls without a change up to scan `until`; at most two, a pattern needs no more."""
+        """Add the calls without a change up to scan `until`; at most two, as a pattern needs no more."""
         if trace.next_call <= until:
             trace.pattern.add(trace.status)
             if self._call_after(trace, trace.next_call) <= until:
@@ -445,7 +445,7 @@ def scenario_text(session: RecordedSession, bench: Bench, path: Path, before: st
 
 
 def _rebase_step(line: str, old: Path, new: Path) -> str:
-    """Return a step for the folder `new`: the path in an `add udt` line then begins in this folder."""
+    """Return a step for a file in `new`: the path in an `add udt` line is then relative to this folder."""
     start, name = "add udt ", line.removeprefix("add udt ")
     return start + relocate(name, old, new) if line.startswith(start) else line
 
@@ -487,7 +487,7 @@ def parse_toml_path(name: str, where: str) -> Path:
 
 
 def write_new(path: Path, text: str, ours: Iterable[str], where: str) -> str:
-    """Write a file that is new, or one of `ours`; return its real path; raise UserError."""
+    """Write a new file, or one of `ours` again; return its real path; raise UserError for any other."""
     whole = os.path.realpath(path)
     is_own = whole in ours
     write_file(path, text, where, is_own=is_own, is_new=not is_own)

@@ -1,4 +1,4 @@
-"""Scenario results as text, as JSON lines, as one JUnit XML document: all formats."""
+"""All formats of scenario results: text, JSON lines, one JUnit XML document."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def _make_skipped_cases(steps: Iterable[Step]) -> Iterator[JunitCase]:
 
 
 def _add_rest_case(cases: tuple[JunitCase, ...], verdict: Verdict) -> tuple[JunitCase, ...]:
-    """Return the cases, and one more if time is left that belongs to no case, or if there are no cases."""
+    """Return the cases, and one more for time that belongs to no case, or if there are no cases."""
     whole = verdict.taken[-1].until_ns if verdict.taken else 0
     rest = whole - sum(case.ns for case in cases)
     return (*cases, JunitCase(WHOLE_CASE_NAME, rest)) if rest or not cases else cases

@@ -79,7 +79,7 @@ def cause_record(cause: Cause, block: str) -> dict[str, object]:
 
 
 class SentCounts(NamedTuple):
-    """Bytes of a CONNECT's present connection, from its beginning.
+    """Counts of bytes sent on a CONNECT's present connection since it began.
 
     `accepted` by the local stack; of these `unacknowledged` by the partner's stack (None: this system does
     not know); `read_by_peer`: by the partner's program (None: the partner is no peer of this bench).
@@ -94,7 +94,7 @@ NO_DELIVERIES: Final[Mapping[str, SentCounts]] = {}
 
 
 def count_sent_bytes(bench: Bench, changed: Iterable[StatusEdge]) -> Mapping[str, SentCounts]:
-    """Return the delivery of each instance that shows a sent frame in this scan."""
+    """Return the counts for each instance that shows DONE of a send in this scan."""
     return {
         edge.instance: found
         for edge in changed

@@ -255,7 +255,7 @@ def _project_fields(path: Path) -> dict[str, Any]:
 
 
 def _script_lines(steps: str, file: list[str]) -> Iterator[ScriptLine]:
-    """Yield the steps with their line numbers in the file; if it writes them in another form, from 1 on."""
+    """Yield the steps with their line numbers in the file; if they are not found there, numbered from 1."""
     lines = steps.rstrip().split("\n")
     head = next((at for at, line in enumerate(file) if _STEPS_PATTERN.fullmatch(line)), -1) + 1
     first = head + 1 if head and file[head : head + len(lines)] == lines else 1

@@ -26,7 +26,7 @@ def find_scenarios(
 ) -> Mapping[ShownCode, tuple[str, ...]]:
     """Return the files of a folder that show a code at a block; paths start at the source's root.
 
-    With `codes` only files that contain the digits of one are parsed: all of them would take 60 ms.
+    With `codes` only files that contain the digits of a code are parsed: to parse all would take 60 ms.
     `wanted` chooses by the file's name.
     """
     showing: dict[ShownCode, list[str]] = {}

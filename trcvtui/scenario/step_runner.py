@@ -102,7 +102,7 @@ class Failure(Struct, frozen=True):
 
 
 class StepRunner:
-    """Steps on one bench. `failure`, `answer` (by the doctor) are of the last; `is_over`: a `wait` failed."""
+    """Steps on one bench; `failure`, `answer` (doctor's): of the last one; `is_over`: a `wait` failed."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench

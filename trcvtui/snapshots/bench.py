@@ -65,7 +65,7 @@ class CheckTally(Struct, frozen=True):
 
 
 class CheckSnapshot(Struct, frozen=True):
-    """Self-checking traffic: frames sent, the tally of those in DATA, and of those that came back."""
+    """Self-checking traffic: frames sent, the tally of frames in DATA, that of frames that came back."""
 
     sent: int
     data: CheckTally | None

@@ -29,7 +29,7 @@ class DirectionSnapshot(Struct, frozen=True):
 
 
 class ConversationSnapshot(Struct, frozen=True):
-    """A conversation of other programs. `tap`: the tap on its way, "" if it is only watched.
+    """A conversation of other programs. `tap`: the tap that it goes through, "" if it is only watched.
 
     `seconds`: bytes of both directions in each of the newest seconds.
     `handshake_ns`: from SYN to the ACK of the SYN-ACK.
@@ -47,5 +47,5 @@ class ConversationSnapshot(Struct, frozen=True):
 
     @property
     def held_ns(self) -> int | None:
-        """Return how long a tap has been holding a direction, the longer of both; None: it holds none."""
+        """Return how long a tap has been holding a direction, of two the longer; None: it holds none."""
         return max((w.held_ns for w in (self.to_plc, self.from_plc) if w.held is not None), default=None)

@@ -10,7 +10,7 @@ from trcvtui.blocks.conditions import Condition
 class Remedy(Struct, frozen=True, forbid_unknown_fields=True):
     """One remedy in words; `command` is its bench command, `set` its `--set` of a what-if; None: it has none.
 
-    `tried`: judged again with it, the evidence lost this cause and got no new one. Otherwise it is advice.
+    `tried`: a second check with the remedy did not find this cause, and no new one. Otherwise it is advice.
     """
 
     text: str

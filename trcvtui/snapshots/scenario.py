@@ -37,7 +37,7 @@ class PlayerSnapshot(Struct, frozen=True):
 
 
 class SplitRow(Struct, frozen=True):
-    """The result of the cuts after byte `first` to `last` (0: uncut); `same`: as that of the uncut message.
+    """The result of the cuts after byte `first` to `last` (0: uncut); `same`: the same frames as uncut.
 
     `walk` is the STATUS walk in the notation of a trace, `lengths` the RCVD_LEN of each DONE.
     """

@@ -53,7 +53,7 @@ DETACHED_EXIT: Final = 3  # the screen of a tap ends; the tap keeps forwarding
 
 
 def may_open(screen: object) -> bool:
-    """Return whether a read-only screen may open this screen: it only displays, and opens no file."""
+    """Return whether a read-only app may open this screen: one that only displays, and opens no file."""
     from textual.command import CommandPalette
 
     from trcvtui.tui.curve import CurveScreen
@@ -422,7 +422,7 @@ class BenchApp(TerminalApp):
             self.push_screen(AddScreen(lambda: self.view_model.project, kind, {}), self._submit_addition)
 
     def _submit_addition(self, line: str | None) -> None:
-        """Send the line. Keys wait until the new part exists: they are meant for it."""
+        """Send the line. Later keys wait until the new part exists, as they are meant for that part."""
         if line:
             self.submit(line)
             _, kind, name, *_ = line.split()
@@ -526,7 +526,7 @@ def _replay_screen(app: BenchApp) -> MainScreen:
 
 
 def _is_for_replay(screen: object) -> bool:
-    """Return whether a replay may open this screen: not one that changes the bench."""
+    """Return whether a replay may open this screen: one that does not change the bench."""
     from trcvtui.tui.forms.add_screen import AddScreen
     from trcvtui.tui.scenarios.screen import ScenariosScreen
 
@@ -541,7 +541,7 @@ def run_app(
     replay: bool = False,
     remembers: bool = False,
 ) -> int:
-    """Open the screen on a bench or a replay; return the exit code: 1 where the engine ended by itself."""
+    """Open the screen on a bench or a replay; return the exit code: 1 if the engine ended by itself."""
     settings = load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme)
     if read_only:
         refuse_files("this screen is read-only")

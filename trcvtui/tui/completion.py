@@ -16,7 +16,7 @@ from trcvtui.udt.sources import complete_type_path
 
 
 def complete(line: str, project: Project) -> str | None:
-    """Return the line with its last word completed, None where no candidate begins with it."""
+    """Return the line with its last word completed, None if no candidate begins with that word."""
     *words, last = line.split(" ")
     if not words and not last:
         return None
@@ -72,5 +72,5 @@ class BenchSuggester(Suggester):
         return complete(value, self._project())
 
     def _get_suggestion(self, requester: DOMNode, value: str) -> Any:
-        """Return a function, not a coroutine: if the app ends, a coroutine made now is never awaited."""
+        """Return a function, not a coroutine: if the app ended, a coroutine would never be awaited."""
         return partial(super()._get_suggestion, requester, value)

@@ -68,7 +68,7 @@ def make_copy_source(
 
 @dataclass(frozen=True, slots=True)
 class CopyFormat:
-    """One format; `letter` chooses it in the menu, `suffix` is that of its file."""
+    """One format; `letter` chooses it in the menu, its file gets `suffix`."""
 
     letter: str
     name: str
@@ -134,7 +134,7 @@ FORMAT_LETTERS = tuple(form.letter for form in FORMATS)
 
 
 class YankList(LineView, inherit_bindings=False):
-    """One row a format; a format without text is pale. A letter chooses a format: `j` and `k` do not move."""
+    """One row per format, pale if it has no text. Letters choose formats, so `j` and `k` do not move."""
 
     BINDINGS: ClassVar = [Binding("enter", "screen.take_chosen", show=False), *ARROW_KEYS[:2]]
 

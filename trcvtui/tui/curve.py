@@ -107,7 +107,7 @@ class CurveView(TextView, inherit_bindings=False):
         return " · ".join(filter(None, (*words, state, window)))
 
     def _explain_lack(self) -> str:
-        """Return why there is no curve, "" where there is one."""
+        """Return why there is no curve, "" if there is one."""
         view, known = self._view_model, self._view_model.known_messages
         if self.instance != view.selected or view.instance is None:
             return f"{self.instance or 'the instance'} does not exist any more"
@@ -201,7 +201,7 @@ def _leaf_at(layout: Layout, path: str) -> Leaf | None:
 
 
 def _curve_rows(traces: Sequence[MemberTrace], width: int, height: int) -> Iterator[Row]:
-    """Yield the rows of the curves: where they meet, the colour is that of the first one."""
+    """Yield the rows of the curves: where they meet, the sign has the first curve's colour."""
     first, other = traces[0], traces[-1]
     drawn = [trace.curve.cells if trace.curve is not None else [[0] * width] * height for trace in traces]
     for y in range(height):

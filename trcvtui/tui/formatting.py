@@ -1,4 +1,4 @@
-"""Values as the screen writes them, and texts cut to a width."""
+"""How the screen writes values, and cuts texts to a width."""
 
 from __future__ import annotations
 

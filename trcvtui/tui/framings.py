@@ -33,7 +33,7 @@ def buffer_for(view_model: ViewModel) -> str:
 
 
 def find_framed_block(buffer: str, view_model: ViewModel) -> str:
-    """Return the instance to set: the selected one if it cuts this ComBuffer's bytes, else the first."""
+    """Return the selected instance if it cuts this ComBuffer's bytes, else the first one that does."""
     readers = [
         i.name for i in view_model.project.instances if i.connect == buffer and block_row(i.block).affix_pins
     ]
@@ -41,7 +41,7 @@ def find_framed_block(buffer: str, view_model: ViewModel) -> str:
 
 
 class FramingList(CardText):
-    """The proposals, then evidence, preview and command lines of the one under the cursor."""
+    """The proposals, then evidence, preview and command lines of the proposal under the cursor."""
 
     def __init__(self, instance: str, project: Callable[[], Project]) -> None:
         super().__init__(id="framings")
@@ -57,7 +57,7 @@ class FramingList(CardText):
         return proposals[self.cursor] if self.cursor < len(proposals) else None
 
     def lines(self) -> tuple[str, ...]:
-        """Return the bench lines that apply the chosen proposal; raise UserError if the block cannot."""
+        """Return the bench lines for the chosen proposal; raise UserError if the block cannot apply it."""
         chosen = self.chosen_proposal
         return make_commands(chosen, self._project(), self._instance) if chosen is not None else ()
 
@@ -128,7 +128,7 @@ class FramingList(CardText):
 
 
 class FramingScreen(ListDialog[tuple[str, ...]]):
-    """Answers with the bench lines to run, none when you leave it."""
+    """The screen of the proposals. Its answer is the bench lines to run, none if you leave it."""
 
     BINDINGS: ClassVar = hidden_keys({"enter": "apply", "r": "again", "B": "leave"})
     DEFAULT_CSS = """

@@ -69,7 +69,7 @@ def row_heights(
 ) -> tuple[int, ...]:
     """Return the heights of the rows of panes; they never depend on what the panes show.
 
-    `holds` is the result of `size_classes`; `timing`: of timing and history, timing was opened last.
+    `holds` is the result of `size_classes`; `timing`: the timing pane was opened after the history.
     """
     tall = holds["-tall"]
     peer = 8 + max(0, min(MOST_PEERS_SHOWN, peers) - 1) if holds["-roomy"] else 8
@@ -219,7 +219,7 @@ class MainScreen(FullScreen[None]):
         self.show()
 
     async def mount_fields(self) -> None:
-        """Make the input fields after the first frame: it is drawn earlier without them."""
+        """Make the input fields after the first frame: without them the first frame comes earlier."""
         with self.app.batch_update():
             await self.prompt.mount_input()
             await self.peer.mount_fields()
@@ -252,7 +252,7 @@ class MainScreen(FullScreen[None]):
         self._show_keys()
 
     def show_soon(self) -> None:
-        """Draw below a dialog twice a second: Textual paints both screens completely each time."""
+        """Draw what is below a dialog twice a second: each time Textual paints both screens completely."""
         self.prompt.show_answers(self._view_model.answers)
         self.peer.show_trial()
         if self._owed is None:
@@ -475,7 +475,7 @@ class MainScreen(FullScreen[None]):
         return self.focused in (self.instances, self.block, self.status)
 
     async def on_key(self, event: events.Key) -> None:
-        """Handle a key that neither the pane with the focus nor the screen knows."""
+        """Handle a character key that neither the pane with the focus nor the screen knows."""
         if event.is_printable:
             event.stop()  # the app would handle it a second time, with the new focus
             await self.run_action(f"app.press_from_afar({event.key!r})")
@@ -530,7 +530,7 @@ class MainScreen(FullScreen[None]):
         return self.focused.id or "" if self.focused is not None else ""
 
     def _find_copy_source(self, pane: str) -> CopySource | None:
-        """Return what a pane shows; None if its bytes are missing, which the prompt then says."""
+        """Return what a pane shows; None if its bytes are missing: then the prompt shows why."""
         from trcvtui.tui.copy_formats import make_copy_source
 
         if pane in ("peers", "payload"):
@@ -614,7 +614,7 @@ class MainScreen(FullScreen[None]):
         self._submit("save project")
 
     def yank_line(self, line: str) -> None:
-        """Show a shell command, and yank it."""
+        """Copy a shell command, and show it with the result of copying."""
         from trcvtui.tui.clipboard_and_files import yank
         from trcvtui.tui.copy_formats import CopyFormat
 

@@ -24,7 +24,7 @@ class PaneActions(NamedTuple):
 
 
 class PeerSelected(Message):
-    """Another peer was selected in the view model: composer and buttons now belong to it."""
+    """Another peer was selected in the view model: composer and buttons now act on this peer."""
 
 
 @dataclass
@@ -48,7 +48,7 @@ class MessageChosen(Message):
 
 @dataclass
 class FieldSelected(Message):
-    """A row of the UDT table was chosen; `field`: its bytes."""
+    """A row of the UDT table was chosen; `field`: the bytes of its member."""
 
     field: range
 

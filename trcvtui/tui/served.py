@@ -92,7 +92,7 @@ class AccessControl:
         return FOREIGN_REFUSAL if origin is not None and (scheme != "http" or named not in self._own) else ""
 
     def is_token(self, shown: str | None) -> bool:
-        """Compare with the token, in a time that does not depend on where they differ."""
+        """Return whether a text is the token; the time taken does not depend on where the two differ."""
         return hmac.compare_digest((shown or "").encode(), self.token.encode())
 
     def grant_cookie(self) -> web.Response:
@@ -128,7 +128,7 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
 
 
 def restart_engine(engine: EngineDriver) -> str:
-    """Restart an engine that has ended, and print why it ended; return why that failed, or ""."""
+    """Restart an engine that has ended, and print why it ended; return why the restart failed, or ""."""
     try:
         engine.poll_picture()
     except EngineStopped as stopped:
@@ -151,7 +151,7 @@ async def application(
 
     class LoopbackServer(Server):
         async def _process_messages(self, websocket: web.WebSocketResponse, app_service: AppService) -> None:
-            """Pass on what the page sends; textual-serve's own ends with a traceback on any other message."""
+            """Pass on what the page sends; textual-serve's method ends with a traceback on others."""
             run, loop = app_service._task, asyncio.get_running_loop()
             if run is not None:  # close the page when the process of its tab has ended
                 run.add_done_callback(lambda _: loop.create_task(websocket.close()))

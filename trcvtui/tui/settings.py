@@ -74,7 +74,7 @@ def _read_table(path: Path, problems: list[str]) -> dict[str, Any]:
 
 
 def theme_for(environ: Mapping[str, str]) -> str:
-    """Return the theme for a terminal by its variables; one of 16 colours or fewer keeps its own colours."""
+    """Return the theme from the terminal's variables; a terminal with 16 or fewer colours keeps its own."""
     name = environ.get("TEXTUAL_COLOR_SYSTEM", "auto")  # Textual uses it, also in a browser
     system = name if name in COLOUR_SYSTEMS else "auto"
     console = Console(color_system=system, force_terminal=True, _environ=environ)
@@ -136,7 +136,7 @@ def _parse_keys(given: object, own: set[str], kept: Mapping[str, str]) -> list[s
 
 
 def _parse_key(text: str) -> str | None:
-    """Return the name of a key as in key events; None for no key."""
+    """Return the name that key events give a key; None if the text is no key."""
     if len(text) == 1:
         return _character_to_key(text) if text.isprintable() and not text.isspace() else None
     if text in KEY_NAMES or text in ("full_stop", "colon", "backslash", "question_mark"):

@@ -68,10 +68,10 @@ class TerminalApp(App[None]):
         """Make widgets that the first frame does not need, such as input fields."""
 
     def show_start_message(self) -> None:
-        """Show what you must know about this screen once it is up."""
+        """After the start, show the message that the user must see about this screen."""
 
     def end_children(self, is_dead: bool) -> None:
-        """End the processes of this screen; `is_dead`: this process ends right after."""
+        """End the child processes of this screen; with `is_dead` this process itself ends right after."""
 
     def get_css_variables(self) -> dict[str, str]:
         """Return the colours of the theme; unreadable ones are replaced."""
@@ -102,7 +102,7 @@ class TerminalApp(App[None]):
         self.set_interval(REST_INTERVAL_S, self._collect_at_rest)
 
     def _end_on_signals(self) -> None:
-        """Let these signals end the screen as `q` does, so that the terminal's state is restored."""
+        """Let ENDING_SIGNALS end the screen as `q` does, so that the terminal's state is restored."""
         loop = asyncio.get_running_loop()
         for number in ENDING_SIGNALS:
             if signal.getsignal(number) is signal.SIG_IGN:  # started by nohup

@@ -36,7 +36,7 @@ class Reference(NamedTuple):
 
 
 class TextSpec(NamedTuple):
-    """STRING or WSTRING whose length is a formula; with a plain length it is a `StringType` right away."""
+    """STRING or WSTRING whose length is a formula; a plain length makes a `StringType` right away."""
 
     length: Formula
     wide: bool
@@ -141,7 +141,7 @@ class Declarations(NamedTuple):
 
 
 def strip_places(part: Any) -> Any:
-    """Return a part of a declaration as a value without places in files, so that equal parts are equal."""
+    """Return a part of a declaration as a value to compare: without places in files and letter case."""
     if isinstance(part, tuple):
         names = getattr(part, "_fields", ())
         kept = [each for at, each in enumerate(part) if names[at : at + 1] != ("where",)]

@@ -110,7 +110,7 @@ def _format_rows(content: bytes, form: str, between: str) -> Iterator[str]:
 
 
 def identifier(name: str) -> str:
-    """Return the name as a legal variable name of all these languages."""
+    """Return the name as a variable name that is legal in the languages of all output forms."""
     word = re.sub(r"\W", "_", name, flags=re.ASCII)
     return word if word and not word[0].isdigit() else f"_{word}"
 
@@ -144,7 +144,7 @@ class SearchPatterns:
 
 
 def parse_search(text: str) -> SearchPatterns:
-    """Return the patterns of a quoted text, a number after `=`, hex, else of the text; raise UserError."""
+    """Return the patterns of a quoted text, a number after `=`, hex, else any text; raise UserError."""
     text = text.strip()
     if text[:1] in ('"', "'"):
         found = _parse_text_search(text)

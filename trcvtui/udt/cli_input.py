@@ -41,7 +41,7 @@ def read_messages(given: str) -> list[bytes]:
 
 
 def read_types(name: str) -> Declarations:
-    """Return what a file declares, or the text on stdin for `-`."""
+    """Return the declarations in a file, or in the text on stdin for `-`."""
     from trcvtui.udt.sources import declarations_in, declarations_of
 
     if name != STDIN:

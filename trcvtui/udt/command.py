@@ -1,6 +1,6 @@
 """`trcvtui udt`: from the command line to the text on stdout.
 
-Rule: what only one command needs is imported by that command, since shell loops call them.
+Rule: an import that only one command needs is in that command, since shell loops start commands often.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from trcvtui.udt.types import Enumeration, Struct, Type, Union, all_parts
 
 
 def notes_of(types: TypeSet, name: str, type_: Type, rules: LayoutRules) -> list[str]:
-    """Return each note of a type and of all types in it once, after the name of its type."""
+    """Return the notes of a type and of all types in it, each once, with the name of the type before it."""
     found = {f"{name}: {note}": None for note in types.notes.get(name.casefold(), ())}
     for inner in all_parts(type_):
         if isinstance(inner, Struct | Union | Enumeration):
@@ -55,7 +55,7 @@ OPTION_NAMES: Final = {"layout": "layout", "byte_order": "byte order", "text": "
 
 
 def list_types(args: SimpleNamespace) -> tuple[str, bool]:
-    """Return the answer of `udt types`, and whether any type is good; each has its layout or its problems.
+    """Return the answer of `udt types`, and whether any type is good; a row has a layout or problems.
 
     `sender` is the layout of the type's sender, if the source suggests one.
     """
@@ -146,7 +146,7 @@ def compare(args: SimpleNamespace) -> tuple[str, bool]:
 
 
 def fit(args: SimpleNamespace) -> tuple[str, bool]:
-    """Return the answer of `udt fit`, and if one fits best; our layout may be unable to hold the type."""
+    """Return the answer of `udt fit`, and if a layout fits best; ours may be unable to hold the type."""
     from trcvtui.udt.compare.fit import rank
     from trcvtui.udt.compare.fit_report import fit_json, fit_text
 
@@ -172,7 +172,7 @@ def fit(args: SimpleNamespace) -> tuple[str, bool]:
 
 
 def choose_cure_sides(args: SimpleNamespace) -> tuple[LayoutRules, Layout]:
-    """Return our rules and their layout for `udt cure`; a layout option given once is theirs."""
+    """Return our rules and their layout for `udt cure`; a layout option given once is for their side."""
     for option in ("layout", "byte_order", "text"):
         given: list[str | None] = getattr(args, option)
         if len(given) == 1:
@@ -195,7 +195,7 @@ class TypeChoice(NamedTuple):
     choice: LayoutChoice = NO_CHOICE
 
     def rules(self) -> tuple[LayoutRules, list[str]]:
-        """Return the rules, with notes: a layout that the source decided, offsets that are not verified."""
+        """Return the rules, with notes: a layout decided or suggested by the source, unverified offsets."""
         choice, name, sender = self.choice, self.name, self.types.sender(self.name)
         unsure = [f"{name}: {each}: {UNVERIFIED_NOTE}" for each in unverified_in(self.type)]
         if choice.layout is not None or not sender.layout:
@@ -208,7 +208,7 @@ class TypeChoice(NamedTuple):
         return shown, [f"{name}: {text} {sender.layout}: --layout {sender.layout}"]
 
     def layout(self) -> tuple[Layout, list[str]]:
-        """Return the layout with its notes; the sender's if none was chosen and ours cannot hold the type."""
+        """Return layout and notes; the sender's layout if none is chosen and ours cannot hold the type."""
         rules, notes = self.rules()
         sender = self.types.sender(self.name).layout
         try:
@@ -236,7 +236,7 @@ def layout_of(args: SimpleNamespace) -> Layout:
 
 
 def read_file_layout(path: str) -> tuple[Layout, SenderLayout]:
-    """Return the layout of a file's only outermost type, and the layout that its sender probably has."""
+    """Return the layout of a file's only type that no other contains, and its sender's likely layout."""
     types, own = read_all_types(SimpleNamespace(file=path, others=(), constant=()), None)
     inner = {
         part.name.casefold()

@@ -1,7 +1,7 @@
 """Formulas with names in them, and the constants of the user, of files and of enumerations.
 
-Rules: a formula is data of a file: bounded, and never evaluated as Python. A constant is
-found by its whole name, else by its end, the user's before a file's; with two numbers it has no value.
+Rules: a formula is data of a file: bounded, and never evaluated as Python. A constant is found by its whole
+name, else by its end; the user's constants come before those of files. With two numbers it has no value.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ class _LookUpResult(NamedTuple):
 
 
 class Constants:
-    """All constants of a set of types, found by whole name or by its end: `Lib.GVL.MAX`, `GVL.MAX`."""
+    """All constants of a set of types; the whole name or its end finds one: `Lib.GVL.MAX`, `GVL.MAX`."""
 
     def __init__(self, given: Mapping[str, int] | None = None, declared: Iterable[Constant] = ()) -> None:
         self.whole: dict[str, list[_Entry]] = {}
@@ -165,7 +165,7 @@ class Constants:
             self._add(f"{enumeration}.{name}", 2, number, offset, enumeration)
 
     def value(self, number: Number, unknown: list[str], scope: str = "") -> int | None:
-        """Return the value; else add its unknown names to the list and return None, or raise UserError."""
+        """Return the value of a number, else add its unknown names to `unknown`, or raise UserError."""
 
         if self.is_first:  # once in the order of the files: a long chain then refers to known values only
             self.is_first = False

@@ -100,7 +100,7 @@ def date_and_time_text(prefix: str, ns: int) -> str:
 
 
 def parse_literal(row: Elementary, text: str) -> int | None:
-    """Return the count that a TIME-like type stores for a literal; None if it is not a literal of it."""
+    """Return the count that a TIME-like type stores for a literal; None if it is no literal of the type."""
     ns = _LITERAL_PARSERS[row.kind](text)
     if ns is None or (ns - row.epoch_ns) % row.unit_ns:
         return None

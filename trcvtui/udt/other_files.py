@@ -1,6 +1,6 @@
 """Files of other tools, a row each: what they are, how to recognise them, what to use instead.
 
-Rule: the content decides first, then the suffix. Type files and captures are refused by the same rows.
+Rule: the content decides before the suffix, except for zip archives. Type files and captures share rows.
 """
 
 from __future__ import annotations

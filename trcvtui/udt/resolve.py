@@ -95,7 +95,7 @@ class Resolver:
                 self.types[key], self.depths[key] = type_, depth
 
     def order_keys(self) -> list[str]:
-        """Return all declared keys, each after those it uses; no recursion, since chains may be long."""
+        """Return all declared keys, each after the keys that it uses; not recursive: chains may be long."""
         order: list[str] = []
         seen: set[str] = set()
         path: dict[str, Iterator[str]] = {}
@@ -239,7 +239,7 @@ class Resolver:
         return base and Enumeration(name, base, self.evaluate_enum(spec, name), spec.base is not None)
 
     def evaluate_enum(self, spec: ast.EnumSpec, name: str) -> tuple[tuple[str, int | None], ...]:
-        """Return names and numbers; a number without a value is None, as the size does not need it."""
+        """Return names and numbers; None for a number without a value: the layout does not depend on it."""
         values: list[tuple[str, int | None]] = []
         number: int | None = -1
         for value, own in spec.values:

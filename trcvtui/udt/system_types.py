@@ -32,7 +32,7 @@ def system_types() -> Mapping[str, Type]:
 
 
 def unverified_in(type_: Type) -> list[str]:
-    """Return the names of system types in this type: those whose offsets no page of the manual shows."""
+    """Return the names of the system types in this type whose offsets no page of the manual shows."""
     unsure = {id(system_types()[each.name.casefold()]) for each in STRUCTURES if not each.is_verified}
     return [part.name for part in all_parts(type_) if isinstance(part, Struct) and id(part) in unsure]
 

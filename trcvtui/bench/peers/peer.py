@@ -26,7 +26,7 @@ MOST_SHOWN_BYTES: Final = 4096  # received bytes in a snapshot
 class Peer:
     """One peer: its queues and its transport. Commands return "" or what is wrong.
 
-    `policy`: that of the PLC's CONNECTs; it sets the size of buffers, and whether broadcasts are possible.
+    `policy`: the policy of the PLC's CONNECTs: the size of buffers, and whether broadcasts are possible.
     """
 
     def __init__(
@@ -132,7 +132,7 @@ class Peer:
         return self.transport.send_due(now)
 
     def step(self, now: int) -> None:
-        """Do what the transport does by itself between scans; time in ns of the run."""
+        """Let the transport do its own work between scans: read, accept, send. `now`: ns of the run."""
         self.transport.step(now, self.stalled)
 
 

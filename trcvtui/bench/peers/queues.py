@@ -1,10 +1,10 @@
 """The queues of a peer: received bytes, bytes to send, and the rules by which it answers.
 
-Inbox: the last bytes of each connection, and how many there were.
+Inbox: the last bytes of each connection, and how many bytes came on it.
 Outbox: times are planned from the first chunk on, so that pauses do not add up to a drift. A send waits for
-the one before it; their messages never mix.
+the send before it; messages of two sends never mix.
 Replies: rules over the received stream, in whatever pieces it comes. A rule keeps fewer bytes than it looks
-for, a rule on a field at most one UDT. A match without room for its answer is counted as missed.
+for; a rule on a field keeps at most one UDT. A match without room for its answer is counted as missed.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ MOST_WAITING_ANSWERS: Final = 256  # bounds memory if a partner asks but does no
 
 
 class _SendProgress:
-    """One `send` in progress: its running message, the running chunk of that, and this chunk's rest."""
+    """One `send` in progress: the running message, its running chunk, and the rest of that chunk."""
 
     def __init__(self, send: PeerSend, now: int, number: int, pause_ns: int) -> None:
         self.send = send
@@ -129,7 +129,7 @@ class _SendProgress:
 
     @property
     def unsent(self) -> int:
-        """Return how many bytes are not sent yet, those of all repetitions included."""
+        """Return how many bytes are not sent yet, in all repetitions together."""
         running = len(self.rest) + sum(map(len, self._pieces[self._piece + 1 :]))
         return running + (self.left - 1) * len(self.send.payload)
 
@@ -164,7 +164,7 @@ class Outbox:
 
     @property
     def message_start(self) -> tuple[int, bytes]:
-        """Return size and beginning of the message that begins with the due bytes, 0 if they continue one."""
+        """Return size and beginning of the message that begins with the due bytes; size 0: none begins."""
         first = self._sendings[0]
         return (len(first.send.payload), first.first_bytes) if first.is_fresh else (0, b"")
 

@@ -1,6 +1,6 @@
 """A peer's transport: a stream (one TCP connection at a time) or datagrams (one UDP socket).
 
-They use only the Kernel, so a peer is the same device on real sockets and on the simulated network.
+Both use only the Kernel, so a peer is the same device on real sockets and on the simulated network.
 Commands return "" or what is wrong. Rule: work between scans is bounded, whatever partners do.
 """
 
@@ -25,7 +25,7 @@ LARGEST_BYTES: Final = 65507  # payload of an IPv4 datagram: 65535 without its I
 
 
 class _Transport:
-    """Common to both: the peer's queues, and a local end that stays the same for all its sockets."""
+    """Common to both transports: the peer's queues, and one local end for all sockets of the peer."""
 
     broadcasts = False  # whether datagrams to a broadcast address are sent and received
 
@@ -91,7 +91,7 @@ class StreamTransport(_Transport):
         return self._ended[0] if self._ended else "closed"
 
     def is_in_state(self, state: str) -> bool:
-        """Return whether a state word of the bench commands is true.
+        """Return whether a state word of the bench commands is true of this peer.
 
         closed, reset and refused say how the last connection or attempt ended, also while a passive peer
         listens again; after the peer's own RST both reset and closed are true.
@@ -222,7 +222,7 @@ class StreamTransport(_Transport):
         self.send_due(now)
 
     def send_due(self, now: int) -> str:
-        """Send as much of what is due as the stack takes; a Fault ends the connection and is no error."""
+        """Send as many due bytes as the stack takes; a Fault ends the connection and is no error."""
         self._now = now
         outbox = self._queues.outbox
         while self._handle is not None and (chunk := outbox.due_bytes(now)) is not None:
@@ -331,7 +331,7 @@ class StreamTransport(_Transport):
 
 
 class DatagramTransport(_Transport):
-    """One UDP socket; each message is a datagram to the `remote` of the file, else to the last sender."""
+    """One UDP socket; each message is a datagram to its declared `remote`, else to the last sender."""
 
     _handle: Handle | None = None
     _hearing: Handle | None = None  # a second socket, for broadcasts
@@ -402,7 +402,7 @@ class DatagramTransport(_Transport):
         return f"{self._decl.name} speaks UDP: there is no connection to {verb}"
 
     def obstacle(self, send: PeerSend | None = None) -> str:
-        """Return why a message cannot be sent, or ""; `send` None: the messages of a sequence."""
+        """Return why a message cannot be sent, or ""; `send` None: check only that the socket is open."""
         if self._handle is None:
             return f"{self._decl.name} is closed"
         if send is None:

@@ -1,4 +1,4 @@
-"""A ComBuffer: the queue of bytes between a line and the blocks on it; what came is recorded."""
+"""A ComBuffer: the queue of bytes between a line and the blocks on it; received bytes are recorded."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class LineRecording:
 
 
 class LineRecorder:
-    """One line's recording; it has the bytes that found no room in the ComBuffer, too."""
+    """Records one line; also the bytes that found no room in the ComBuffer."""
 
     def __init__(self) -> None:
         self._chunks: deque[LineChunk] = deque()
@@ -110,7 +110,7 @@ MOST_CONNECTION_ENDS: Final = 64  # a partner may connect and leave any number o
 
 
 class ComBuffer:
-    """One ComBuffer. `head` and `tail`: how many bytes have left and have come, ever.
+    """One ComBuffer. `head` and `tail`: how many bytes in all have left it and entered it.
 
     `recorded`: the bytes of the line, with times by `now` (ns).
     """
@@ -204,7 +204,7 @@ class ComBuffer:
 
 
 class SerialBinding(Struct, frozen=True):
-    """`data`, `prefix` and `suffix` None: the pointer is 0. `priority` is that of its task."""
+    """`data`, `prefix` and `suffix` None: the pointer is 0. `priority`: the priority of its task."""
 
     env: Environment
     buffer: ComBuffer

@@ -97,7 +97,7 @@ class FrameReceiveJob:
         return self._waiting_outcome()
 
     def reset(self) -> Outcome:
-        """Drop the part; the ComBuffer keeps its bytes."""
+        """Drop the incomplete frame; bytes in the ComBuffer stay there."""
         self.abandon("Reset")
         self._idle = NO_FRAME_OUTCOME
         return RESET
@@ -109,7 +109,7 @@ class FrameReceiveJob:
         return self._idle
 
     def abandon(self, reason: str) -> None:
-        """Drop the part, with a note in the ledger."""
+        """Drop the incomplete frame, with a note in the ledger."""
         part = self.framer.flush()
         if part:
             self._note_dropped(part, reason)

@@ -28,7 +28,7 @@ NO_ENDPOINT: Final = Cause(CauseKind.INPUT, "REQ rose where no such connection i
 
 
 def no_socket_outcome(port: UdpEndpoint, pin: str, asked: str) -> Outcome:
-    """Return 80A1 of a UDP_CONFIG, with the fault that kept its socket from opening, if any."""
+    """Return 80A1 for a UDP_CONFIG without a socket, with the fault of its opening, if any."""
     return _cached_no_socket_outcome(port.failure, pin, asked)
 
 
@@ -41,12 +41,12 @@ def _cached_no_socket_outcome(fault: Fault | None, pin: str, asked: str) -> Outc
 
 @lru_cache(1024)
 def with_condition(condition: Condition, outcome: Outcome) -> Outcome:
-    """Return the same outcome under another condition; "started" lasts one scan, so it is never stable."""
+    """Return the same outcome under another condition; "started", which lasts one scan, is not stable."""
     return replace(outcome, condition=condition, stable=outcome.stable and condition is not Condition.STARTED)
 
 
 def end_job(loss: ConnectionLoss, job: StoppableJob, course: StatusSequence, failed: Condition) -> Outcome:
-    """End a job whose connection is gone; after a close by our side it is "not connected"."""
+    """End a job whose connection is gone; after a close by our side the job shows "not connected"."""
     is_ours = loss.kind is LossKind.OURS
     condition = Condition.NOT_CONNECTED if is_ours else course.job_loss.get(loss.kind, failed)
     cause = loss_cause(loss, job)
@@ -185,7 +185,7 @@ class SingleScriptBlock(ScriptBlock):
 
 
 class SingleTdiscon(SingleScriptBlock):
-    """One TDISCON instance; 80A3 where there is nothing to close, 80C4 while it is being built."""
+    """One TDISCON instance; 80A3 if no connection is there to close, 80C4 while one is being built."""
 
     def _advance(self) -> Outcome:
         shown = super()._advance()

@@ -202,7 +202,7 @@ class TsendC(JobBlock):
         return outcome
 
     def _may_show_not_connected(self, outcome: Outcome) -> bool:
-        """Return whether 80A1 may show instead of this code: the second 7002 and later, or the first 7004.
+        """Return whether 80A1 may replace this code: a 7002 after the first one, or the first 7004.
 
         Each edge shows its 80A1 (7.15.2), so the 7004 may come one scan later.
         """

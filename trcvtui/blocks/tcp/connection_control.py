@@ -91,7 +91,7 @@ class ConnectionDemand:
             self.is_due, self.ends_by = True, self._reasons.ended
 
     def keep_connection(self) -> None:
-        """Keep the connection, which is rebuilt: the job after which it had to end no longer exists."""
+        """Keep the connection while it is rebuilt: the job that was to end it no longer exists."""
         self.is_due = self._is_single = False
 
 
@@ -143,7 +143,7 @@ class RivalWatch:
         return rival is not None
 
     def check_again(self) -> Outcome | None:
-        """Check again once the pause is over; return the error while a rival is in the way."""
+        """Check again once the retry pause is over; return the error if a rival is in the way."""
         if self._env.now < self._again_at:
             return None
         rival = find_rival(self._env, self._connection, self._claim)
@@ -214,7 +214,7 @@ class ConnectionControl:
     ) -> Outcome | None:
         """Answer for this scan, or None while connected and undisturbed.
 
-        `asks`: a job waits for the connection; `job_error`: what a reset shows first, for a job that runs.
+        `asks`: a job waits for the connection; `job_error`: what a reset shows first if a job runs.
         """
         self._asks, self._job_error = asks, job_error
         rose, fell = cont and not self.cont, self.cont and not cont
@@ -330,7 +330,7 @@ class ConnectionControl:
         return Outcome(begins or Condition.CONNECTED, cause)
 
     def first_scan_outcome(self, begun: Outcome, reserved: bool) -> Outcome:
-        """Return what the first scan of a connection shows: its job if that is `reserved`, else no job."""
+        """Return what the first scan of a connection shows: `begun` if a job is `reserved`, else no job."""
         if reserved:
             return begun
         return replace(begun, condition=self._course.established or Condition.CONNECTED)

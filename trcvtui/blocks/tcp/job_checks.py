@@ -55,7 +55,7 @@ def acquire(
 
 
 def can_start(env: Environment, data: DataArea | None, request: JobRequest) -> bool:
-    """Return whether DATA, LEN and the CONNECT's other users let such a job start, buffers aside."""
+    """Return whether DATA, LEN and `rival` let the requested job start; buffers are not checked."""
     return request.rival is None and _find_length_misfit(env, data, request) is None
 
 
@@ -89,7 +89,7 @@ def _find_length_misfit(env: Environment, data: DataArea | None, request: JobReq
 
 
 def find_rival(env: Environment, connection: Connection, claim: Claim) -> Claim | None:
-    """Return a claim of another priority on this connection, where the vendor allows one priority alone."""
+    """Return a claim of another priority on this connection, if the vendor allows only one priority."""
     if not env.rules.one_class:
         return None
     found = (direction.find_other_priority(claim) for direction in connection.directions)

@@ -124,7 +124,7 @@ class KnownIncarnation:
         self._script: deque[Outcome] = deque()
 
     def next_outcome(self) -> Outcome | None:
-        """Take the outcome that an earlier loss shows in this scan; None: it has none left."""
+        """Take the outcome that an earlier loss shows in this scan; None: nothing is left to show."""
         return self._script.popleft() if self._script else None
 
     def find_loss(self, claim: Claim | None = None) -> ConnectionLoss | None:
@@ -142,7 +142,7 @@ class KnownIncarnation:
         return self._incarnation != 0
 
     def end_incarnation(self, shown: list[Outcome]) -> Outcome:
-        """Forget the incarnation; return what its loss shows first."""
+        """Forget the incarnation; return the first of `shown`, and keep the rest for later scans."""
         self._incarnation = 0
         self._script = deque(shown)
         return self._script.popleft() if self._script else _GONE

@@ -91,7 +91,7 @@ class ReceiveJob(IncomingJob):
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether EN_R asks for a job that can start, now or once another reader frees its lock.
 
-        `waits` False: if the owner of that lock was refused a job, return False, too.
+        `waits` False: return False also if the owner of that lock has asked for a job and was refused.
         """
         if not inputs.en_r or self._unfit is not None:
             return False
@@ -108,7 +108,7 @@ class ReceiveJob(IncomingJob):
         return taken
 
     def outlives_en_r(self, reserved: bool = False) -> bool:
-        """Return whether a job continues while EN_R is 0; `reserved`: it begins in this call."""
+        """Return whether a job continues while EN_R is 0; `reserved`: the job begins in this call."""
         has_data = self.have > 0 or self.complete
         return (self.running or reserved) and self._env.rules.course.outlives_en_r(has_data)
 

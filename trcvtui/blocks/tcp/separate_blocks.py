@@ -97,7 +97,7 @@ class Tdiscon(ScriptBlock):
 
 
 def add_lamps(outcomes: list[Outcome], script: deque[Outcome]) -> Outcome:
-    """Return the first outcome and put the others into the script: BUSY with all, DONE with the last."""
+    """Return the first outcome and put the others into the script; the last has DONE, all before BUSY."""
     if len(outcomes) == 1:
         return outcomes[0]  # a failed call shows nothing else
     lamps = [Lamp.BUSY] * (len(outcomes) - 1) + [Lamp.DONE]
@@ -110,7 +110,7 @@ IDLE = Outcome(Condition.NOT_CALLED, Cause(CauseKind.WAITING, "REQ has not risen
 
 
 class TReset(ScriptBlock):
-    """One T_RESET instance. It rebuilds the connection that it has reset (7.15.7); other blocks may too."""
+    """One T_RESET instance. It rebuilds the connection that it has reset (7.15.7), as other blocks may."""
 
     def __init__(self, bound: ConnectBinding) -> None:
         super().__init__()

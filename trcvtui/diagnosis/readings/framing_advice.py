@@ -259,7 +259,7 @@ def _cut(recording: LineRecording, plain: LineRecording, guess: Guess, most: int
 def _try(
     recording: LineRecording, plain: LineRecording, guess: Guess, scale: Scale, *, is_noise: bool = False
 ) -> FramingTrial | None:
-    """Try a guess. `is_noise`: other evidence shows that bytes before a prefix are noise: no exceptions."""
+    """Try a guess. `is_noise`: other evidence shows noise before a prefix, which then costs nothing."""
     made = _cut(recording, plain, guess, MOST_TRIED)
     good = made.good
     explained = sum([len(frame.content) for frame in good])
@@ -314,7 +314,7 @@ def _is_variant_of(tried: FramingTrial, better: FramingTrial) -> bool:
 
 
 def _is_chance(tried: FramingTrial, others: Sequence[FramingTrial]) -> bool:
-    """Return whether its suffix is the suffix of a better trial, after bytes that were there by chance."""
+    """Return whether a suffix is the suffix of a better trial, with chance bytes before it."""
     suffix, frames = tried.guess.framing.suffix, len(tried.cut.good)
     return frames < FEW_FRAMES and any(
         other.guess.framing.suffix != suffix

@@ -35,7 +35,7 @@ PAUSE_RATIO: Final = 3  # times the longest pause in a burst
 class Bursts:
     """A recording split at its pauses. `pauses`: places after a pause, or where a connection begins.
 
-    `within` and `between` are the longest pause in a burst and the shortest between two, in ns; `is_clear`:
+    `within` and `between` are the longest pause in bursts and the shortest between them, in ns; `is_clear`:
     the two kinds differ clearly.
     """
 
@@ -138,7 +138,7 @@ def is_alternating(starts: Sequence[int], ends: Sequence[int]) -> bool:
 
 
 def rank_mark_splits(mark: bytes, stream: bytes, pauses: Sequence[int]) -> list[int]:
-    """Return the likely lengths of a suffix in a mark, its rest being the prefix; the likeliest first."""
+    """Return likely lengths of a suffix that begins a mark, the likeliest first; the rest is a prefix."""
     starts = sorted({0, *pauses})
     ends = [*[place for place in starts if place], len(stream)]
     votes = []
@@ -332,7 +332,7 @@ def _commonest(values: Sequence[bytes]) -> int:
 
 
 def is_begin_and_end_mark(mark: bytes, stream: bytes) -> bool:
-    """Return whether a mark may both begin and end frames: some follow another directly, without noise.
+    """Return whether a mark may both begin and end frames: some directly follow another one.
 
     The trial then shows whether all of them are borders of frames that are not empty.
     """

@@ -177,7 +177,7 @@ def _else(mark: bytes, elsewhere: int) -> str:
 
 
 def _count_chunk_borders(made: Cut, recording: LineRecording) -> tuple[int, int] | None:
-    """Return how many chunks of how many begin where a frame does; None: that shows nothing."""
+    """Return how many chunks begin where a frame begins or ends, and how many there are; None: too few."""
     starts, at = [], 0
     for chunk in recording.chunks:
         if at >= made.total:
@@ -234,7 +234,7 @@ def list_doubts(kind: CutKind, framing: Framing, made: Cut, recording: LineRecor
 
 
 def _is_delimiter(framing: Framing) -> bool:
-    """Return whether the prefix is a usual one; not 01 without a suffix, which is as often an address."""
+    """Return whether the prefix is a usual one; 01 without a suffix is not: it is as often an address."""
     if framing.prefix == framing.suffix:
         return True
     return framing.prefix in KNOWN_STARTS and (framing.suffix != b"" or framing.prefix != b"\x01")

@@ -33,9 +33,9 @@ MOST_DATA: Final = 65_536
 
 
 class Suggestion(NamedTuple):
-    """A way to receive the messages of one conversation; `size` is that of DATA.
+    """A way to receive the messages of one conversation; `size` is the size of DATA.
 
-    `framing`: by ReceiveData; else by TRCV_C, with ADHOC as `adhoc` says. `is_datagram`: by URECV_C.
+    With `framing` ReceiveData receives, with `is_datagram` URECV_C, else TRCV_C with ADHOC as `adhoc` says.
     """
 
     line: LineFacts
@@ -173,7 +173,7 @@ def _whole_messages(line: LineFacts, content: bytes) -> list[LineMessage]:
 
 
 def _contradiction(line: LineFacts, suffix: bytes) -> str:
-    """Return that bytes before pauses do not end in a suffix; "": they do, or there are too few pauses."""
+    """Return that bytes before pauses lack a suffix; "": most have it, or there are too few pauses."""
     content, messages = bytes(line.to_plc.content), line.messages
     ends = [
         before.at + before.size

@@ -49,7 +49,7 @@ class LengthField:
 
 @dataclass(frozen=True)  # no slots: cached_property needs a dict
 class Cut:
-    """A recording cut by the framer; `gaps`: frames that a gap ended are good.
+    """A recording cut by the framer; with `gaps` a frame that a gap ended is good.
 
     `noise` bytes before a prefix in `noise_runs` pieces, `broken` in frames whose connection ended, `left` in
     the frame without an end.
@@ -225,7 +225,7 @@ def saved_bits(cut: Cut, scale: Scale, prefix: bytes, suffix: bytes, *, told_len
 
 
 def is_word_in_lines(good: Sequence[LocatedFrame], scale: Scale, suffix: bytes) -> bool:
-    """Return whether a suffix is only a word in a text: each frame also has one end of a line."""
+    """Return whether a suffix is only a word in a text: nearly all frames have just one line end."""
     if not suffix or not scale.is_text or not set(suffix) <= TEXT:
         return False
     once = [any(frame.content.count(end) == 1 for end in LINE_ENDS) for frame in good]

@@ -236,7 +236,7 @@ def make_rules(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> VendorRules:
 
 
 def make_sequence(chosen: Mapping[str, SwitchValue]) -> StatusSequence:
-    """Return what shows when, with these switch values."""
+    """Return which STATUS shows when, with these switch values."""
     by_manual, en_r_falls = chosen["cont_mode"] != "level", chosen["en_r_falls"]
     if en_r_falls == "by_cont_mode":
         en_r_falls = "drops until data" if by_manual else "keeps"

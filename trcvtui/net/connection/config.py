@@ -1,6 +1,6 @@
 """Configurations: TCP_CONNECTCONFIG, UDP_CONFIG, ADDR_PARAM, and a dialect's policy.
 
-Nothing here imports a kernel: so a dialect's table of answers needs none.
+This module imports no kernel: so a dialect's table of answers needs no kernel either.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class ConnectConfig(Struct, frozen=True):
     `description`: its bytes, as an engineer has written them; `flaw`: what a CPU finds wrong with them.
     `remote_name`: the partner's name, resolved at each attempt; "": `remote_address` is used.
     `any_local`: the system's routing chooses the local address of an active end.
-    `is_datagram`: UDP; the partner of each datagram is in an ADDR. `history`: bytes kept each way.
+    `is_datagram`: UDP; the partner of each datagram is in an ADDR. `history`: bytes kept in each direction.
     """
 
     name: str
@@ -79,7 +79,7 @@ class ConnectConfig(Struct, frozen=True):
 
     @property
     def keep_alive_limit_note(self) -> str:
-        """Return a text if another interval is in force than the configured one, else ""."""
+        """Return a text if the interval in force is not the configured one, else ""."""
         if self.keep_alive_interval_s <= self.keep_alive_s:
             return ""
         asked, taken = self.keep_alive_interval_s, self.keep_alive_s
@@ -101,7 +101,7 @@ TADDR_PARAM: Final = ADDRESSES["TADDR_Param"]
 
 
 class UdpConfig(Struct, frozen=True):
-    """One UDP_CONFIG. LocalPort 0 takes a free port and keeps it until STOP."""
+    """One UDP_CONFIG. With LocalPort 0 it takes a free port, and keeps that port until STOP."""
 
     name: str
     local: Endpoint = ANY_END
@@ -111,7 +111,7 @@ class UdpConfig(Struct, frozen=True):
 class AddrParam(Struct, frozen=True):
     """One ADDR_PARAM as it is in the file; `@NAME` for RemotePort, resolved at each send.
 
-    `description`: the bytes of a TADDR_Param, or of another structure there; None: only an end is given.
+    `description`: the bytes of a TADDR_Param, or of a structure in its place; None: there is only an end.
     """
 
     name: str

@@ -1,11 +1,11 @@
 """One connection: what TCON, TRCV, TDISCON and T_RESET do, at most one set-up step a scan.
 
-Rule 1: `step` takes at most one step a scan, for the first block that calls it; the others get its result.
+Rule 1: `step` takes at most one step a scan, for the first block that calls; others get the same result.
 Rule 2: a loss is found once, stored under its incarnation, and given to every block that asks (5.3 e).
-Rule 3: a FIN never overtakes bytes: while a block receives, or is about to (`readers`), the incarnation
+Rule 3: a FIN never overtakes bytes: while a block receives, or would receive (`readers`), the incarnation
 ends after the last byte. A sender that finds the loss first gets it at once; the loss is then pending until
 the receiver has read all bytes.
-Rule 4: a client that comes after the partner's FIN or RST is its successor: it waits and is not reset.
+Rule 4: a client that comes after the partner's FIN or RST is the next partner: it waits and is not reset.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ LOSSES_KEPT: Final = 8  # of the newest incarnations: a block asks at its next c
 
 
 class ConnectionLoss(Struct, frozen=True):
-    """How one incarnation ended; `release_fault`: taking its socket out of the poll set failed."""
+    """How one incarnation ended; `release_fault`: why its socket could not leave the poll set."""
 
     kind: LossKind
     peer: str
@@ -78,7 +78,7 @@ class ConnectionLoss(Struct, frozen=True):
 def classify_loss(fault: Fault | None, peer: str, may_refuse: bool = False) -> ConnectionLoss:
     """Return the loss that follows from the Fault of a call; None: the partner's FIN.
 
-    `may_refuse`: a TLS alert is a refusal, as we are the active end and have no data of the partner.
+    `may_refuse`: we are the active end and have received no data, so a TLS alert is a refusal.
     """
     if fault is not None and fault.error == OWN_END:
         return ConnectionLoss(LossKind.OURS, peer, is_played=True)
@@ -393,7 +393,7 @@ class Connection:
     # -- data: TRCV -----------------------------------------------------------------------------
 
     def receive(self, into: memoryview, instance: str = "") -> int | WouldBlock | ConnectionLoss:
-        """Read at most len(into) bytes; after the last, release a lost connection and return its loss."""
+        """Read at most len(into) bytes; after the last byte, release a lost connection, return its loss."""
         assert self.handle is not None
         got = self._kernel.recv(self.handle, into)
         if got is WOULD_BLOCK and self.pending_loss is not None:
@@ -469,7 +469,7 @@ class Connection:
         return True
 
     def find_loss(self, incarnation: int, asking: Claim | None = None) -> ConnectionLoss | None:
-        """Return how an incarnation ended, None while it is up (for its receiver: up to the last byte)."""
+        """Return how an incarnation ended, None while it is up (for a reader: until the last byte)."""
         if self.state is State.CONNECTED and self.incarnation == incarnation:
             if self.pending_loss is None or self._is_reader(asking):
                 return None
@@ -481,7 +481,7 @@ class Connection:
         return 0 if self.handle is None else self._kernel.unread(self.handle)
 
     def note_dropped(self, offset: int, size: int, reason: str, incarnation: int | None = None) -> None:
-        """Note bytes of an incarnation (default: this one) that never reach DATA; offset -1: in the stack."""
+        """Note bytes that never reach DATA; `incarnation` None: the newest; `offset` -1: in the stack."""
         if size:
             of = self.incarnation if incarnation is None else incarnation
             position = self.received.skip(size) if offset < 0 else -1  # -1: the ring has them already
@@ -513,7 +513,7 @@ class Connection:
         return self._look_for_loss(self.handle)  # after the partner's FIN the stack would still take bytes
 
     def send(self, data: memoryview, instance: str = "") -> int | WouldBlock | Fault | ConnectionLoss:
-        """Give bytes to the local stack; return how many it took. A Fault is a planned EAGAIN."""
+        """Give bytes to the local stack; return how many it took. Its only Fault is a planned EAGAIN."""
         assert self.handle is not None
         got = self._kernel.send(self.handle, data)
         if isinstance(got, int):

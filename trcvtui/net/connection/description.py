@@ -122,7 +122,7 @@ class DescriptionRow(NamedTuple):
 def rows(description: Description, remarks: Mapping[str, str]) -> tuple[DescriptionRow, ...]:
     """Return the description field by field, with the bytes between and after the fields.
 
-    `remarks` are by field name, "" for the whole.
+    `remarks`: by the name of the field; "": the remark on the whole description.
     """
     found: list[DescriptionRow] = []
     at = 0

@@ -165,8 +165,8 @@ class DescribedConnect(Struct, frozen=True):
     """A description, and what else the project file says about its CONNECT.
 
     `own_address` is the address of InterfaceId. `takes_free_port`: LocalPort 0 is no flaw; `remote_is_known`:
-    the file names where the partner listens (`@NAME`). `structures`: those that the instructions accept,
-    (): all. `narrow_tsaps`: the CPU is an S7-1200.
+    `@NAME` in the file says where the partner listens. `structures`: the ones that the instructions accept;
+    (): they accept all. `narrow_tsaps`: the CPU is an S7-1200.
     """
 
     description: Description
@@ -423,9 +423,9 @@ _PARAM_TYPES: Final = {Transport.TCP: 17, Transport.ISO: 18, Transport.UDP: 19}
 
 
 def to_tcon_param(spec: LinkSpec, has_interface: bool) -> Description | None:
-    """Return the TCON_Param with the same meaning, None if it cannot have it.
+    """Return the TCON_Param with the same meaning, None if no TCON_Param can have this meaning.
 
-    `has_interface`: the description names an interface; here it is always the first one.
+    `has_interface`: the description names an interface; a TCON_Param then always names the first one.
     """
     if spec.protocol not in _PARAM_TYPES or spec.remote_name:
         return None

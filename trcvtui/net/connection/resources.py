@@ -1,7 +1,7 @@
 """The limited resources of one PLC: work in a scan, claims on a connection, IDs, jobs, buffers, connections.
 
 Jobs, buffers and connections fail like kernel calls (`queue`, `buffer`, `budget`). A fault plan can make jobs
-and buffers fail, but not the others.
+and buffers fail, but nothing else here.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def ignore_wait(owner: str, what: EventKind, partner: str, why: str) -> None:
 
 
 class BudgetShare:
-    """The share of one party. `what` is the kind of event that reports its waiting."""
+    """The share of one party. `what` is the kind of event that reports that the party has to wait."""
 
     def __init__(self, work: ScanBudget, owner: str, what: EventKind) -> None:
         self.work, self.owner, self.what = work, owner, what
@@ -81,7 +81,7 @@ class BudgetShare:
 class ScanBudget:
     """The work of one PLC's scans. `clock` returns ns; a simulated one does not move within a scan.
 
-    `report_wait` is called when something has to wait, once an episode. Call begin_scan() once a scan.
+    `report_wait` is called at the first wait of each episode. Call begin_scan() once a scan.
     """
 
     def __init__(self, clock: Callable[[], int] = int, interval_ns: int = DEFAULT_INTERVAL_NS) -> None:
@@ -175,10 +175,10 @@ class ScanBudget:
 
 
 class Claim:
-    """The claim of one instance; `priority` is that of its task, None if claims lock across all tasks.
+    """The claim of one instance; `priority`: the priority of its task; None: claims lock across all tasks.
 
-    `has_frame`: its job has read all that it needs, and shows it in its next call. `is_refused`: its last
-    call could start no job; so it reads nothing, but keeps others out.
+    `has_frame`: the job has read all that it needs, and shows it in the next call. `is_refused`: the
+    instance's last call could start no job: the instance reads nothing, but keeps others out.
     """
 
     __slots__ = ("has_frame", "instance", "is_orphan", "is_refused", "priority")
@@ -190,7 +190,7 @@ class Claim:
 
 
 class DirectionClaims:
-    """The claims on one direction of one connection: at most one of each priority takes it."""
+    """The claims on one direction of one connection: at most one claim of each priority takes it."""
 
     def __init__(self) -> None:
         self._claims: list[Claim] = []
@@ -239,7 +239,7 @@ class DirectionClaims:
         return any(held.has_frame for held in self._claims)
 
     def is_barred(self, claim: Claim, waits: bool) -> bool:
-        """Return whether an orphan keeps this claim out, or (only if not `waits`) a refused claim."""
+        """Return whether an orphan keeps this claim out; if not `waits`, a refused claim does, too."""
         return any(
             held.priority == claim.priority
             and held is not claim
@@ -251,7 +251,7 @@ class DirectionClaims:
         return claim in self._claims
 
     def owners(self) -> tuple[str, ...]:
-        """Return the instances that hold a claim, orphans with their old names."""
+        """Return the instances that hold a claim; an orphan's name has ` (gone)` after it."""
         return tuple([held.instance + " (gone)" * held.is_orphan for held in self._claims])
 
     def end_all(self) -> None:
@@ -308,7 +308,7 @@ def no_faults(call: str, owner: str) -> Fault | None:
 
 
 class JobQueue:
-    """The queue of asynchronous functions (80AC): it takes `capacity` jobs a scan; a scan empties it."""
+    """The queue of asynchronous functions (80AC): it takes `capacity` jobs a scan; each scan empties it."""
 
     def __init__(self, capacity: int, take: TakeFault = no_faults) -> None:
         self.capacity = capacity

@@ -115,7 +115,7 @@ class SetUp:
 
     @property
     def deadline(self) -> int | None:
-        """Return the time in ns when the running attempt is given up; None: there is none."""
+        """Return the time in ns when the running attempt is given up; None: no attempt is running."""
         return None if self.attempt is None else self._deadline
 
     def check(self) -> StepFault | None:
@@ -228,7 +228,7 @@ class SetUp:
         return self._kernel.resolve(handle, name) if name else self.config.remote_address
 
     def _resolve_port(self) -> int | None:
-        """Return RemotePort; for `@NAME`, the port where NAME listens now, or else listened last."""
+        """Return RemotePort; for `@NAME`, the port where NAME listens now, or listened last."""
         port = self.config.remote_port
         if isinstance(port, int):
             return port
@@ -236,7 +236,7 @@ class SetUp:
         return self._resolved_port
 
     def poll_attempt(self, now: int) -> NewClient | StepFault | None:
-        """Return the result of the running attempt of an active CONNECT, None while there is none."""
+        """Return the result of the running attempt of an active CONNECT, None while it has no result."""
         assert self.attempt is not None
         if self._is_resolving:
             self._verdict = self._start_connect(self.attempt)

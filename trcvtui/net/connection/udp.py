@@ -1,4 +1,4 @@
-"""A UDP endpoint: a socket that is up as soon as it is bound; each datagram goes to or comes from an ADDR.
+"""A UDP endpoint: a socket that is up as soon as it is bound; an ADDR has each datagram's target or source.
 
 Rule 1: no partner can end it. A receive call that fails ends the socket of a CONNECT, which is then set up
 again; for a UDP_CONFIG the block gets the fault, and the socket stays.
@@ -87,8 +87,8 @@ class UdpSetUp(SetUp):
 class UdpEndpoint(Connection):
     """One CONNECT of UDP, or one UDP_CONFIG, at run time; `peer` is the other end of the last datagram.
 
-    `is_config`: the first block that needs the socket opens it, at once and without a job; the first that
-    ends closes it. For it, all bytes of a datagram count, also those that had no room.
+    `is_config`: the first block that needs the socket opens it, at once and without a job; the first block
+    that ends closes it. All bytes of a datagram then count, also bytes that had no room.
     """
 
     SET_UP = UdpSetUp
@@ -206,7 +206,7 @@ class UdpEndpoint(Connection):
         return None  # UDP has no acknowledgements
 
     def reset(self) -> Fault | None:
-        """Free the socket (T_RESET); the next step makes another on the same port."""
+        """Free the socket (T_RESET); the next step makes another socket on the same port."""
         assert self.handle is not None
         fault = self._close_orderly(self.handle)
         self._note(EventKind.RESET, fault=fault)

@@ -2,9 +2,9 @@
 
 Rule 1: bytes in, bytes out: `feed` takes what came, `take_output` gives what must be sent.
 Rule 2: at most one message is put together, up to `cap` bytes; its bytes beyond the cap are only counted.
-Complete messages wait, MOST_WAITING_MESSAGES or `cap` bytes of them; then no more is fed (`wants_more`). A
-message longer than MOST_CAPS caps ends the connection; so does one in more pieces than the cap has bytes,
-or with too many empty pieces.
+Complete messages wait; once MOST_WAITING_MESSAGES or `cap` bytes wait, no more may be fed (`wants_more`). A
+message longer than MOST_CAPS caps ends the connection; so does a message in more pieces than the cap
+has bytes, or with too many empty pieces.
 Rule 3: invalid input ends the connection, with the reason; no exception is raised.
 """
 
@@ -304,10 +304,10 @@ class IsoPhase(Enum):
 
 
 class IsoSettings(Struct, frozen=True):
-    """Settings of a CONNECT: both TSAPs and the longest message in bytes; an empty `remote` is any partner.
+    """Settings of a CONNECT: both TSAPs and the longest message in bytes; an empty `remote` fits any.
 
     `size_code` n: TPDUs of at most 2**n bytes are proposed, and accepted. `default_dt_bytes`: the size of a
-    DT to a partner that names none.
+    DT to a partner that names no size.
     """
 
     local: bytes
@@ -323,7 +323,7 @@ class IsoSettings(Struct, frozen=True):
 
 
 class IsoSession:
-    """One end. The passive one waits for a CR, and then for `accept_for` or `refuse`."""
+    """One end. The passive end waits for a CR, and then for `accept_for` or `refuse`."""
 
     is_costly = False  # a handshake of two TPDUs needs no calculation
     partner_is_done = False  # class 0 ends with its stream (RFC 905 6.7, implicit variant)
@@ -365,7 +365,7 @@ class IsoSession:
 
     @property
     def wants_more(self) -> bool:
-        """Return whether bytes may be fed; not before a CR is answered, or while enough messages wait."""
+        """Return whether bytes may be fed: not while a CR has no answer, or enough messages wait."""
         if self.phase is IsoPhase.ENDED or self.request is not None:
             return False  # bytes after a CR are not read before it is accepted
         return len(self._messages) < MOST_WAITING_MESSAGES and self._waiting_bytes() < self._settings.cap

@@ -2,9 +2,9 @@
 
 For its callers a connection is up when its session is: `connect_result` and `accept` wait for the
 handshake, `recv` and `recv_from` return what the session has unpacked. All other handles pass through.
-Rule 1: the stream is read in `poll`, and by a read that finds nothing: a bounded number of bytes each.
-Rule 2: a client that sends nothing, too much, or nonsense is dropped, and a note of it is kept in the ledger;
-so are a session that ends by itself, and TPDUs that were ignored.
+Rule 1: the stream is read in `poll`, and by a read that finds nothing: each time a bounded number of bytes.
+Rule 2: a client that sends nothing, too much, or nonsense is dropped. The ledger keeps a note of it,
+and of each session that ends by itself, and of ignored TPDUs.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class LayerKernel(KernelProxy):
     # -- what the poll saw ---------------------------------------------------------------------------------
 
     def poll(self) -> None:
-        """Poll the inner kernel and the listeners; read sessions with bytes waiting, flush the rest."""
+        """Poll the inner kernel and the listeners; pump streams with bytes waiting, flush the others."""
         if self._begins:
             self._work.begin_scan(self._clock())
         self.inner.poll()
@@ -169,7 +169,7 @@ class LayerKernel(KernelProxy):
         return made
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
-        """Set the options; those of an accepted client name its CONNECT, so its handshake can be answered."""
+        """Set the options; they show which CONNECT takes a client: then its handshake is answered."""
         refused = self.inner.set_options(handle, options)
         stream = self._streams.get(handle)
         if stream is None:

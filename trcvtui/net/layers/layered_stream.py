@@ -1,8 +1,8 @@
 """One TCP stream with a session on it: reads from the kernel into the session, and sends the session's bytes.
 
 Rule 1: a scan moves a bounded number of bytes, in a bounded number of steps (ScanBudget). Bytes that were
-read and not looked at come before those in the stack. Bytes that the stack does not take wait here, a message
-at most.
+read and not looked at are used before the bytes in the stack. Bytes that the stack does not take wait here:
+at most one message.
 Rule 2: a message that the partner has begun ends within MESSAGE_LIMIT_NS, or the session is ended.
 """
 
@@ -24,9 +24,9 @@ MESSAGE_LIMIT_NS: Final = 30_000_000_000  # ns; counted only while the session t
 
 
 class LayeredStream:
-    """A session at work. `fault` is the kernel's last one; None with `is_over`: the partner's FIN.
+    """A session at work. `fault` is the kernel's last Fault; None with `is_over`: the partner's FIN.
 
-    `party` pays for the work on the partner's bytes. `is_held_back`: some of them were not looked at.
+    The work on the partner's bytes is charged to `party`. `is_held_back`: some bytes were not looked at.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class LayeredStream:
         self.flush()
 
     def check_message_time(self, now: int) -> None:
-        """End the session over a message that does not end (Rule 2)."""
+        """End the session if a message does not end in time (Rule 2)."""
         session = self.session
         number = session.unfinished_message if session.is_up and session.wants_more else 0
         if not number or number != self._unfinished or self.is_held_back:  # held back: the delay is our own
@@ -185,7 +185,7 @@ class LayeredStream:
         """Send data and return how many bytes of it the stack has taken now.
 
         The caller calls again with the rest of the same data until the stack has all of it. Encoded data must
-        be sent: the first byte counts as taken even if the stack had no room for any.
+        be sent: the first byte counts as taken even if the stack had no room.
         """
         self.flush()
         if self.session.ended is not None:
@@ -213,7 +213,7 @@ class LayeredStream:
         return new or WOULD_BLOCK
 
     def _count_taken(self) -> int:
-        """Return how many bytes of the data count as sent: all only when all encoded bytes are sent."""
+        """Return how many bytes count as sent; the last of several only when all encoded bytes are sent."""
         if not self._carried:
             return self._data_size
         if self._data_size == 1:  # its first byte, which counts as taken, is its last: the rest waits here
@@ -273,7 +273,7 @@ class ChoiceSession(Protocol):
     has_asked: bool
 
     def asks_for_name_of(self, settings: LayerSettings) -> bool:
-        """Return whether it asks for the name of this CONNECT; several CONNECTs may have the same."""
+        """Return whether it asks for the name of this CONNECT; several CONNECTs may have the same name."""
 
     def find_mismatch(self, settings: LayerSettings) -> str:
         """Return "" if this is the CONNECT that it asks for, else why not."""

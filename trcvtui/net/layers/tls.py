@@ -246,7 +246,7 @@ class TlsSession:
             self._end(session_end_of(problem))
 
     def _decrypt(self, most: int) -> int:
-        """Read records until there is none, or enough; return how many."""
+        """Read records until none is left, `most` are read, or enough bytes wait; return how many."""
         assert self._engine is not None
         count = 0
         while self.ended is None and not self.partner_is_done:

@@ -59,7 +59,7 @@ class Forwarder(TapLoop):
         self._ticks = 0
 
     def add_route(self, route: Route) -> None:
-        """Listen, or open the ports; raise UserError."""
+        """Listen, or open the ports; raise UserError if that fails."""
         kinds: dict[str, Callable[..., TcpRoute | UdpRoute | TapSerialConversation]] = {
             "tcp": TcpRoute,
             "udp": UdpRoute,
@@ -68,7 +68,7 @@ class Forwarder(TapLoop):
         self.routes.append(kinds[route.listen.kind](self, route, len(self.routes)))
 
     def attach_server(self, sock: socket.socket, end: Callable[[], object]) -> None:
-        """Report events to the process that serves observers, and obey it; call `end` when it is gone."""
+        """Report events to the observer server, and do its orders; call `end` if it ends before the tap."""
 
         def drop_pipe() -> None:
             self.pipe = None
@@ -252,7 +252,7 @@ def raise_descriptor_limit() -> None:
 
 
 def list_reachable(addresses: Iterable[tuple[str, int] | None]) -> list[str]:
-    """Return those of the addresses that other machines can reach, as text."""
+    """Return, as text, which of the addresses other machines can reach."""
     from ipaddress import ip_address
 
     return [format_end(*each) for each in addresses if each and not ip_address(each[0]).is_loopback]

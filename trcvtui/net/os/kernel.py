@@ -1,7 +1,7 @@
 """The real network: non-blocking IPv4 sockets that answer as the Kernel seam says.
 
-A handle is the socket's descriptor. The result of `poll` holds for the whole scan: a handle of the poll set
-that it did not see costs no system call until the next poll; a handle outside the set is always tried.
+A handle is the socket's descriptor. The result of `poll` holds for the whole scan: a handle of the set that
+was not ready costs no system call until the next poll; a handle outside the poll set is always tried.
 Without RDHUP (not Linux) a FIN is seen only after the data before it has been read.
 """
 
@@ -85,7 +85,7 @@ class OsKernel:
         return tuple(f"{handle} {self.local_end(Handle(handle))}" for handle in self._sockets)
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
-        """Return the addresses of this machine; without a free descriptor those of the last call.
+        """Return the addresses of this machine; without a free descriptor, return the last list.
 
         () if the C library has no list (Windows): then bind decides, and no name server is asked.
         """

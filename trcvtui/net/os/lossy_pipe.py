@@ -22,7 +22,7 @@ class LossyPipe:
     """Writes without waiting. While the reader is behind, whole parts are left out.
 
     `report_gap` is called with the (events, bytes, ends) that were left out, as soon as all parts before them
-    were read; `handle_line` with each line from the reader; `handle_end` once, when it is gone.
+    were sent; `handle_line` with each line from the reader; `handle_end` once, when the reader is gone.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class LossyPipe:
         loop.register(sock.fileno(), IN, self._handle_ready)
 
     def put(self, *parts: bytes | memoryview, events: int = 1, size: int = 0, ends: bytes = b"") -> None:
-        """Send or queue parts; if the queue is full, drop them, count `events`, `size`, keep `ends`."""
+        """Send or queue parts; if the queue is full, drop them, but add up `events`, `size` and `ends`."""
         if self.is_gone:
             return
         if self.is_behind or self._size > self.most:  # until the queue is empty: one gap, not many

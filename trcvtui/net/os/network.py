@@ -1,4 +1,4 @@
-"""The network of this machine: its addresses, its resolver, and a network of this process's own."""
+"""The network of this machine: its addresses, its resolver, and a network for this process alone."""
 
 from __future__ import annotations
 
@@ -232,7 +232,7 @@ def _c_library() -> ctypes.CDLL | None:
 def interface_addresses() -> tuple[LocalAddress, ...] | None:
     """Return every IPv4 address with its interface, None if the system cannot list them now (EMFILE).
 
-    () on a system without getifaddrs: they are unknown. Only 127.0.0.1 if no interface has an address.
+    () without getifaddrs: the addresses are unknown. Only 127.0.0.1 if no interface has an address.
     """
     library = _c_library()
     if library is None:

@@ -1,6 +1,6 @@
 """The observers of a tap: all read the same pcapng; guests connect to a Unix socket, mode 0600.
 
-Rule: an observer that does not read misses blocks, which are counted; no other one waits for it.
+Rule: an observer that does not read misses blocks, which are counted; no other observer waits for it.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def connect_to_tap(path: Path, expected: str) -> int:
 
 
 def listen_at(path: Path) -> socket.socket:
-    """Listen at a path, also over the socket of a dead program; raise UserError if in use or on failure."""
+    """Listen at a path; replace the socket of a dead program. Raise UserError if in use or on failure."""
     made = socket.socket(socket.AF_UNIX)
     try:
         # Only a socket that refuses a connection is that of a dead program.
@@ -123,7 +123,7 @@ class Encoder(Protocol):
 class ObserverKind(NamedTuple):
     """What an observer reads, and how many bytes may wait for it.
 
-    `holds`: for this kind a tap may hold all directions from its beginning, until the observer leaves.
+    `holds`: for this kind a tap may hold all directions from the tap's start until the observer leaves.
     """
 
     events: frozenset[int]

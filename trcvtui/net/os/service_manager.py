@@ -1,4 +1,4 @@
-"""Messages to systemd from a service with `Type=notify`: it is ready, it is alive (sd_notify(3))."""
+"""Messages to systemd from a service with `Type=notify`: that it is ready, or alive (sd_notify(3))."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import suppress
 
 
 def notify(line: str) -> None:
-    """Send the service manager a line such as READY=1; do nothing without one, or if it does not listen."""
+    """Send the service manager a line such as READY=1; do nothing if none listens."""
     place = os.environ.get("NOTIFY_SOCKET", "")
     if place[:1] not in ("/", "@"):  # other families (vsock:) are not sent to
         return

@@ -36,7 +36,7 @@ class PollSet(Protocol):
 
 
 class PollList:
-    """The poll set of a system without epoll. There the RST of a socket that is not read may show late."""
+    """The poll set of a system without epoll. With it an RST may be seen late if the socket is not read."""
 
     def __init__(self) -> None:
         self._wanted: dict[int, int] = {}
@@ -66,7 +66,7 @@ def new_poll_set() -> PollSet:
 
 
 def poll_once(wanted: dict[int, int], timeout: float = 0) -> list[tuple[int, int]]:
-    """Return (descriptor, events) of those that are ready within so many seconds; -1: wait without limit."""
+    """Return (descriptor, events) of each that is ready within `timeout` seconds; -1: without limit."""
     if HAS_POLL:
         poller = select.poll()
         for fd, mask in wanted.items():
@@ -212,7 +212,7 @@ def count_unread(sock: socket.socket | None) -> int:
 
 
 def may_have_unread(sock: socket.socket) -> bool:
-    """Return whether something is unread at a socket that the poll saw; True for listeners and datagrams."""
+    """Return whether something may be unread at a socket that the poll saw; True for a listener or UDP."""
     if not CAN_IOCTL:
         return True
     try:

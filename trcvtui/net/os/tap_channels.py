@@ -1,4 +1,4 @@
-"""Channels to the events of a tap: its child processes ask for one when they start, and get a socket."""
+"""Channels to the events of a tap: sockets for which its child processes ask when they start."""
 
 from __future__ import annotations
 

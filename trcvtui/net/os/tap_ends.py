@@ -271,7 +271,7 @@ class TcpRoute:
 
 
 class UdpRoute:
-    """A tap between UDP ends: each client has its own far socket, so an answer there is for that client."""
+    """A tap between UDP ends: each client has its own far socket; what comes there goes to that client."""
 
     has_stack = False
 

@@ -1,4 +1,4 @@
-"""One direction of a tapped conversation: the bytes that wait between its ends, and the orders done to them.
+"""One direction of a tapped conversation: the bytes that wait between its ends, and the orders on them.
 
 Rule 1: a direction is bounded: bytes that the target has not taken, held bytes, delayed bytes. When it is
 full its source is not read any more, and the stack closes the window.
@@ -55,7 +55,7 @@ class TapLoop:
             self._poll.unregister(fd)
 
     def call_at(self, ns: int, call: Callable[[], None]) -> None:
-        """Call at a time of the monotonic clock."""
+        """Call a function at a time of the monotonic clock."""
         heappush(self._timers, (ns, next(self._timer_numbers), call))
 
     def call_after(self, ns: int, call: Callable[[], None]) -> None:
@@ -65,7 +65,7 @@ class TapLoop:
         return next(self._numbers)
 
     def run_once(self, seconds: float) -> None:
-        """Call all that is due or ready; wait at most so long for it, -1: without limit."""
+        """Call all that is due or ready; wait at most so many seconds for it; -1: without limit."""
         while self._timers and self._timers[0][0] <= time.monotonic_ns():
             heappop(self._timers)[2]()
             seconds = 0  # the timer may have ended the loop
@@ -297,7 +297,7 @@ class TapLane:
             self.handle_data(memoryview(held))
 
     def insert(self, data: bytes) -> None:
-        """Forward bytes of ours, before the held ones."""
+        """Put bytes of ours before the held ones; if the direction is not held, treat them as new."""
         if self.held is not None:
             self.held[:0] = data
         else:

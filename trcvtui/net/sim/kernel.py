@@ -187,7 +187,7 @@ LOOPBACK_INTERFACE: Final = LocalAddress(
 
 
 class SeededRandom(random.Random):
-    """Random numbers from a seed; in this package, because a run's state may name only classes of it."""
+    """Random numbers from a seed; in this package: a run's state may name no class of another package."""
 
 
 class SimKernel:
@@ -364,7 +364,7 @@ class SimKernel:
         return NewClient(self._add_socket(SimSocket(self.wire, socket.owner, stream)), stream.remote)
 
     def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
-        """Return the address of a name; only those of `names` and localhost are known."""
+        """Return the address of a name; only the names in `names` and localhost are known."""
         if handle not in self._sockets:
             return Fault("resolve", "EBADF")
         if name in ("localhost", "localhost."):

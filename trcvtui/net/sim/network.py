@@ -32,7 +32,7 @@ BROADCAST_ADDRESS: Final = "255.255.255.255"
 
 
 def simulated_broadcast(address: str) -> str:
-    """Return the broadcast address for a simulated address; the masks are those of `--netns`."""
+    """Return the broadcast address for a simulated address, with the masks that `--netns` uses."""
     return broadcast_address(address, "255.0.0.0" if is_loopback(address) else "255.255.255.0")
 
 
@@ -65,7 +65,7 @@ class PortTable:
         return claim.port != 0
 
     def listen(self, claim: PortClaim) -> str:
-        """Make the claim exclusive; return "" or the errno name. Without a port it gets a free one."""
+        """Make the claim exclusive; return "" or the errno name. A claim without a port gets a free one."""
         if not claim.port and not self.claim_free_port(claim, claim.address):
             return "EADDRINUSE"
         if self._is_taken(claim, claim.address, claim.port):
@@ -256,7 +256,7 @@ class SimWire:
         return client
 
     def answer_as_partner(self, owner: str) -> SimStream | None:
-        """Let a played partner answer the newest call of an owner; None: it does not call."""
+        """Let a played partner answer the newest call of an owner; None: the owner does not call."""
         client = self._take_newest_call(owner)
         if client is None:
             return None
@@ -268,7 +268,7 @@ class SimWire:
         return server
 
     def refuse_as_partner(self, owner: str) -> bool:
-        """Let a played partner refuse the newest call of an owner; False: it does not call."""
+        """Let a played partner refuse the newest call of an owner; False: the owner does not call."""
         client = self._take_newest_call(owner)
         if client is not None:
             client.handle_segment(RESET_SEGMENT)
@@ -450,7 +450,7 @@ class SimSocket:
         return ""
 
     def _route_error(self, remote: str) -> str:
-        """Return why the call itself refuses a target (80A0)."""
+        """Return the errno name with which the call itself refuses a target (80A0), "" if it does not."""
         if is_group(remote):
             return "ENETUNREACH"
         if self._wire.owns_address(remote):

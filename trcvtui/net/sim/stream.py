@@ -46,7 +46,7 @@ RESET_SEGMENT: Final = Segment(0, 0, 0, b"", SegmentFlag.RST)
 
 
 class SendHalf:
-    """Bytes taken from the program until the partner has acknowledged them."""
+    """Bytes that were taken from the program, and that the partner has not acknowledged."""
 
     __slots__ = ("_edge", "_first", "_queue", "fin", "fin_acked", "next", "room")
 
@@ -133,7 +133,7 @@ class SendHalf:
 
 
 class ReceiveHalf:
-    """Bytes received until the program reads them."""
+    """Received bytes that the program has not read."""
 
     __slots__ = ("_offered", "fin", "inbox", "next", "room")
 
@@ -210,7 +210,7 @@ class StreamPhase(Enum):  # as its program sees it: FIN and TIME_WAIT are no pha
 
 
 class Tuning(Struct):
-    """The socket options that have an effect; a stream shares those of its socket. Times in ns."""
+    """The socket options that have an effect; a stream shares the Tuning of its socket. Times in ns."""
 
     keep_alive: int = 0
     user_timeout: int = 0

@@ -1,4 +1,4 @@
-"""Virtual time of the simulated network: a queue of timers, and the two that can end a TCP connection.
+"""Virtual time of the simulated network: its timer queue, and the two timers that can end a TCP connection.
 
 The figures were measured on Linux; all times are in ns.
 """
@@ -98,7 +98,7 @@ class KeepAlive:
         self._asked_at = 0
 
     def check_due(self, now: int, heard: int, busy: bool, user_timeout: int) -> TimerResult:
-        """Decide at `due`, and set the next `due`; `busy`: sent or unsent data waits for the partner."""
+        """Return the decision at `due`, set the next `due`; `busy`: data is unsent or not acknowledged."""
         silent = now - heard
         if heard >= self._asked_at:  # the last probe was answered
             self._probes = 0
@@ -117,7 +117,7 @@ class KeepAlive:
 
 
 class Retry:
-    """Retransmission and window probes: back off, and give up after the user timeout or 15 tries."""
+    """Retransmission and window probes: back off; give up after the user timeout or 16 unanswered tries."""
 
     __slots__ = ("_since", "_tries", "_unanswered", "due")
 

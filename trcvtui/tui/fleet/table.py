@@ -1,7 +1,7 @@
 """The list of `trcvtui fleet`: a row is a line or the head of a group; only rows in view are made.
 
 Rule: the list is sorted again while you read it. The cursor stays on the worst row until you move it; then
-it stays on its line, and that line keeps its place on the screen.
+it stays on the same line, and that line keeps its place on the screen.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def since_text(t: float | None, wall: float) -> str:
 
 
 def state_of(line: FleetLine) -> str:
-    """Return a word for the state of a line: the connection's, unless something worse is known."""
+    """Return a word: offline, no scan, finding or stuck; for any other line its connection's state."""
     if line.shows in (ERROR, AWAY, HAD, GOOD):
         return line.figures.state if line.figures else "?"
     return STATES[line.shows]

@@ -1,4 +1,4 @@
-"""The forms that add or change a part of the project: fields with choices, and the command they make."""
+"""The forms that add or change a part of the project: fields with choices, and the resulting command."""
 
 from __future__ import annotations
 

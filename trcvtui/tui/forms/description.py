@@ -91,7 +91,7 @@ class DescriptionText(TextView):
 
 
 class DescriptionScreen(ListDialog[None]):
-    """Closed by escape; ← → walk the other descriptions of the project."""
+    """Escape closes it; ← → show the other descriptions of the project."""
 
     BINDINGS: ClassVar = hidden_keys({
         "right": "other(1)", "left": "other(-1)", "y": "yank", "s": "source", "C": "leave",

@@ -44,7 +44,7 @@ class ProjectPart(NamedTuple):
     name: str
 
     def __str__(self) -> str:
-        """Return its title on the screen: `CONNECT C1`."""
+        """Return the title of the part on the screen: `CONNECT C1`."""
         return f"{TABLES[self.kind].what} {self.name}"
 
 
@@ -88,7 +88,7 @@ def format_value(value: KeyValue) -> str:
 def fields_to_change(
     part: ProjectPart, now: Mapping[str, KeyValue], project: Project, block: str
 ) -> list[AddField]:
-    """Return the fields of a part, empty for a key that it lacks; those of an instance depend on `block`.
+    """Return the fields of a part, empty for a missing key; the fields of an instance depend on `block`.
 
     A key with several texts, such as `replies`, has no field: only a `set` line changes it.
     """

@@ -87,7 +87,7 @@ class LibraryList(LineView):
 
 
 class LibraryScreen(ListDialog[str]):
-    """Ends with the command of the chosen entry, "" for none."""
+    """The list of messages. Its answer is the command of the chosen entry, "" for none."""
 
     DEFAULT_CSS = "LibraryScreen LibraryList { width: 110; height: 60%; border-subtitle-color: $text-muted; }"
 
@@ -104,7 +104,7 @@ FORM_KEYS: Final = "↑↓ member · enter take · esc leave"
 
 
 class MemberField(FormField):
-    """One member; an empty field leaves it out of the payload."""
+    """The field of one member; if it is empty, the payload has no such member."""
 
     def __init__(self, leaf: Leaf, value: str) -> None:
         super().__init__(value, placeholder="''" if isinstance(leaf.type, StringType) else "0")
@@ -126,7 +126,7 @@ class MemberField(FormField):
 
 
 class UdtForm(FieldsDialog[str, MemberField]):
-    """Ends with the payload of `send udt`, "" when you leave it."""
+    """The form of one UDT. Its answer is the payload of `send udt`, "" if you leave the form."""
 
     DEFAULT_CSS = """
     UdtForm #form { width: 84; }
@@ -172,7 +172,7 @@ def _column_texts(leaf: Leaf) -> dict[str, str]:
 
 
 def make_udt_form(text: str, mode: str, view_model: ViewModel) -> UdtForm | None:
-    """Return the form of the UDT that a payload names, else of DATA, else of the first; None without UDTs."""
+    """Return the form of a UDT: the one in the payload, else in DATA, else the first; None without UDTs."""
     types, declared = view_model.project.types, view_model.declaration
     first = text.split("{")[0].strip() if mode == UDT else ""
     names = [first, declared.type_name if declared else "", *types.names()]
@@ -185,7 +185,7 @@ def make_udt_form(text: str, mode: str, view_model: ViewModel) -> UdtForm | None
 
 
 def _payload_values(text: str, view_model: ViewModel) -> dict[str, str]:
-    """Return the members of a payload with their texts; none if the payload is wrong."""
+    """Return the text of each member that a payload sets; none if the payload has a mistake."""
     from trcvtui.commands.tokens import parse_members  # read when first asked for
 
     try:

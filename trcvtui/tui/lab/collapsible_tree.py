@@ -17,14 +17,14 @@ MOST_OPEN_ELEMENTS: Final = 16  # an array of more elements is closed at first
 
 
 class Place(NamedTuple):
-    """Offset and size in bytes; `bit` of a single bit."""
+    """Offset and size in bytes; for a single bit, `bit` is its number in the byte."""
 
     offset: int
     size: int
     bit: int | None = None
 
     def __str__(self) -> str:
-        """Return the offset; of a bit, `2.5`."""
+        """Return the offset, for a bit with its number: `2.5`."""
         return str(self.offset) if self.bit is None else f"{self.offset}.{self.bit}"
 
 
@@ -75,13 +75,13 @@ class FoldTree:
         self._build_rows()
 
     def open_all(self, is_open: bool | None) -> None:
-        """Open or close everything below the root; None: as at first."""
+        """Open or close everything below the root; None: restore the first state."""
         self._all = is_open
         self._flipped.clear()
         self._build_rows()
 
     def row_of_leaf(self, leaf: int, opens: bool = False) -> int:
-        """Return the row of a leaf, or of the closed branch around it; `opens`: open these branches."""
+        """Return the row of a leaf, or of the closed branch around it; `opens`: open all such branches."""
         y = self._row_before(leaf)
         while opens and not self.rows[y].is_leaf:
             self.toggle(self.rows[y].key)

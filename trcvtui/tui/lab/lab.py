@@ -119,7 +119,7 @@ class LabBytes:
         self._last: JobSpan | None = None
 
     def choose_source(self) -> str:
-        """Take the running job if DATA was never written and you have chosen nothing; return a remark."""
+        """Choose DATA, or the running job if DATA was never written; keep your choice; return a remark."""
         if self.is_chosen or self.source not in (DATA, JOB):
             return ""
         declared, is_empty = self._view_model.declaration, not any(self._view_model.data)
@@ -213,7 +213,7 @@ class LabBytes:
     def evidence(self) -> tuple[list[bytes], bool]:
         """Return the bytes to judge profiles by, and whether their lengths are the sender's (rule 1).
 
-        For DATA or a job these are the messages that filled it: they are the better evidence.
+        For DATA or the running job these are the received messages, if known: they are better evidence.
         """
         known = [] if self._doubt() else [message.content for message in self.messages()]
         if known and self._has_messages():
@@ -284,7 +284,7 @@ class Lab:
 
     @property
     def base(self) -> Path:
-        """Return the project's folder: a file name that does not exist here is tried there."""
+        """Return the project's folder: a file that is not in the current folder is looked for there."""
         return self._view_model.project.base
 
     def type_names(self) -> list[str]:
@@ -299,7 +299,7 @@ class Lab:
         return known[0] if known else name
 
     def choose_type(self, name: str) -> None:
-        """Show a type; "": that of DATA, or the first one. Raise UserError for a bad type."""
+        """Show a type; for "", the type of DATA, or else the first type. Raise UserError for a bad type."""
         names = self.type_names()
         name = name or next(iter(names), "")
         self.type_name, self.type = name, self._find_type(name) if name else None
@@ -308,7 +308,7 @@ class Lab:
         self._clear_results()
 
     def _guess_profile(self) -> Profile:
-        """Return the likely profile of a sender: by the type's source, else as common compilers lay out."""
+        """Return the likely profile of a sender: from the type's source, else one of common compilers."""
         ours, sender = self.profiles[OURS], self.files.types.sender(self.type_name).layout
         if sender not in ("", ours.layout):
             return profile_of(LAYOUTS[sender])
@@ -367,7 +367,7 @@ class Lab:
         self.news = f"still unknown: {', '.join(unknown[:3])}" if unknown else "all constants are known"
 
     def follow_bench(self) -> None:
-        """Judge again once messages have come; follow a changed project: a new bench, or an edit."""
+        """Rank the profiles once messages have come; follow a changed project: a new bench, or an edit."""
         if self._is_early and self.bytes.window() is not None:
             self.rank_profiles()
         project = self._view_model.project

@@ -36,7 +36,7 @@ class Cure(NamedTuple):
 
 
 def make_cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cure:
-    """Return a type whose layout under the rules `own` is that of `wanted`, or the swap code."""
+    """Return a type that the rules `own` lay out as `wanted`, or the swap code, depending on `kind`."""
     try:
         return _swap_cure(wanted, own, language) if kind == SWAP else _type_cure(wanted, own, kind, language)
     except UserError as refused:
@@ -81,7 +81,7 @@ def _type_cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) 
 
 
 def _find_unions(type_: Type) -> list[str]:
-    """Return the members that are a UNION or an ARRAY of one, those of an inner STRUCT as `STRUCT.member`."""
+    """Return the members that are UNIONs or ARRAYs of UNIONs; in an inner STRUCT: `STRUCT.member`."""
     found = ["all of it"] if isinstance(type_, Union) else []
     for one in (part for part in all_parts(type_) if isinstance(part, Struct)):
         for member in all_members(one):

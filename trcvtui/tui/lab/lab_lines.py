@@ -41,12 +41,12 @@ def run_lab_line(line: str, lab: Lab) -> str:
 
 
 def is_for_engine(line: str) -> bool:
-    """Return whether the engine needs the line, too: it saves constants, and `resize` uses its types."""
+    """Return whether the engine needs the line, too: to save constants, or to use types in `resize`."""
     return line.split()[1:2] in ([CONSTANT], [RELOAD])
 
 
 def describe_outcome(lab: Lab, trouble: str, message: str) -> tuple[str, str]:
-    """Return the sentence below the panes and its style: an error first, then the last result."""
+    """Return the sentence below the panes and its style: an error, else the last result, else a hint."""
     files, problems = lab.files, lab.files.types.problems
     bad = f"; w: {count(len(problems), 'problem')} in {files.name}" if problems else ""
     if trouble:

@@ -42,7 +42,7 @@ NAME: Final = 34
 
 
 class NumberField(FormField):
-    """The value of one constant; empty: still unknown."""
+    """The field for the value of one constant; if it is empty, the value is still unknown."""
 
     def __init__(self, name: str) -> None:
         super().__init__(placeholder="whole number")
@@ -58,7 +58,7 @@ class NumberField(FormField):
 
 
 class ConstantsForm(FieldsDialog[dict[str, int], NumberField]):
-    """Ends with the values that you entered; none when you leave it."""
+    """The form of the constants. Its answer is the values that you entered, none if you leave the form."""
 
     DEFAULT_CSS = """
     ConstantsForm #form { width: 72; }
@@ -79,7 +79,7 @@ class ConstantsForm(FieldsDialog[dict[str, int], NumberField]):
         self._line.update(wrong if bad else about)
 
     def submit_field(self, field: NumberField) -> None:
-        """Go to the next empty field; after the last one, end with the values."""
+        """Go to the next empty field; after the last one, close the form with the values."""
         empty = [field for field in self._fields if not field.value.strip()]
         if field.value.strip() and empty:
             self.set_focus(empty[0])

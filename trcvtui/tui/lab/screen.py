@@ -372,7 +372,7 @@ class LabScreen(SideScreen[None]):
         self.show()
 
     def action_data_as_theirs(self) -> None:
-        """Give DATA the layout of theirs, if the PLC can declare it; this cures a mismatch, too."""
+        """Send the line that gives DATA the layout of theirs: this cures a mismatch, too."""
         from trcvtui.diagnosis.data_view import make_choice, make_view_command
 
         declared, theirs = self._view_model.declaration, self.lab.profiles["theirs"]

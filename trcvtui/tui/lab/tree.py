@@ -255,7 +255,7 @@ class LabTree(LineView):
             self.post_message(RowSelected())
 
     def show_leaf(self, leaf: int, opens: bool = False) -> None:
-        """Move the cursor to a leaf, or to the closed branch around it."""
+        """Move the cursor to a leaf, or to the closed branch around it; `opens`: open such branches."""
         tree = self._lab.tree
         if tree is not None:
             y = tree.row_of_leaf(leaf, opens)
@@ -263,7 +263,7 @@ class LabTree(LineView):
             self.go_to(y, tells=opens)
 
     def action_fold(self, wanted: bool | None) -> None:
-        """Open (True), close (False) or toggle (None) a branch; False on a row that is not open goes up."""
+        """Open (True), close (False) or toggle (None) a branch; False on another row: go to its parent."""
         tree, found = self._lab.tree, self.chosen_row
         if tree is None or found is None:
             return

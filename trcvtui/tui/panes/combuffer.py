@@ -68,7 +68,7 @@ ROOMY: Final = 72
 
 
 def framer_lines(view_model: ViewModel, instance: InstanceSnapshot, width: int) -> list[Row]:
-    """Return the lines, none for a block that has no ComBuffer."""
+    """Return the lines below the box of a block, none for a block that has no ComBuffer."""
     if not block_row(instance.block).buffer_pin:
         return []
     rows = [_buffer(view_model, instance, width)]
@@ -164,7 +164,7 @@ FED: Final = "›"  # drawn between the bytes that were fed and those still to b
 
 
 class SerialLineList(LineView):
-    """One row for each ComBuffer; below them, the last bytes fed to the one under the cursor."""
+    """One row for each ComBuffer; below them, the last bytes fed to the ComBuffer under the cursor."""
 
     KEYS: ClassVar = (
         ("enter", "type bytes"), ("s", "again"), ("→", "next byte"), ("b", "break"), ("↑↓", "line"),
@@ -259,7 +259,7 @@ class SerialLineList(LineView):
         self._feed(payload, len(payload))
 
     def action_piece(self) -> None:
-        """Feed the next byte of the message; after the last one, the first again."""
+        """Feed the next byte of the message; after its last byte, feed the first one again."""
         payload, fed = self._fed.get(self.choice, (b"", 0))
         place = fed % len(payload) if payload else 0
         self._feed(payload, place + 1, place)

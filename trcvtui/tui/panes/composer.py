@@ -69,7 +69,7 @@ class Splits:
 
 
 def read_splits(send: PeerSend) -> Splits:
-    """Return the cuts of a send command, without those behind the end of its message."""
+    """Return the cuts of a send command, without cuts at or after the end of its message."""
     gaps = send.gaps_ns or (send.gap_ns,)
     places = [at for at in accumulate(send.split) if at < len(send.payload)]
     return Splits({at: gaps[min(n, len(gaps) - 1)] for n, at in enumerate(places)})
@@ -175,7 +175,7 @@ class SplitsLine(OneLine, can_focus=True):
         self._send()
 
     def click(self, x: int, y: int) -> None:
-        """Cut or join between the two bytes at the mouse; a click on a byte means the place before it."""
+        """Cut or join between the two bytes at the mouse; a click on a byte acts before this byte."""
         place = self._first + x // BYTE_WIDTH
         if 0 < place < len(self.payload) and place < self._first + self._bytes_in_view():
             self.place = place
@@ -200,7 +200,7 @@ class PayloadField(TypedField):
         self._send()
 
     def convert_paste(self, text: str) -> str:
-        """Return the first line; a STRUCT replaces the whole text, without its comments."""
+        """Return the first line; for a STRUCT, clear the field and return all lines without comments."""
         if not text.lstrip().upper().startswith("STRUCT"):
             return super().convert_paste(text)
         self.clear()
@@ -294,7 +294,7 @@ class Composer(Vertical):
         self.check_line()
 
     def make_try_line(self, instance: str) -> str:
-        """Return the command that tries every split of the message, "" without one."""
+        """Return the command that tries every split of the message, "" without a message."""
         if not self._payload.value.strip():
             return ""
         gap = self._options["gap"].value

@@ -115,7 +115,7 @@ class ConversationList(LineView):
         self._actions.submit("watch")
 
     def action_intervene(self, key: str) -> None:
-        """Open the prompt with the command of a key; hold and go act at once, RST and FIN on an armed tap."""
+        """Open the prompt with the command of a key; send hold, go and an armed tap's RST, FIN at once."""
         talk, picture = self._find_conversation(), self._view_model.live
         if talk is None or not talk.tap:
             waits = talk is None and self._view_model.project.taps
@@ -139,7 +139,7 @@ class ConversationList(LineView):
 
 
 def _prompt_text(line: str, way: DirectionSnapshot) -> str:
-    """Return the beginning of a line; `drop` gets the number of held bytes."""
+    """Return the text to put into the prompt; after `drop` comes the number of held bytes."""
     if line.endswith(" drop"):
         return f"{line} {way.held or 0}"
     return line if line.endswith("#") else f"{line} "

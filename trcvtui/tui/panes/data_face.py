@@ -1,6 +1,6 @@
 """DATA now as a face of pane 5, and below it the progress of the job.
 
-A receive job: what it has collected but not delivered yet. A send job: how far its bytes have come.
+A receive job: the bytes that it has collected but not delivered yet. A send job: how far its bytes are.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ class DataFace(ReceivedFace):
         return name, f"{declared.name}{size}"
 
     def _newest(self) -> DataSnapshot | None:
-        """Return the newest write to DATA if older bytes follow it, else None."""
+        """Return DATA if older bytes follow the bytes of the newest write, else None."""
         instance, snapshot = self._view_model.instance, self._view_model.snapshot
         if snapshot is None or instance is None or instance.sends:
             return None

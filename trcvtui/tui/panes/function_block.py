@@ -22,7 +22,7 @@ from trcvtui.wording import count
 
 
 class DrawnPin(NamedTuple):
-    """A pin of the drawing; `letter` toggles it, "" on an output. `label` is drawn as its name."""
+    """A pin of the drawing; `letter` toggles it, and is "" for an output. `label` is the drawn name."""
 
     name: str
     text: str
@@ -165,14 +165,14 @@ def wired_value(pin: str, instance: InstanceSnapshot) -> str:
 
 
 def find_mark(pin: str, framer: FramerSnapshot | None) -> bytes | None:
-    """Return the bytes of a prefix or suffix pin, None if the pointer is 0."""
+    """Return the bytes that a prefix or suffix pin points to, None if the pointer is 0."""
     if framer is None:
         return None
     return framer.prefix if pin.endswith("Prefix") else framer.suffix
 
 
 def make_pin_line(pin: str, instance: InstanceSnapshot, view_model: ViewModel) -> str:
-    """Return the beginning of the command that changes a wired pin, "" if none does."""
+    """Return the beginning of the command that changes a wired pin, "" if no command does."""
     if pin in com_buffer_pins():
         decl = next((b for b in view_model.project.combuffers if b.name == instance.connect), None)
         return f"feed {instance.connect} hex " if decl is not None and decl.source in FEEDABLE_SOURCES else ""
@@ -434,7 +434,7 @@ class FunctionBlock(LineView):
         return (instance.pin(pin.name) or 0, False) if waiting is None else (waiting[0], True)
 
     def press(self, letter: str) -> str:
-        """Toggle the pin of this letter; return which pin is missing, "" if none is."""
+        """Toggle the pin of this letter; return why there is no such pin, "" if there is one."""
         pin = next((p for p in self.drawing().inputs if p.letter == letter), None)
         if pin is not None:
             self.toggle(pin)
@@ -444,7 +444,7 @@ class FunctionBlock(LineView):
         return f"{instance.block} has no {missing}" if instance is not None else "there is no instance"
 
     def place_of_pin(self, letter: str) -> str:
-        """Return in which panes the letter of a pin works, "" if no pin has it."""
+        """Return a hint in which panes the letter of a pin works; "" if no pin has this letter."""
         pin = next((pin.name for pin in self.drawing().inputs if pin.letter == letter), "")
         return pin and f"{pin} is a key of panes 1 to 3: press 2, then {letter}"
 

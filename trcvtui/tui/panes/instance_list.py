@@ -50,7 +50,7 @@ class InstanceList(LineView):
     ]
 
     def __init__(self, view_model: ViewModel, selected: Callable[[], None], digit: int = 1) -> None:
-        """Call `selected` at once when another instance is chosen: all panes are painted with the list."""
+        """Call `selected` at once when you choose another instance: all panes are then painted together."""
         super().__init__(id="instances")
         self._selected, self._digit, self._view_model = selected, digit, view_model
         self.words: list[str] = []  # of the filter: a listed instance has all of them
@@ -271,7 +271,7 @@ def _status(instance: InstanceSnapshot, condition: str, columns: ListColumns) ->
 
 
 def _partner(connection: ConnectionSnapshot | None, both: bool) -> str:
-    """Return both ends: `passive 127.0.0.1:2000 ← 127.0.0.1:51322`, or only `← 127.0.0.1:51322`."""
+    """Return both ends, `passive 127.0.0.1:2000 ← 127.0.0.1:51322`, or one: `← 127.0.0.1:51322`."""
     if connection is None:
         return ""
     if connection.udp:

@@ -53,9 +53,9 @@ def all_pass(shown: MessageRow) -> bool:
 
 
 class MessageLines(LineView):
-    """Rows that pass the filter. The newest is followed until one is chosen.
+    """Rows that pass the filter. The newest row is followed until you choose a row.
 
-    A replay has the rows of the whole recording; its newest is that of the shown scan.
+    A replay has the rows of the whole recording; its newest row is the last one up to the shown scan.
     """
 
     KEYS: ClassVar = (("↑↓", "message"), ("end", "follow"), ("/", "filter"), ("y", "CSV"), ("D", "DATA now"))
@@ -244,7 +244,7 @@ class MessageLines(LineView):
     # -- the filter ------------------------------------------------------------------------------------
 
     def set_filter(self, text: str) -> None:
-        """Filter by a condition; if it has a mistake, the last one stays in force."""
+        """Filter by a condition; if it has a mistake, the last filter stays in force."""
         from trcvtui.engine.message_filter import read_filter  # imported on first use
 
         self._typed, self._wrong = text.strip(), ""
@@ -259,7 +259,7 @@ class MessageLines(LineView):
             self._wrong = wrong.lines()[0]
 
     def describe_rows(self) -> str:
-        """Return filter mistake, counts and state of the rows for the title."""
+        """Return text for the title: the mistake in the filter; counts, remarks and state of the rows."""
         known, here = self._known_messages, len(self._known_messages.rows)
         size = f"{here} of {known.count}" if here != known.count else f"{here}"
         passing = f"{len(self._listed)} of {size} with {self._text}" if self._text else size

@@ -1,4 +1,4 @@
-"""Pane 7: the peer. Its state, the message to send, the faults it can cause, the command for each."""
+"""Pane 7: the peer. Its state, the message to send, the faults that it can cause, and their commands."""
 
 from __future__ import annotations
 

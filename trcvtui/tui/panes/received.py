@@ -25,7 +25,7 @@ SEARCH_KEYS: Final = (("n N", "next hit, hit before"),)
 
 
 class ReceivedPane(Vertical):
-    """Holds the faces and switches them; its keys act on the one that is shown."""
+    """Holds the faces and switches them; its keys act on the shown face."""
 
     DEFAULT_CSS = "ReceivedPane { background: $surface; }"
     BINDINGS: ClassVar = [
@@ -97,7 +97,7 @@ class ReceivedPane(Vertical):
     # -- keys --------------------------------------------------------------------------------------------
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave escape to the screen while nothing is marked."""
+        """Leave escape to the screen while no search is marked; change the rulers only in the stream."""
         if action == "end_find":
             return bool(self.stream.patterns)
         return action != "rulers" or self.is_past
@@ -121,7 +121,7 @@ class ReceivedPane(Vertical):
             self.action_past()
 
     def action_done(self, is_forward: bool) -> None:
-        """Go to the next DONE or the one before; from the present, to the newest."""
+        """Go to the next or the previous DONE; from the present, go to the newest DONE."""
         self._open_past()
         self._search_from(self.stream.window.end + 1, is_forward and self.stream.cursor is not None)
 

@@ -47,7 +47,7 @@ class StatusHistory(LineView):
         self.code: int | None = None  # that `find` searches, until escape
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave n to the screen of the scenarios, where it is the next step."""
+        """Leave the key n to the screen of the scenarios: there it runs the next step."""
         return action != "hit" or self._digit == HISTORY_DIGIT
 
     def show(self) -> None:
@@ -400,7 +400,7 @@ class StatusCard(TextView):
         return text
 
     def _names(self) -> set[str]:
-        """Return the names of the project: their first letter never becomes a capital."""
+        """Return the names of the project, so that a sentence does not capitalize their first letter."""
         project = self._view_model.project
         peers = [peer.name for peer in project.peers]
         data = [each.name for each in project.data]

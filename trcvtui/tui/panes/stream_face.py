@@ -26,7 +26,7 @@ Labels = tuple[JobSpan | None, RecvSpan | None, MessageSpan | None]
 def origin_words(place: int, values: tuple[int | None, int | None], labels: Labels, project: Project) -> str:
     """Return value, message, job, field, recv call, scan and time of the byte at a position.
 
-    `values`: the byte, and the one at its place in the job before.
+    `values`: the byte, and the byte at the same place in the job before.
     """
     job, recv, message = labels
     if job is None:
@@ -160,7 +160,7 @@ class StreamFace(ReceivedFace):
         return self._with_hit(self.stream.cursor, self.stream.difference() + origin)
 
     def message_here(self) -> range:
-        """Return the message under the cursor, else its job; empty if some of its bytes are not here."""
+        """Return the positions of the message under the cursor, else of the job if all of it is here."""
         place, job = self.stream.cursor, self.job_here()
         of_job = range(job.position, job.stop) if job is not None else range(0)
         found = [each.positions for each in self._view_model.messages if place in each.positions]
@@ -175,7 +175,7 @@ class StreamFace(ReceivedFace):
         return window.cut(self.message_here()), window.cut(between) if window.has_values(between) else b""
 
     def mark_message(self) -> str:
-        """Mark the message under the cursor to compare others with it, or unmark it; return the error."""
+        """Mark the message under the cursor for comparing, or unmark it; return an error, "" for none."""
         here, stream = self.message_here() if self.is_shown else range(0), self.stream
         is_marked = stream.marked is not None and stream.marked[0] == here
         stream.compare(None if is_marked or not here else (here, stream.window.cut(here)), here)

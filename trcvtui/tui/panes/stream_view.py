@@ -81,7 +81,7 @@ def message_splits(window: HistoryWindow, start: int, stop: int) -> frozenset[in
 
 
 def sign_before_byte(position: int, signs: dict[int, str], begins: set[int]) -> tuple[str, str]:
-    """Return the sign before a byte, else that of a message's beginning, else a blank."""
+    """Return the sign of a byte, else the sign of a message that begins with it, else a blank."""
     if position in signs:
         return signs[position], "warn strong"
     return (START_SIGN, "key") if position in begins else (" ", "")
@@ -233,7 +233,7 @@ class StreamView(ByteLines):
         return HistoryRequest(connect, *self._asked, before=True, seek=self.seek, job_at=job_at)
 
     def accept_window(self, window: HistoryWindow) -> int | None:
-        """Take a window; return the position that a search has found, None if it has not yet."""
+        """Take a window; return the position that a search has found, None if none was found yet."""
         if window != self.window:
             self.window = window
             self._knows_messages = self._knows_messages or bool(window.messages)

@@ -1,4 +1,4 @@
-"""Pane 8: a logic analyser over scans: every pin and STATUS, no pulse of one scan is ever sampled away."""
+"""Pane 8: a logic analyser over scans: every pin and STATUS. Even a pulse of one scan is always drawn."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class TimingRow(NamedTuple):
 
 
 def list_rows(waves: Sequence[Waveform], is_strip: bool = False) -> list[TimingRow]:
-    """Return the rows of these instances, each with a head if there are several; a strip has no codes.
+    """Return the rows of these instances, each with a head if there are several; a strip has no CODES row.
 
     Below each row of an instance comes the same pin of its what-if run.
     """
@@ -133,7 +133,7 @@ def _group_with_codes(names: Sequence[str]) -> list[list[str]]:
 
 
 def label_width(rows: Sequence[TimingRow]) -> int:
-    """Return the columns in front of the waves: as wide as the longest name asks for."""
+    """Return the columns in front of the waves: as many as the longest name needs."""
     return LABEL_WIDTH + max(0, *(len(shown.name) - NAME_WIDTH for shown in rows)) if rows else LABEL_WIDTH
 
 
@@ -148,7 +148,7 @@ def ruler_row(window: Window, until: int, view: TimingViewport, label: int) -> R
 def wave_row(
     shown: TimingRow, window: Window, cursor: int | None, until: int, label_style: str | None, label: int
 ) -> Row:
-    """Return one row after `label` columns; `label_style` None: it is not the chosen one."""
+    """Return one row after `label` columns; `label_style` None: it is not the chosen row."""
     wave, name = shown
     if not name:
         return row((f" {wave.instance} ", "label"), ("─" * (label + window.width), "faint"))
@@ -310,7 +310,7 @@ class Timing(LineView):
     # -- moving -------------------------------------------------------------------------------------
 
     def go_to(self, scan: int | None, nothing: str = "") -> None:
-        """Put the cursor on a scan and explain its STATUS; None: note the text `nothing`."""
+        """Put the cursor on a scan and explain its STATUS; None (not found): note the text `nothing`."""
         self._note = nothing if scan is None else ""
         if scan is not None:
             self.view.go_to(scan, self._until)
@@ -335,7 +335,7 @@ class Timing(LineView):
             self.go_to(lane.find_next_edge(self._scan, direction), "no further edge of this row is known")
 
     def action_next_error(self) -> None:
-        """Go to the next ERROR: from the present to the newest one, from the last to the first."""
+        """Go to the next ERROR: from the present, to the newest; from the last ERROR, to the first."""
         self._search(lambda edge: edge.outputs.error, "no ERROR")
 
     def action_ask_code(self) -> None:
@@ -403,7 +403,7 @@ class Timing(LineView):
     # -- mouse --------------------------------------------------------------------------------------
 
     def click(self, x: int, y: int) -> None:
-        """Choose row and scan under the mouse; of a column with an edge, the scan of the edge."""
+        """Choose row and scan under the mouse; in a column with an edge, choose the scan of the edge."""
         self._chosen = max(0, y - 1)
         window, x = self._window, x - self._label
         if not 0 <= x < window.width or not self._rows:

@@ -75,7 +75,7 @@ class UdtTable(LineView):
         self.set_title(6, name, self._source(declared, room))
 
     def _source(self, declared: DataDecl, room: int) -> str:
-        """Return what is decoded, and what `v` would decode instead."""
+        """Return which bytes are decoded, and which bytes `v` would decode instead."""
         rules, job = declared.layout.rules, self._job_text()
         if self.was_thrown_away:
             return f"{len(self.past[1]) if self.past else 0} B thrown away, never in {declared.name}"
@@ -110,7 +110,7 @@ class UdtTable(LineView):
 
     @property
     def was_thrown_away(self) -> bool:
-        """Return whether the bytes of the past are noise, or a part that never became a frame."""
+        """Return whether the bytes of the past are noise, or part of a frame that was never completed."""
         return self.past is not None and not self.past[0]
 
     def _bytes(self) -> bytes:
@@ -167,7 +167,7 @@ class UdtTable(LineView):
     # -- over time ----------------------------------------------------------------------------------
 
     def _choose_spark_messages(self, declared: DataDecl) -> None:
-        """Find the messages of the sparklines: up to the one whose bytes are shown."""
+        """Find the messages of the sparklines: the last is the message whose bytes are shown."""
         view, known = self._view_model, self._view_model.known_messages
         about = known, known.instance, declared
         if about != self._sparks_of or len(self._sparks) > MOST_KEPT_MEMBERS:
@@ -185,7 +185,7 @@ class UdtTable(LineView):
         self._sparks_stop = 0 if has_none else stop
 
     def _sparkline(self, number: int, leaf: Leaf) -> str:
-        """Return the member in the newest messages; drawn again when a new one has come."""
+        """Return the sparkline of a member over the newest messages; it is made again for a new message."""
         known, stop, declared = self._view_model.known_messages, self._sparks_stop, self._declared
         if declared is None or not stop or not is_number(declared.layout, leaf):
             return ""
@@ -213,7 +213,7 @@ class UdtTable(LineView):
     # -- both ways ----------------------------------------------------------------------------------
 
     def select_member_at(self, offset: int) -> range:
-        """Put the cursor on the member at a byte, or before its padding; return the member's bytes."""
+        """Put the cursor on the member at a byte or, in padding, on the one before; return its bytes."""
         declared = self._view_model.declaration
         if declared is None or offset < 0:
             return range(0)
@@ -235,7 +235,7 @@ class UdtTable(LineView):
             self._choose(0 if self.cursor is None else max(0, min(last, self.cursor + rows)))
 
     def on_click(self, event: events.Click) -> None:
-        """Choose the member under the mouse; on the title, the other bytes."""
+        """Choose the member under the mouse; on the title, decode the other bytes."""
         place = self.place_of(event)
         if event.y == 0:
             self.post_message(KeyClicked("members"))

@@ -41,7 +41,7 @@ class ScenarioListModel:
         return not self._unread
 
     def read_next_files(self) -> None:
-        """Read the next FILES_AT_ONCE files; a file that is no scenario leaves the list."""
+        """Read the next FILES_AT_ONCE files; a file that is no scenario is removed from the list."""
         for _ in range(min(FILES_AT_ONCE, len(self._unread))):
             self.file(self._unread.popleft())
         self._keep_a_choice()

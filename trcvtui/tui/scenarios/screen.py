@@ -52,7 +52,7 @@ KEY_ACTIONS: Final = {
 
 
 class ScenariosScreen(SideScreen[Path | None]):
-    """List, text, and the play of one scenario; it ends with the last chosen file."""
+    """List, text, and the play of one scenario; its answer is the last chosen file."""
 
     BINDINGS: ClassVar = hidden_keys({
         **{str(digit): f"pane({digit})" for digit in range(1, 8)},
@@ -117,7 +117,7 @@ class ScenariosScreen(SideScreen[Path | None]):
 
     @property
     def _player(self) -> PlayerSnapshot | None:
-        """Return the player of the loaded scenario; None until the first picture of it."""
+        """Return the player of the loaded scenario; None until the first picture with this player."""
         player = self._view_model.picture.player if self._view_model.picture else None
         return player if player is not None and player.path == str(self._loaded) else None
 
@@ -290,7 +290,7 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.action_pane(STEPS)
 
     def action_step(self) -> None:
-        """Run the next step of the chosen scenario; one that is not loaded is only loaded."""
+        """Run the next step of the chosen scenario; if it is not loaded yet, only load it."""
         if self._is_loaded():
             self._send("step")
         else:

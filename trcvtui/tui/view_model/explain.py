@@ -45,7 +45,7 @@ class StatusExplainer:
         return replace(card, causes=(verdict, *card.causes), do=(remedy, *card.do)) if verdict else card
 
     def _verdict(self, name: str) -> tuple[str, SuggestedAction]:
-        """Return the doctor's first finding and its remedy, "" if it has not run or has found nothing."""
+        """Return the doctor's first finding and remedy, "" if the doctor has not run or found nothing."""
         picture = self._view_model.picture
         if picture is None or not picture.doctor.findings:
             return "", SuggestedAction("")
@@ -80,7 +80,7 @@ class StatusExplainer:
         return DataBytes(view_model.declaration, view_model.data, view_model.job_bytes)
 
     def explain_edge(self, line: Line, edge: StatusEdge) -> Advice:
-        """Explain a past edge by the ledger; the newest is still shown: it is explained as the present."""
+        """Explain a past edge from the ledger; but explain the newest edge, still shown, as the present."""
         edges, instance = self._view_model.history.list_edges(edge.instance), self._view_model.instance
         if instance is not None and edges and edges[-1].seq == line.seq:
             return self.explain_now(instance)

@@ -34,7 +34,7 @@ class KnownMessages:
         return self.first + len(self.rows)
 
     def stop_at(self, scan: int) -> int:
-        """Return the number of the first row after a scan; without one, that of the next row to come."""
+        """Return the number of the first row after a scan; if there is none, of the next row to come."""
         return self.first + bisect_right(self.rows, scan, key=lambda row: row.scan)
 
     @property
@@ -51,14 +51,14 @@ class KnownMessages:
         return [text for text, is_so in remarks if is_so]
 
     def make_request(self, instance: str) -> tuple[str, int]:
-        """Return the request for the next rows: the instance, and the number of the first one."""
+        """Return the request for the next rows: the instance, and the number of the first row wanted."""
         if instance != self.instance:
             self.__init__()  # type: ignore[misc]
             self.instance = instance
         return instance, self.stop
 
     def accept_rows(self, news: MessagesDelta | None, until: int) -> None:
-        """Add the next rows; a frozen view gets only those up to its scan."""
+        """Add the next rows; a frozen view gets only rows up to its scan."""
         if news is None or news.instance != self.instance or news.first + len(news.rows) < self.stop:
             return  # of another instance, or late
         self.count, self.share, self.are_typed = news.count, news.share, news.are_typed

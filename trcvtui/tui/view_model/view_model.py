@@ -45,7 +45,7 @@ class PinPulse:
 
 
 class Afterglow:
-    """The newest pulse of each lamp of each instance. A glow ends in time of the run: not in a held PLC."""
+    """The newest pulse of each lamp of each instance. A glow ends by run time: never in a held PLC."""
 
     def __init__(self) -> None:
         self._pulses: dict[tuple[str, str], PinPulse] = {}
@@ -120,7 +120,7 @@ def new_index() -> StreamIndex:
 
 
 class Index(NamedTuple):
-    """The instances and the CONNECTs of a snapshot by name: every pane looks some up."""
+    """The instances and the CONNECTs of a snapshot by name: every pane looks up some of them."""
 
     snapshot: Snapshot | None
     instances: dict[str, InstanceSnapshot]
@@ -284,7 +284,7 @@ class ViewModel:
     def make_request(self) -> UpdateRequest:
         """Return the next request: new lines of the ledger, bytes of the selected instance and of others.
 
-        A few bytes of others come along, because after `F` you may select any instance.
+        A few bytes of other instances come along, because after `F` you may select any instance.
         """
         instance = self.instance
         shown = (instance, *self._others(instance)) if instance else ()

@@ -59,7 +59,7 @@ def sparkline(numbers: Numbers) -> str:
 
 
 class Curve(NamedTuple):
-    """Rows of cells from the top down, a cell as bits of its dots; ends of the axis; ends of the values."""
+    """Rows of cells from the top, each cell as the bits of its dots; ends of the axis and of the values."""
 
     cells: list[list[int]]
     axis: tuple[Number, Number]

@@ -1,4 +1,4 @@
-"""Dialogs above the panes: with a list, a result or a form, and a list to choose from."""
+"""Dialogs above the panes: a list to choose from, a result to read, a form to fill in."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ LABEL_WIDTH: Final = 9  # columns
 
 
 class CardText(TextView):
-    """Texts with a label before the first line of each."""
+    """Texts, each with a label before its first line."""
 
     @property
     def _width(self) -> int:
@@ -239,7 +239,7 @@ class ChoiceList(LineView, inherit_bindings=False):
 
 
 class ChoiceScreen(ListDialog[str | None]):
-    """Answers with the name of the choice, None if it is closed."""
+    """A list to choose from. Its answer is the name of the choice, None if you close the screen."""
 
     BINDINGS: ClassVar = [
         Binding("enter", "take", show=False),

@@ -20,7 +20,7 @@ PREFIX_STYLE, SUFFIX_STYLE, OLD_STYLE = "prefix", "suffix", "faint"
 
 
 class FrameRange(NamedTuple):
-    """Bytes `start` to `stop`: data begin at `data`, the suffix at `suffix`."""
+    """Bytes `start` to `stop` of a frame: its data begin at `data`, its suffix at `suffix`."""
 
     start: int
     data: int
@@ -150,7 +150,7 @@ class ByteLines(LineView):
         raise NotImplementedError
 
     def _byte_before(self, place: int) -> int | None:
-        """Return the earlier byte at this place, None if nothing is compared."""
+        """Return the earlier byte at this place, None if there is none to compare with."""
         raise NotImplementedError
 
     # -- what is marked -----------------------------------------------------------------------------
@@ -373,7 +373,7 @@ class HexView(ByteLines):
         self.post_message(ByteSelected(offset, self.of_job))
 
     def find(self, patterns: tuple[bytes, ...], is_forward: bool, again: bool) -> bool:
-        """Go to the next or previous match; forward and not `again`, a match at the cursor counts, too."""
+        """Go to the next or previous match; forward without `again`, a match at the cursor counts, too."""
         here = self.cursor if self.cursor is not None else -1 if is_forward else len(self.content)
         if is_forward:
             place = find_first(self.content, patterns, here + 1 if again else max(0, here))
@@ -390,7 +390,7 @@ class HexView(ByteLines):
             self.select(offset)
 
     def on_focus(self) -> None:
-        """Show the cursor, and make this view the one that the table decodes."""
+        """Show the cursor, and let the table decode the bytes of this view."""
         self.show()
         self.post_message(ByteSelected(self.cursor if self.cursor is not None else -1, self.of_job))
 

@@ -233,7 +233,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         return self
 
     async def on_event(self, event: events.Event) -> None:
-        """Drop the click that ends a selection: it would press what is under the mouse."""
+        """Drop the click that ends a selection: else it would press the row or button under the mouse."""
         if not (isinstance(event, events.Click) and self.screen.selections):
             await super().on_event(event)
 
@@ -330,7 +330,7 @@ class OneLine(LineView, can_focus=False):
 
 
 class TextView(LineView):
-    """Rows that `make_rows` makes all at once, and again for each width; `_rows` keeps them."""
+    """A view whose rows `make_rows` makes all at once, and again for each width; `_rows` keeps the rows."""
 
     def __init__(self, id: str) -> None:
         super().__init__(id=id)

@@ -83,7 +83,7 @@ class ButtonLine(LineView):
         return "hover" if index == self.hover else ""
 
     def pointed_at(self) -> int | None:
-        """Return the button under the mouse, else the one under the cursor of a focused line."""
+        """Return the button under the mouse, else the button under the cursor of a focused line."""
         return self.hover if self.hover is not None else self.cursor if self.has_focus else None
 
     def action_move(self, count: int) -> None:

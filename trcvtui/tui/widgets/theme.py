@@ -1,4 +1,4 @@
-"""The themes of the bench: a calm dark one (the default), a light one, one of the terminal's 16 colours."""
+"""The themes of the bench: a calm dark one (the default), a light one, one in the terminal's 16 colours."""
 
 from __future__ import annotations
 

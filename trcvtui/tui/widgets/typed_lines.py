@@ -53,7 +53,7 @@ class LetterReceiver(Protocol):
 
 
 async def dispatch_key(app: App[None], event: events.Key | events.Paste) -> bool:
-    """Type the key into the field that has the focus, or do what it is bound to; False: neither."""
+    """Type the key into the field with the focus, or run its action; return False if neither happened."""
     app.app_focus = True
     mounted: asyncio.Event = app.screen._mounted_event
     await mounted.wait()  # the key before may have opened the screen: now its fields exist
@@ -130,7 +130,7 @@ class LineInput(TypedField):
 
 
 class CommandLine(TypedLine):
-    """A line to type a command into: opened with its beginning."""
+    """A line to type a command into; it opens with the beginning of the command."""
 
     def __init__(self, take: Callable[[str], None]) -> None:
         field = LineInput(lambda: self._close(field.value.strip()), lambda: self._close(""), id="ask")
@@ -176,7 +176,7 @@ class FilterLine(TypedLine):
         self._taken, self._narrow, self.move = taken, narrow, move
 
     def open(self) -> None:
-        """Open with the last words of the filter, and apply them again."""
+        """Open the line with the last words of the filter, and apply these words again."""
         self.open_field()
         self._narrow(self._input.value)
 
@@ -209,7 +209,7 @@ class Jump(NamedTuple):
 
 
 def parse_jump(text: str) -> Jump:
-    """Return where `@offset` or `#job` leads; raise UserError without a number."""
+    """Return where `@offset` or `#job` leads; raise UserError if no number follows."""
     try:
         number = int(text[1:].strip().replace("16#", "0x"), 0)
         if 0 <= number < 1 << 62:
@@ -270,7 +270,7 @@ class FindLine(Horizontal):
 
     @property
     def target(self) -> SearchPatterns | Jump | None:
-        """Return what to search for, also after escape."""
+        """Return the target of the search, also after escape; None if the text has a mistake."""
         target = self._read(self._field.value.strip())
         return target if not isinstance(target, str) else None
 

@@ -1,6 +1,6 @@
-"""Causes of a mismatch beside the layout: extra bytes, exchanged bytes, blanks; each with its points.
+"""Causes of a mismatch other than the layout: extra bytes, exchanged bytes, blanks after a text.
 
-A cause is tried only if the lengths of the messages allow it; its points say how rare it is.
+A cause is tried only if the lengths of the messages allow it. It costs more points if it is rare.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ BytesChange = Callable[[bytes], bytes]
 class FitCause(NamedTuple):
     """One cause: its kind, its number of bytes, how to undo it, and the points that it costs.
 
-    `front` is the number of extra bytes before the members (below 0: missing bytes), `back` of those after
-    them. `of_member` undoes the cause in a number (by its size), `of_text` in a text, `of_all` in a whole
-    message. `member` is the place where the sender's type differs from ours, `theirs` is its type there.
+    `front` and `back` are the numbers of extra bytes before and after the members (below 0: missing ones).
+    `of_member` undoes the cause in a number (by its size), `of_text` in a text, `of_all` in a message.
+    `member` is the place where the sender's type differs from ours, `theirs` is the sender's type there.
     """
 
     kind: str | None = None
@@ -124,7 +124,7 @@ CAUSES: Final = (NONE, *SWAP_CAUSES, BLANKS_CAUSE, *EXTRA_CAUSES)
 def cut_messages(
     cause: FitCause, size: int, messages: Sequence[bytes], framed: bool, most: int
 ) -> CutMessages:
-    """Return the last `most` values of a type of `size` bytes in the messages; the rest is left out."""
+    """Return the last `most` values, each of `size` bytes, in the messages, and the bytes beside each."""
     period = size + cause.front + cause.back
     if period <= 0 or not size:
         return CutMessages((), (), 0, 0)
@@ -152,7 +152,7 @@ def cut_messages(
 
 
 class CutMessages(NamedTuple):
-    """Values (`units`), bytes before and after each, number of messages that fit, most values in one."""
+    """Values, the bytes before and after each, the number of fitting messages, most values in a message."""
 
     units: tuple[bytes, ...]
     extras: tuple[tuple[bytes, bytes], ...]

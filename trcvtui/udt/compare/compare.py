@@ -23,7 +23,7 @@ LeafPair = tuple[int | None, int | None]  # the number of a leaf on each side; N
 
 
 def pair_leaves(ours: Node, theirs: Node, a: int = 0, b: int = 0) -> Iterator[LeafPair]:
-    """Yield pairs of leaves, those that only theirs has after their siblings; numbers start at `a`, `b`."""
+    """Yield pairs of leaf numbers, from `a`, `b` on; leaves that only theirs has follow their siblings."""
     if isinstance(ours, PlacedLeaf) and isinstance(theirs, PlacedLeaf):
         yield a, b
         return
@@ -132,7 +132,7 @@ class ComparedRow(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """Both sizes, how many rows differ, and the lowest offset of these on either side (None: none)."""
+    """Both sizes, how many rows differ, the lowest offset of such a row on either side (None: no row)."""
 
     our_size: int
     their_size: int
@@ -150,7 +150,7 @@ class Summary(NamedTuple):
 
 
 class Comparison:
-    """Two layouts; the rows are in our order, members that only theirs has at the end of their STRUCT."""
+    """Two layouts; rows are in our order; members that only theirs has are at the end of their STRUCT."""
 
     def __init__(self, ours: Layout, theirs: Layout) -> None:
         self.ours, self.theirs = ours, theirs
@@ -204,7 +204,7 @@ MISSING_TEXT: Final = "-"
 
 
 def is_equal(comparison: Comparison, rows: Iterable[ComparedRow]) -> bool:
-    """Return whether both have every member in the same place and form, and with the same value."""
+    """Return whether size and byte order are equal, and each member has the same place, form, value."""
     ours, theirs = comparison.ours, comparison.theirs
     same = ours.size == theirs.size and ours.rules.byte_order == theirs.rules.byte_order
     return same and not any(row.differs for row in rows)

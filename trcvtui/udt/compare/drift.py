@@ -72,7 +72,7 @@ def is_unknown_member(leaf: Leaf) -> bool:
 def find_drifted_layouts(
     layouts: Sequence[tuple[Sequence[Profile], Layout]], messages: Sequence[bytes], own: LayoutRules
 ) -> Iterator[tuple[tuple[Profile, ...], Layout, FitCause]]:
-    """Yield the likeliest drifts whose size is that of the newest message, each once."""
+    """Yield the likeliest drifts that are as long as the newest message, each once."""
     size = len(messages[-1])
     pairs = [(profile, layout) for profiles, layout in layouts for profile in profiles]
     known: dict[LayoutRules, list[_Drift]] = {}  # both byte orders share them
@@ -104,7 +104,7 @@ def find_drifted_layouts(
 
 
 class _PlaceScores:
-    """Quickly found points for members at given places in the messages; each place is judged once."""
+    """Estimates the points of members at given places in the newest messages; judges each place once."""
 
     def __init__(self, messages: Sequence[bytes]) -> None:
         self.messages = messages[-MOST_FIRST_MESSAGES:]
@@ -156,7 +156,7 @@ def _own_places(layout: Layout, shift: int = 0) -> tuple[object, ...]:
 
 
 class _StructVariants:
-    """A STRUCT with parts replaced: where later ones lie depends only on the end modulo LARGEST_ALIGN."""
+    """A STRUCT with parts replaced; without bits, later places depend on the end modulo LARGEST_ALIGN."""
 
     def __init__(self, placing: Placing, type_: Struct, parts: Sequence[_StructPart]) -> None:
         self.placing, self.type, self.parts = placing, type_, parts
@@ -220,7 +220,7 @@ def _has_bit(parts: Sequence[_StructPart]) -> bool:
 
 
 class _DriftSearch:
-    """The drifts of a type in one layout; types are placed, not made: few have the size of the messages."""
+    """The drifts of a type in one layout; all are placed, but few types are made: few sizes fit."""
 
     def __init__(self, rules: LayoutRules) -> None:
         self.placing = Placing(rules)

@@ -33,7 +33,7 @@ BOTH_SIDES_POINTS: Final = -5.0  # points of a cause with bytes before and after
 
 
 class ExtraEvidence(NamedTuple):
-    """Points and text of the bytes beside one message, whether they are known, and a name for each side."""
+    """Points and text of the bytes beside a value, whether they are known, a name for each side."""
 
     points: float
     text: str
@@ -110,7 +110,7 @@ def _judge_trailer(before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | 
 
 
 def _find_checksum(before: bytes, unit: bytes, after: bytes) -> tuple[str, float]:
-    """Return name and share of a checksum after a message, alone or beside an end mark; "" if unknown."""
+    """Return name and share of a checksum after a message, alone or with an end mark; "" for none."""
     if name := _checksum((before + unit, unit), after):
         return name, CHECKSUM_SHARE
     for mark, (ending, share) in END_MARKS.items():

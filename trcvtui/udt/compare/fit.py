@@ -1,7 +1,7 @@
 """Ranks the readings of bytes: every profile, with or without another cause, by the evidence of the bytes.
 
 Rule: a tie is reported as a tie, with the difference of the tied readings. A reading "fits best" only if the
-members themselves are evidence for it, and clearly more than for any other one.
+members themselves are evidence for it, and clearly more than for any other reading.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ MISPLACED_POINTS: Final = -30.0
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """One way to read the bytes: all profiles with this reading, the cause beside them, the points and why.
+    """One way to read the bytes: the profiles that read them so, the other cause, the points and reasons.
 
     `members` are the members' own points, part of `score`. `reasons` begin with the weightiest. Only the
     first reading can be `fits_best`. If it is not, `doubt` says why; it is still `is_ahead` if one odd
     value is the only objection. `same` are the readings with the same value at the same place for every
-    member. They share a `rank` (1, 1, 3), as no byte prefers one; only the rarity of their causes differs.
+    member. All share a `rank` (1, 1, 3): no byte decides between them, only the rarity of their causes.
     """
 
     profiles: tuple[Profile, ...]
@@ -155,7 +155,7 @@ def tied_readings(fits: Sequence[Fit]) -> tuple[Fit, ...]:
 
 
 def drop_near_drifts(fits: Sequence[Fit]) -> list[Fit]:
-    """Return the readings, drifts only if clearly ahead: of many drifts, some lead by chance."""
+    """Return the readings without drifts that are not clearly ahead: of many, some lead by chance."""
     ahead = max((fit.score for fit in fits if fit.cause.kind not in DRIFTS), default=0.0) + CLEAR_OF_DRIFT
     return [fit for fit in fits if fit.cause.kind not in DRIFTS or fit.score > ahead]
 

@@ -62,7 +62,7 @@ def fit_text(fits: Sequence[Fit], title: str) -> str:
 
 
 def reading_title(found: Fit) -> str:
-    """Return the first profile with the cause, and the number of profiles that mean the same."""
+    """Return the first profile with the cause, and how many other profiles mean the same."""
     more = len(found.profiles) - 1
     return found.name + (f" (and {more} the same)" if more else "")
 

@@ -82,7 +82,7 @@ def log_chance(raw: bytes) -> float:
 
 
 def repeated_zero_points(type_: LeafType, parts: Collection[bytes]) -> float:
-    """Return the correction for bytes of a number that are 0 in every message: one fact, like padding."""
+    """Return the correction for number bytes that are 0 in every message: repeats are weak evidence."""
     if isinstance(type_, StringType):
         return 0.0
     share: float = len(parts) ** REPEAT_EXPONENT
@@ -107,7 +107,7 @@ def leaf_evidence(leaf: Leaf, raw: bytes, rules: LayoutRules) -> LeafEvidence | 
 
 
 def value_bytes(leaf: Leaf, raw: bytes, rules: LayoutRules) -> bytes:
-    """Return the bytes of a leaf that make its value: those of a text up to its end."""
+    """Return the bytes of a leaf that make its value; in a text, the bytes up to its end."""
     if not isinstance(leaf.type, StringType):
         return raw
     unit = 2 if leaf.type.wide else 1
@@ -131,7 +131,7 @@ def gap_points(raw: bytes) -> float:
 
 
 def judge_step(leaf: Leaf, before: bytes, after: bytes, rules: LayoutRules) -> tuple[float, str]:
-    """Return points (0: no evidence) and words for the change of a REAL, or a number round in no order."""
+    """Return points (0: no evidence) and words for a change of a REAL, or of a number that is not round."""
     if isinstance(leaf.type, StringType | Pointer | Enumeration) or leaf.bit is not None:
         return 0.0, ""
     row = rules.storage(leaf.type)
@@ -171,7 +171,7 @@ def _evidence(found: _Likelihood, raw: bytes) -> LeafEvidence:
 
 
 def _judge_number(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder, judge: _Judge) -> LeafEvidence:
-    """Return the evidence of a number; for the byte order only if it is not round in any order."""
+    """Return the evidence of a number; `order` has points only if the number is round in no byte order."""
     likely, why = judge(leaf, row, raw, order)
     points = _to_points(likely, raw)
     ways = {raw, raw[::-1], exchange_pairs(raw), exchange_words(raw)}

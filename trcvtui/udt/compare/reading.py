@@ -307,13 +307,13 @@ class Reading:
 
     @cached_property
     def fair_score(self) -> float:
-        """Return the score with `fair` points, to compare byte orders: all numbers may be round."""
+        """Return the score with `fair` points, to compare byte orders; a plain number limits the gain."""
         more = sum(one.fair - one.points for one in self.member_points)
         return self.score + (min(more, MOST_ROUND_POINTS) if self.has_plain else more)
 
     @property
     def order_points(self) -> float:
-        """Return the points of the numbers for the byte order; those against it weigh more."""
+        """Return the points of the numbers for the byte order; points against it weigh more."""
         each = [one.order for one in self.member_points]
         for_it = sum(points for points in each if points > 0)
         return min(for_it + CONTRARY_WEIGHT * sum(points for points in each if points < 0), MOST_ORDER_POINTS)
@@ -372,7 +372,7 @@ class Reading:
 
     @property
     def widest_number(self) -> int:
-        """Return the size of the largest number; up to 2, exchanged bytes are only the other byte order."""
+        """Return the size of the largest number; up to 2, exchanged bytes are just another byte order."""
         return max((member.leaf.size for member, _ in self.read if is_number(member)), default=0)
 
     @cached_property

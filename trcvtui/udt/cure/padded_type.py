@@ -1,8 +1,8 @@
-"""The padded type: a declaration with the same offsets under one layout as a type has under another.
+"""The padded type: under one layout, this declaration has the offsets that a type has under another.
 
 Gaps become members, and a value that is stored differently becomes a bit string of its size. A member that
-cannot be reached becomes raw bytes, with a reason. Rule: the result is laid out and every member compared:
-`is_possible` is proved. The type may be longer than what is sent: LEN is then the wanted size.
+cannot have its place becomes raw bytes, with a reason. Rule: the result is laid out and every member is
+compared: `is_possible` is proved. If the type is longer than what is sent, LEN is the wanted size.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ BIT_STRINGS = {1: "BYTE", 2: "WORD", 4: "DWORD", 8: "LWORD"}
 
 
 class MemberNote(NamedTuple):
-    """A note on a member, or on the type if `path` is ""; of an ARRAY, `path` names the first element."""
+    """A note on a member, or on the type if `path` is ""; in an ARRAY, `path` names the first element."""
 
     path: str
     text: str
 
 
 def substitute_leaf(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
-    """Return a type with the same bytes under our rules as a leaf has under theirs; None without one."""
+    """Return the type that under our rules has a leaf's bytes under theirs, and a note; else None, why."""
     if node.is_bit:
         if "BOOL" in ours.bits or ours.takes_pack:  # only CODESYS has BIT
             return ELEMENTARY["BOOL" if "BOOL" in ours.bits else "BIT"], ""
@@ -93,7 +93,7 @@ RawMember = tuple[int, str]  # `id` of the wanted node of its STRUCT, its name
 def prove_places(
     wanted: Node, found: Node, raw: Collection[RawMember], path: str = "", proved: set[object] | None = None
 ) -> None:
-    """Raise Unreachable unless every member has its wanted place; those in `raw` are bytes or padding."""
+    """Raise Unreachable unless each member has its wanted place; those in `raw` may be bytes or padding."""
     proved = set() if proved is None else proved
     if found.size < wanted.size:
         raise Unreachable(path, f"{found.size} bytes in place of {wanted.size}")
@@ -148,11 +148,11 @@ class PaddedType(NamedTuple):
 
 
 def padded_type(wanted: Layout, rules: LayoutRules, is_scl: bool = False) -> PaddedType:
-    """Return the type that has the offsets of `wanted` under `rules`, and their byte order.
+    """Return the type that has the offsets of `wanted` under `rules`, in the byte order of `rules`.
 
     For the receiver `wanted` is the sender's layout and `rules` are the receiver's own; for the sender the
-    reverse. A STRUCT that cannot be reached is replaced by its members. SCL has no pack_mode, and a UNION
-    becomes its bytes.
+    reverse. A STRUCT that cannot have its place is replaced by its members. SCL has no pack_mode; in SCL a
+    UNION becomes its bytes.
     """
     rules = replace(rules, takes_pack=False) if is_scl else rules
     found, apart = _find_nearest(wanted, rules, is_scl), []

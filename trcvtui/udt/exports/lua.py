@@ -1,6 +1,6 @@
 """A Wireshark dissector in Lua: a ProtoField for each member; it joins TCP segments to whole values.
 
-Rule: each STRUCT is written once, even if many members have its type, and an array has its element once.
+Rule: each STRUCT is written once, even if many members have its type; so is the element of an array.
 """
 
 from __future__ import annotations

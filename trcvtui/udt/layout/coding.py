@@ -36,7 +36,7 @@ class ValueRefused(Exception):
 
 
 class Coding(NamedTuple):
-    """How one leaf is stored: `struct` code without byte order, both conversions (None: unchanged).
+    """How one leaf is stored: `struct` code without byte order, `to_value` (None: unchanged), `to_raw`.
 
     `odd` describes what is odd in the bytes of the leaf, such as `16#05` for a BOOL; "" for nothing.
     """
@@ -251,7 +251,7 @@ def _format_bcd(ns: int) -> bytes | None:
 
 
 def dtl_coding(rules: LayoutRules) -> Coding:
-    """Return DTL of 12 bytes: UINT year, month, day, weekday, hour, minute, second, UDINT nanoseconds."""
+    """Return DTL of 12 bytes: year (UINT), month, day, weekday, hour, minute, second, ns (UDINT)."""
     fields = struct.Struct(BYTE_ORDERS[rules.byte_order] + "H6BI")
 
     def read(raw: bytes) -> tuple[int | None, int]:

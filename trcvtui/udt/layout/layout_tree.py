@@ -32,7 +32,7 @@ class Leaf(NamedTuple):
 
 
 class PlacedLeaf:
-    """A value of elementary type, a text, an enumeration, or one bit (its parent node has its place)."""
+    """A value of elementary type, a text, an enumeration, or one bit. Its parent node has its place."""
 
     __slots__ = ("align", "coding", "is_bit", "size", "type")
     leaves = 1
@@ -43,7 +43,7 @@ class PlacedLeaf:
 
 
 class PlacedMember(NamedTuple):
-    """A member with its place; one without a name is the base (EXTENDS). `bit` is the place of a bit."""
+    """A member with its place; without a name it is the base (EXTENDS). `bit` is the bit in the byte."""
 
     name: str
     offset: int
@@ -52,7 +52,7 @@ class PlacedMember(NamedTuple):
 
 
 class FlatMember(NamedTuple):
-    """A member of a structure or its base; `bit` is None unless it is a bit, `first` is its first leaf."""
+    """A member of a structure or its base; `bit` is None if it is no bit; its leaves begin at `first`."""
 
     name: str
     offset: int
@@ -117,7 +117,7 @@ class PlacedArray:
         self.overlaps: bool = element.overlaps
 
     def place(self, number: int) -> tuple[int, int]:
-        """Return the offset of the element of that number, and its bit."""
+        """Return the offset of element `number`, and its bit in that byte (0 if it is no bit)."""
         if not self.is_bits:
             return number * self.pitch, 0
         row, column = divmod(number, self.columns)

@@ -305,7 +305,7 @@ class Builder:
         self._add(name, type_, max(self.end, round_up(node.size, self.placing.end_floor(type_))))
 
     def pad_union(self, size: int, path: str) -> None:
-        """Give a UNION its size by a member that is padding; raise Unreachable."""
+        """Give a UNION its size with a padding member; raise Unreachable if it cannot have that size."""
         if self.end > size or size % self.align:
             why = f"a UNION of {size} bytes: under {self.rules.name} it is a multiple of {self.align}"
             raise Unreachable(path, why)

@@ -28,7 +28,7 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, slots=True)
 class TextForm:
-    """How a STRING is stored: `extra` units (bytes, in WSTRING words) beside its characters.
+    """How a STRING is stored: `extra` units (bytes; words in a WSTRING) beside its characters.
 
     With `header` they are [longest][actual] before the characters, else NULs after them. `default` is the
     length of a STRING without one, `longest` and `longest_wide` are the limits of STRING and WSTRING.
@@ -68,9 +68,9 @@ TEXT_FORMS = {
 class LayoutRules:
     """How members of a STRUCT are placed; alignments in bytes, each a power of two.
 
-    `cap` is the largest alignment, `member_floor` the smallest of a member, `struct_floor` the smallest
-    of a STRUCT as a whole, `array_floor` that of an ARRAY (and of its end), `text_floor` that of a STRING;
-    with `string_even` a STRING of odd size takes one byte more. `takes_pack`: the pack_mode of a type
+    `cap` is the largest alignment. The smallest alignment is `member_floor` of a member, `struct_floor` of
+    a STRUCT as a whole, `array_floor` of an ARRAY (also of its end), and `text_floor` of a STRING.
+    With `string_even` a STRING of odd size takes one byte more. `takes_pack`: the pack_mode of a type
     replaces `cap`. `bits` names the types that are one bit. `rows` replaces elementary types that this layout
     stores differently; `unverified` names the types whose bytes no page of the vendor describes. `text_forms`
     are the STRING forms that a sender with this layout may use: a C program may have the same layout.
@@ -197,7 +197,7 @@ def rules_for(
 
 
 class LayoutChoice(NamedTuple):
-    """The layout options; an option that is None is left to the caller, or to the layout itself."""
+    """The layout options; the caller, or the layout itself, decides an option that is None."""
 
     layout: str | None = None
     byte_order: str | None = None
@@ -206,7 +206,7 @@ class LayoutChoice(NamedTuple):
     string_even: bool | None = None
 
     def rules(self, own: str | LayoutRules = DEFAULT_LAYOUT) -> LayoutRules:
-        """Return the chosen rules, based on `own` without a layout; raise UserError for an unknown name."""
+        """Return the chosen rules, by default based on `own`; raise UserError for an unknown name."""
         chosen = own if self.layout is None else self.layout
         return rules_for(
             chosen, self.byte_order, self.text, pointer_size=self.pointer_size, string_even=self.string_even

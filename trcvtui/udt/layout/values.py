@@ -1,8 +1,8 @@
 """Decodes the bytes of a layout to values and encodes them; in a UNION every member keeps its value.
 
-Rules: decoding never fails: an incomplete leaf is None, surplus bytes are ignored. Of overlapping leaves
-those in which every bit counts are written first; then BOOL, texts and others whose value has several forms,
-each with as few changes as its value needs.
+Rules: decoding never fails: an incomplete leaf is None, surplus bytes are ignored. If leaves overlap, those
+in which every bit counts are written first; then BOOL, texts and others that can store a value in several
+forms. Each of these changes as few bytes as its value needs.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def _equivalent(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
 
 
 def _needed_mask(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
-    """Return a mask of the bytes that a text needs: not its longest length, nor what follows its end."""
+    """Return a mask of the bytes that a text needs: not its longest length, nor bytes after its end."""
     assert isinstance(leaf.type, StringType)
     unit = 2 if leaf.type.wide else 1
     size = len(leaf.coding.to_raw(decode_leaf(layout, leaf, part)))

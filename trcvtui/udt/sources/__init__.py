@@ -37,7 +37,7 @@ _NESTED_COMMENTS_MARK: Final = r"\(\* @NESTEDCOMMENTS := '(Yes|No)' \*\)"
 class TypeFormat(NamedTuple):
     """One format of type files: its name, the extensions of its files, its reader.
 
-    `read` gets the text and name of a file; if the format has a `root`, only the XML element of that name.
+    `read` gets the text and name of a file, but only the XML element `root` if the format has a `root`.
     `needs`: what has to be installed. `sender`: the layout of most devices that use such files.
     """
 
@@ -172,7 +172,7 @@ def read_files(
 
 
 def qualify_variables(read: Declarations, path: SourcePath, paths: Iterable[SourcePath]) -> Declarations:
-    """Return what a file declares; variables get its folder in front if another file has its name."""
+    """Return what a file declares; variables are `folder/name` if another file has the same name."""
     folder, name = os.path.split(str(path))
     if not folder or not any(VARIABLES_NOTE in each.notes for each in read.types):
         return read
@@ -200,7 +200,7 @@ def parse_type(text: str, types: TypeSet = NO_TYPES, where: str = "type") -> Typ
 
 
 def decode_text(data: bytes) -> str:
-    """Return the text of a file by byte order mark, XML declaration, UTF-8 or Windows-1252; never fails."""
+    """Decode a file: by byte order mark, XML declaration, as UTF-8, else as Windows-1252; never fails."""
     for mark, codec in BYTE_ORDER_MARKS:
         if data.startswith(mark):
             return data[len(mark) :].decode(codec, "replace")

@@ -1,6 +1,6 @@
 """Prepares a C header for a C parser: comments, directives, macros and attributes, line by line.
 
-Only what a declaration needs: conditions, `#define` of numbers, words and calls, `#pragma pack`, `packed`.
+It handles what declarations need: conditions, `#define` of numbers, words, calls, `#pragma pack`, `packed`.
 Rule: lines keep their numbers; what changes a layout is understood or refused, never ignored.
 """
 

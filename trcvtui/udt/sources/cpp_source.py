@@ -72,8 +72,8 @@ CPP_MARKS: Final = re.compile(
 class CppSource:
     """A header whose `text` the C parser can read; whether it `is_cpp`, and `has_classes` of C++.
 
-    `bases` are the types of enumerations by the place of their brace, and whether they are scoped; `parents`
-    the base classes by the brace of a class; `arrays` the places of declarators made of a `std::array`.
+    `bases` has the type of each enumeration, and whether it is scoped, by the place of its brace. `parents`
+    has the base class by the brace of a class, `arrays` the places of declarators made from a `std::array`.
     `has_types`: a member with `_Atomic` is a type, since the header itself has no `_Atomic`.
     """
 
@@ -117,7 +117,7 @@ class CppSource:
         self.text = "".join([*parts, self.text[at:]])
 
     def _convert_array(self, found: re.Match[str]) -> str:
-        """Return the C array, padded to the same number of characters."""
+        """Return a `std::array` as a C array, padded to the same number of characters."""
         alias, element, length, name, more = found.groups(default="")
         declared = f"{alias or name}{more}[{length.strip()}]"
         self.arrays.add(found.end() - len(declared))
@@ -128,7 +128,7 @@ class CppSource:
             self._edits[begin] = re.sub(r"[^\n]", " ", self.text[begin:end])
 
     def _replace_range(self, begin: int, end: int, new: str) -> None:
-        """Put C in place of C++ if that fits into its line; else leave the C++, which is refused."""
+        """Put C in place of C++ if it fits into the line; else keep the C++, which the C parser refuses."""
         first = len(self.text[:begin].rstrip(" \t"))
         if "\n" not in self.text[begin:end] and len(new) <= end - first:
             begin = min(begin, end - len(new))
@@ -148,7 +148,7 @@ class CppSource:
             at = match_end(r"\s*", flat, at)
 
     def _is_function(self, found: re.Match[str], start: int, class_: str) -> bool:
-        """Return whether it is surely a function: neither a member with a size nor a macro."""
+        """Return whether the match is surely a function, not a member with a size or a macro."""
         name, head = found["name"], found["head"]
         words = re.findall(r"\w+", re.sub(r"<[^;]*>|\w+\s*::", " ", head))
         types = [word for word in words if word not in _SPECIFIERS]

@@ -100,7 +100,7 @@ def _keep_copy(name: str, own: Element, depth: int, copies: Copies) -> None:
 
 
 def _instance_member(member: ast.MemberSpec) -> ast.MemberSpec:
-    """Return the in-out parameter as an instance stores it: by value if elementary, else by pointer."""
+    """Return an in-out parameter as instances have it: elementary (no DT, DTL) by value, else a pointer."""
     row = ELEMENTARY.get(member.spec.name.upper()) if isinstance(member.spec, ast.Reference) else None
     is_value = row is not None and row.name not in ("DT", "DTL")
     return member if is_value else member._replace(spec=Unplaced(member.name, BY_POINTER_NOTE))

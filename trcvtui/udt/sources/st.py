@@ -53,7 +53,7 @@ def read_spec(text: str, where: str, first_line: int = 1, dialect: SourceDialect
 
 
 class Parser(SpecParser):
-    """The parser of all around the types: blocks, headers, constants."""
+    """The parser of everything around the types: blocks, headers, constants."""
 
     def __init__(self, source: Source, dialect: SourceDialect = IEC) -> None:
         super().__init__(source, dialect)
@@ -107,7 +107,7 @@ class Parser(SpecParser):
                 self.types.append(declaration)
 
     def parse_bare(self) -> None:
-        """Read a bare STRUCT ... END_STRUCT, as copied from an editor, or VAR if nothing else follows."""
+        """Read a bare STRUCT ... END_STRUCT, as copied from an editor, or VAR with nothing after it."""
         is_variables = self.sees("VAR")
         declaration = self.declaration(os.path.splitext(os.path.basename(self.source.name))[0])
         if is_variables and not (self.at_end() and self.at):
@@ -118,7 +118,7 @@ class Parser(SpecParser):
             self.accept("END_TYPE")
 
     def data_block(self) -> None:
-        """Read a data block as a type of its name; an instance of an FB declares nothing and is skipped."""
+        """Read a data block as a type with its name; skip an instance of an FB: it declares nothing."""
         end = self.end_of_block()
         assert end is not None
         self.advance()
@@ -164,7 +164,7 @@ class Parser(SpecParser):
         return ast.Declaration(name, spec, self.where(first), tuple(own), tuple(dict.fromkeys(self.notes)))
 
     def parse_after_name(self, is_block: bool) -> ast.Spec:
-        """Return the type after its name and EXTENDS, a colon or a header."""
+        """Return the type that follows its name, EXTENDS, and a colon or a header."""
         base = self.extends()
         self.skip_header(is_block)
         if base is None and (base := self.extends()):

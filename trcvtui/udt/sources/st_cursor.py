@@ -155,14 +155,14 @@ class Source:
         return first + 2 if first >= 0 else 0
 
     def find_values_end(self, place: int) -> int:
-        """Return the end of the data block whose start values begin here; without one the place itself."""
+        """Return the end of the data block whose start values begin at `place`; else `place`."""
         if self.text[place : place + 40].lstrip()[:1] in (":", ","):  # a member of that name
             return place
         found = _START_VALUES.finditer(self.text, place)
         return next((one.start() for one in found if one["END"]), place)
 
     def find_unclosed_end(self, text: str, place: int) -> int:
-        """Return where reading resumes: after the line for an open quote, else at the end of the text."""
+        """Return where reading resumes: at the end of the line for an open quote, else of the text."""
         line_end = _LINE_END.search(self.text, place) if text in "'\"" else None
         return line_end.start() if line_end else len(self.text)
 
@@ -319,7 +319,7 @@ class Cursor:
             self.advance()
 
     def skip_statement(self) -> None:
-        """Skip to after the semicolon or END_ that ends this statement, or to what surely follows it."""
+        """Skip this statement, with its semicolon or END_, or up to what surely follows it."""
         depth = 0
         while not self.block_ends():
             if depth == 0 and self.sees(*CLOSERS):

@@ -1,7 +1,7 @@
 """Finds missing types and constants in the files beside a type, or in a folder.
 
-Rule: every file that declares a missing name is added whole, so two that differ are refused as a second
-declaration; none is chosen silently. A broken file never hides a good one.
+Rule: every file that declares a missing name is added whole. If two of them differ, the name is refused as
+declared twice: none is chosen silently. A broken file never hides a good one.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class TypeFolder:
         return texts
 
     def declarations(self, file: str) -> Declarations:
-        """Return what a file declares, nothing if unreadable; of a generated header what no .typ has."""
+        """Return a file's declarations, none if unreadable; a generated header: only types no .typ has."""
         if file not in self.read:
             self.read[file] = Declarations(())
             with collect_problems(self.problems):

@@ -36,7 +36,7 @@ from trcvtui.plc.ledger import BenchNote, PeerSent, StatusEdge
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project, SimDecl
 from trcvtui.project.tables import LEAST_INTERVAL_NS
-from trcvtui.snapshots.bench import CheckSnapshot, PeerSnapshot
+from trcvtui.snapshots.bench import PeerSnapshot, TrafficSnapshot
 
 if TYPE_CHECKING:
     from trcvtui.net.os.kernel import OsKernel
@@ -125,9 +125,9 @@ class TrafficCheck:
     def end(self) -> None:
         self._peer.queues.inbox.checker = None
 
-    def snapshot(self) -> CheckSnapshot:
+    def snapshot(self) -> TrafficSnapshot:
         data = self._data.tally() if self._data is not None else None
-        return CheckSnapshot(self._sent, data, self._echo.tally())
+        return TrafficSnapshot(self._sent, data, self._echo.tally())
 
 
 T = TypeVar("T")

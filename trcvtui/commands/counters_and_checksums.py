@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
-from trcvtui.snapshots.bench import CheckTally
+from trcvtui.snapshots.bench import TrafficTally
 from trcvtui.udt.compare.checksums import CHECKSUMS
 
 # A frame: C5 5C, the number (4 bytes), filling, CRC32 of all before; numbers big-endian.
@@ -74,8 +74,8 @@ class FrameChecker:
         self._lost += number - self._next
         self._next = number + 1
 
-    def tally(self) -> CheckTally:
-        return CheckTally(self._frames, self._lost, self._doubled, self._shifts, self._strange)
+    def tally(self) -> TrafficTally:
+        return TrafficTally(self._frames, self._lost, self._doubled, self._shifts, self._strange)
 
 
 BINARY_NUMBER, DECIMAL_DIGITS = "n", "digits"

@@ -120,7 +120,7 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
         link.name_fault,
         job.explain_refused_selector,
         link.explain_failure,
-        link.suggest_peer_call,
+        link.suggest_peer_action,
         link.explain_lost_connection,
     ),
     *make_rules(
@@ -137,7 +137,7 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
         link.name_fault,
         link.explain_connection_limit,
         link.explain_failure,
-        link.suggest_peer_call,
+        link.suggest_peer_action,
         link.explain_lost_connection,
     ),
     *make_rules(
@@ -212,7 +212,7 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
         link.explain_refused_caller,
         link.explain_failure,
         link.explain_wrong_partner,
-        link.suggest_peer_call,
+        link.suggest_peer_action,
         link.explain_unanswered_call,
         link.explain_lost_connection,
     ),
@@ -222,7 +222,7 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
         link.explain_early_request,
         link.explain_wrong_partner,
         link.explain_failure,
-        link.suggest_peer_call,
+        link.suggest_peer_action,
     ),
     *make_rules(Condition.LINK_DEAD, link.name_fault, link.explain_dead_link),
     *make_rules((Condition.SENDING, Condition.SEND_BUFFER_FULL), job.explain_stall, job.explain_not_reading),
@@ -242,7 +242,7 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
         link.name_fault,
         handshake.explain_handshake_failure,
         link.explain_partner_end,
-        link.explain_close_after_message,
+        link.explain_long_frame,
     ),
     # messages over a connection
     *make_rules(
@@ -295,7 +295,10 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
         of=(Traffic.DATAGRAMS_OF_A_CONNECT, Traffic.DATAGRAM_JOBS),
     ),
     *make_rules(
-        Condition.SEND_BUFFER_FULL, link.name_fault, receive.explain_sent, of=Traffic.DATAGRAMS_OF_A_CONNECT
+        Condition.SEND_BUFFER_FULL,
+        link.name_fault,
+        receive.explain_sent,
+        of=Traffic.DATAGRAMS_OF_A_CONNECT,
     ),
     # TUSEND and TURCV
     *make_rules(

@@ -213,7 +213,7 @@ def explain_refused_caller(e: Evidence) -> str:
     return f"{text}; {e.config.name} is {ours} (LocalTSelector), its partner {remote_tsap(e.config) or 'any'}"
 
 
-def suggest_peer_call(e: Evidence) -> RuleAnswer:
+def suggest_peer_action(e: Evidence) -> RuleAnswer:
     """A peer of this bench could be the partner, but does nothing."""
     if e.config is None or e.config.is_datagram or e.is_past or e.link is None:
         return ""
@@ -314,7 +314,7 @@ def explain_partner_end(e: Evidence) -> str:
     return text + often
 
 
-def explain_close_after_message(e: Evidence) -> str:
+def explain_long_frame(e: Evidence) -> str:
     """The partner had sent whole messages, but the frame wants more bytes."""
     size, have, need = e.facts.messages.common, e.cause.have, e.cause.need
     if not size or not have or not need or have % size or size >= need:

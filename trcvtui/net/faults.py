@@ -147,7 +147,7 @@ class FaultyKernel(KernelProxy):
     def __init__(self, inner: Kernel, plan: FaultPlan) -> None:
         super().__init__(inner)
         self.plan = plan
-        self._ready: Callable[[], Collection[Handle]] = getattr(inner, "ready", self._list_readable)
+        self._ready: Callable[[], Collection[Handle]] = getattr(inner, "ready", self._list_polled)
         self._owners: dict[Handle, str] = {}
         self._held: dict[Handle, NewClient] = {}  # clients whose accept was made to fail
         for name, call in FAULTED_CALLS.items():
@@ -163,7 +163,7 @@ class FaultyKernel(KernelProxy):
         """Return whether the last poll saw something, or a planned accept fault made a client wait."""
         return self.inner.readable(handle) or handle in self._held
 
-    def _list_readable(self) -> Collection[Handle]:
+    def _list_polled(self) -> Collection[Handle]:
         return [handle for handle in self._owners if self.inner.readable(handle)]
 
     def ready_handles(self) -> Mapping[Handle, str] | None:

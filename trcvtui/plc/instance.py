@@ -109,7 +109,7 @@ class Instance:
         if self.has_failed:  # stopped by an internal error (16#8FFF)
             return False
         if self._fading or self._blinking:
-            self._apply_pulses()
+            self._advance_pulses()
         if self._stream is not None and self._stream.update_inputs(self._block.job):
             self._frozen = None
         if self._frozen is None:
@@ -152,7 +152,7 @@ class Instance:
             values |= self._stream.input_overrides()
         return Inputs(**values)  # type: ignore[arg-type]
 
-    def _apply_pulses(self) -> None:
+    def _advance_pulses(self) -> None:
         for pin in self._fading:
             self._write(pin, False)
         self._fading = []

@@ -50,7 +50,7 @@ class ReplySnapshot(Struct, frozen=True):
     missed: int = 0
 
 
-class CheckTally(Struct, frozen=True):
+class TrafficTally(Struct, frozen=True):
     """Counters of a receiver of checked frames; `shifts`: how often a frame did not start where expected."""
 
     frames: int
@@ -64,12 +64,12 @@ class CheckTally(Struct, frozen=True):
         return not (self.lost or self.doubled or self.shifts)
 
 
-class CheckSnapshot(Struct, frozen=True):
+class TrafficSnapshot(Struct, frozen=True):
     """Self-checking traffic: frames sent, the tally of frames in DATA, that of frames that came back."""
 
     sent: int
-    data: CheckTally | None
-    echo: CheckTally
+    data: TrafficTally | None
+    echo: TrafficTally
 
 
 class SentMessage(Struct, frozen=True, array_like=True):
@@ -99,5 +99,5 @@ class PeerSnapshot(Struct, frozen=True):
     replies: tuple[ReplySnapshot, ...] = ()
     link: str = ""  # the CONNECT of its connection, "" if unknown
     silent: bool = False  # the wire of `link` is down
-    check: CheckSnapshot | None = None
+    check: TrafficSnapshot | None = None
     last_sent: tuple[SentMessage, ...] = ()  # the newest first

@@ -106,7 +106,7 @@ class SingleTcon:
         return Outcome(Condition.STARTED, REQ_ROSE)
 
     def _refuse(self) -> Outcome:
-        failed = self._connection.set_up.check_description()
+        failed = self._connection.set_up.claim_description()
         if failed is not None:
             return set_up_failed(self._connection, failed, self._env.rules.course)
         return Outcome(Condition.ENDPOINT_THERE, ENDPOINT_IS_THERE)

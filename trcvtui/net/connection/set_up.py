@@ -120,9 +120,9 @@ class SetUp:
 
     def check(self) -> StepFault | None:
         """Return what prevents a block from opening this connection, before a socket is made."""
-        return self.check_description()
+        return self.claim_description()
 
-    def check_description(self) -> StepFault | None:
+    def claim_description(self) -> StepFault | None:
         """Check the connection description, and take its ID."""
         flaw = self.config.flaw
         if flaw is not None:
@@ -261,17 +261,17 @@ class SetUp:
         if self._successor is not None:
             client, self._successor = self._successor, None
             return client
-        got = self._accept_any()
+        got = self._accept_client()
         while isinstance(got, NewClient) and self._is_wrong_partner(got.peer):
             self.turn_away(got, EventKind.WRONG_PARTNER)
-            got = self._accept_any()
+            got = self._accept_client()
         return got
 
     def keep_successor(self, client: NewClient) -> None:
         """Keep an accepted client as the next partner, since the connection before it has just ended."""
         self._successor = client
 
-    def _accept_any(self) -> NewClient | StepFault | None:
+    def _accept_client(self) -> NewClient | StepFault | None:
         if self.listener is None or not self._kernel.readable(self.listener):
             return None
         if self._clients.units_left <= 0:  # a flood of clients must not keep the scan here

@@ -40,7 +40,7 @@ def run_lab_line(line: str, lab: Lab) -> str:
     return pane
 
 
-def is_for_engine(line: str) -> bool:
+def goes_to_engine_too(line: str) -> bool:
     """Return whether the engine needs the line, too: to save constants, or to use types in `resize`."""
     return line.split()[1:2] in ([CONSTANT], [RELOAD])
 

@@ -20,7 +20,7 @@ from trcvtui.tui.copy_formats import CopyFormat
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab import UDT, is_for_lab
 from trcvtui.tui.lab.lab import HEX, OURS, SOURCE_TITLES, SOURCES, THEIRS, Lab
-from trcvtui.tui.lab.lab_lines import CONSTANT, RELOAD, describe_outcome, is_for_engine, run_lab_line
+from trcvtui.tui.lab.lab_lines import CONSTANT, RELOAD, describe_outcome, goes_to_engine_too, run_lab_line
 from trcvtui.tui.lab.panes import ConstantsForm, CureText, FitList, LabHex, ProblemsScreen
 from trcvtui.tui.lab.tree import ColumnHead, LabHead, LabTree
 from trcvtui.tui.view_model.validity import find_mistake
@@ -194,7 +194,7 @@ class LabScreen(SideScreen[None]):
         else:
             if pane:
                 self.action_pane(PANE_DIGITS[pane])
-            if is_for_engine(line):  # after the lab itself: a wrong line is not sent
+            if goes_to_engine_too(line):  # after the lab itself: a wrong line is not sent
                 self.send(line)
             self._ask_constants()
         self.show()

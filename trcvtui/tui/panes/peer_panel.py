@@ -11,7 +11,7 @@ from textual.content import Content
 from textual.widget import Widget
 from textual.widgets import Input
 
-from trcvtui.snapshots.bench import CheckSnapshot, CheckTally, PeerSnapshot, SentMessage
+from trcvtui.snapshots.bench import PeerSnapshot, SentMessage, TrafficSnapshot, TrafficTally
 from trcvtui.tui.formatting import clip, measure, pad, plain
 from trcvtui.tui.messages import PaneActions, PeerSelected
 from trcvtui.tui.panes.combuffer import SerialLineList
@@ -137,7 +137,7 @@ def _ends(peer: PeerSnapshot, roomy: bool) -> str:
     return f"{local}→ {peer.remote}" if peer.active else f"{local}← {peer.remote}"
 
 
-def check_text(check: CheckSnapshot) -> Part:
+def check_text(check: TrafficSnapshot) -> Part:
     tallies = [("DATA", check.data)] if check.data is not None else []
     tallies += [("echo", check.echo)] if check.echo.frames or check.echo.shifts or not tallies else []
     is_good = all(tally.is_good for _, tally in tallies)
@@ -145,7 +145,7 @@ def check_text(check: CheckSnapshot) -> Part:
     return f"{'✓' if is_good else '✗'} check {check.sent}: {text}", "done" if is_good else "error"
 
 
-def _tally(tally: CheckTally) -> str:
+def _tally(tally: TrafficTally) -> str:
     wrong = (("lost", tally.lost), ("double", tally.doubled), ("shift", tally.shifts))
     return " ".join([str(tally.frames), *(f"{word} {number}" for word, number in wrong if number)])
 

@@ -71,7 +71,7 @@ class RulerBracket(NamedTuple):
     names: tuple[str, ...]
 
 
-def message_splits(window: HistoryWindow, start: int, stop: int) -> frozenset[int]:
+def find_cuts(window: HistoryWindow, start: int, stop: int) -> frozenset[int]:
     found = set()
     for job in find_spans(window.jobs, start, stop):
         message = span_at(window.messages, job.position) if job.position >= start else None
@@ -111,7 +111,7 @@ def _bracket(stroke: RulerBracket) -> str:
     return begin + name + pen.between * (room - len(name)) + end
 
 
-def brackets(
+def make_brackets(
     spans: Sequence[Span],
     start: int,
     stop: int,
@@ -155,14 +155,14 @@ def bracket_of_job(span: JobSpan) -> tuple[bool, bool, BracketStyle, tuple[str, 
 # -- beside the rulers ---------------------------------------------------------------------------------------
 
 
-def describe_cuts(marks: Sequence[int], messages: Sequence[MessageSpan]) -> str:
+def describe_first_cut(marks: Sequence[int], messages: Sequence[MessageSpan]) -> str:
     message = span_at(messages, marks[0]) if marks else None
     if message is None:
         return ""
     return f"{SPLIT_SIGN} #{message.number} cut at {message.first + marks[0] - message.position}"
 
 
-def describe_arrival(recvs: Sequence[RecvSpan], start: int, stop: int) -> str:
+def describe_first_arrival(recvs: Sequence[RecvSpan], start: int, stop: int) -> str:
     """Return when the first chunk that begins in a row arrived, and how long after the one before."""
     first = next((n for n, span in enumerate(recvs) if start <= span.position < stop), None)
     if first is None:
@@ -172,7 +172,7 @@ def describe_arrival(recvs: Sequence[RecvSpan], start: int, stop: int) -> str:
     return f"{stamp_text(span.t_ns)}{gap}"
 
 
-def describe_job_end(jobs: Sequence[JobSpan], start: int, stop: int) -> str:
+def describe_job_result(jobs: Sequence[JobSpan], start: int, stop: int) -> str:
     job = next((span for span in jobs if start < span.stop <= stop), None)
     if job is None:
         return ""
@@ -226,7 +226,7 @@ class StreamView(ByteLines):
         """Return what to ask for: the page in view, one before and one after it."""
         if self.size.height:  # while hidden, ask for the same as before
             page = -(-self.size.height // self.row_lines) * self.per_row
-            start, stop = max(0, self._top() - page), self._top() + 2 * page
+            start, stop = max(0, self._first_position() - page), self._first_position() + 2 * page
             if self.marked is not None and stop - self.marked[0].start < MOST_WINDOW:
                 start = min(start, self.marked[0].start)  # `y r` copies from the mark to the cursor
             self._asked = AT_END if self.follows else start, min(MOST_WINDOW, max(3 * page, stop - start))
@@ -239,7 +239,7 @@ class StreamView(ByteLines):
             self._knows_messages = self._knows_messages or bool(window.messages)
             self._is_capture = self._is_capture or any(m.peer in CAPTURE_PEERS for m in window.messages)
             self._find_matches()
-            self._find_compared()
+            self._pair_bytes()
         self._rebase()
         sought = window.sought
         found = None
@@ -252,7 +252,7 @@ class StreamView(ByteLines):
             self.scroll_to(y=self.row_count(), animate=False)
         return found
 
-    def _find_compared(self) -> None:
+    def _pair_bytes(self) -> None:
         """Find what to compare each byte with: the marked message if any, else the job before."""
         start, parts = self._compared.start, [(part.position, part.content) for part in self.window.before]
         if self.marked is not None:
@@ -262,7 +262,7 @@ class StreamView(ByteLines):
     def compare(self, marked: tuple[range, bytes] | None, with_: range) -> None:
         if (marked, with_) != (self.marked, self._compared):
             self.marked, self._compared = marked, with_
-            self._find_compared()
+            self._pair_bytes()
             self._drawn = None
 
     def difference(self) -> str:
@@ -282,10 +282,10 @@ class StreamView(ByteLines):
 
     def _rebase(self) -> None:
         """Count rows from the oldest kept byte; when that byte is dropped, the bytes in view stay in view."""
-        base = self.window.begin - (self.window.begin - self._cut[1]) % self._row_unit[0]
+        base = self.window.begin - (self.window.begin - self._cut[1]) % self._row_group[0]
         if base == self._base:
             return
-        rows = (base - self._base) // self._row_unit[0] * self._row_unit[1] * self.row_lines
+        rows = (base - self._base) // self._row_group[0] * self._row_group[1] * self.row_lines
         self._base = base
         self._rows.clear()
         self.resize_rows()
@@ -298,12 +298,12 @@ class StreamView(ByteLines):
         is_even = all(len(each) == size and (each.start - start) % size == 0 for each in messages)
         cut = (size, start % size) if size and is_even else (0, 0)
         if cut != self._cut:
-            top, self._cut = self._top(), cut
+            top, self._cut = self._first_position(), cut
             self._rebase()
             self._stay_at(self.window.end if self.follows else top)
 
     @property
-    def _row_unit(self) -> tuple[int, int]:
+    def _row_group(self) -> tuple[int, int]:
         """Return how many bytes and rows a group has: a single row, or the rows of whole messages."""
         size, most = self._cut[0], self.per_row
         unit = max(1, most // size) * size if size else most
@@ -311,13 +311,13 @@ class StreamView(ByteLines):
         return (unit, rows) if unit >= LEAST_FILL * rows * most else (most, 1)
 
     def _row_of(self, position: int) -> int:
-        size, rows = self._row_unit
+        size, rows = self._row_group
         unit, rest = divmod(position - self._base, size)
         return unit * rows + rest // self.per_row
 
     def _row(self, number: int) -> range:
         """Return the bytes of a row, without those that have not come yet."""
-        size, rows = self._row_unit
+        size, rows = self._row_group
         unit, rest = divmod(number, rows)
         first = self._base + unit * size
         start = first + rest * self.per_row
@@ -334,12 +334,12 @@ class StreamView(ByteLines):
         self.show()
 
     def change_rulers(self) -> None:
-        top = self._top()
+        top = self._first_position()
         self._rulers = (self._rulers + 1) % len(RULERS)
         self._stay_at(top)
 
     def toggle_before(self) -> None:
-        top = self._top()
+        top = self._first_position()
         self.shows_before = not self.shows_before
         self._stay_at(top)
 
@@ -378,7 +378,7 @@ class StreamView(ByteLines):
     def row_count(self) -> int:
         return (self._row_of(self.window.end - 1) + 1) * self.row_lines if self.window.end > self._base else 0
 
-    def _top(self) -> int:
+    def _first_position(self) -> int:
         return max(self.window.begin, self._row(self.scroll_offset.y // self.row_lines).start)
 
     def show(self) -> None:
@@ -408,7 +408,7 @@ class StreamView(ByteLines):
         start, stop = at.start, at.stop
         if start >= stop:
             return EMPTY
-        signs = dict.fromkeys(message_splits(self.window, start, stop), SPLIT_SIGN)
+        signs = dict.fromkeys(find_cuts(self.window, start, stop), SPLIT_SIGN)
         signs |= frame_signs(find_spans(self.window.jobs, start, stop))
         begins = {m.position for m in find_spans(self.window.messages, start, stop) if m.begins}
         styles = [self._style_of(position) for position in range(start, stop)]
@@ -462,7 +462,7 @@ class StreamView(ByteLines):
             return self._before_row(start, stop, WAS if self.marked is None else MARK_RULER)
         head: Part = (f"{track:>{self.digits}} ", "faint")
         parts, side = self._draw_ruler(track, start, stop)
-        marks = message_splits(self.window, start, stop) if track != RECV_RULER else frozenset()
+        marks = find_cuts(self.window, start, stop) if track != RECV_RULER else frozenset()
         first: Part = (SPLIT_SIGN, "warn strong") if start in marks else (" ", "")
         side = clip(side, max(0, self.line_width - self.digits - 4 - width))
         return Row((head, first, *self._with_cuts(parts, marks, start, width), ("  ", ""), (side, "dim")))
@@ -470,14 +470,14 @@ class StreamView(ByteLines):
     def _draw_ruler(self, track: str, start: int, stop: int) -> tuple[list[Part], str]:
         window, column = self.window, self._column
         if track in (MESSAGES, PACKET_RULER):
-            drawn = brackets(window.messages, start, stop, column, bracket_of_message)
-            side = describe_cuts(sorted(message_splits(window, start, stop)), window.messages)
+            drawn = make_brackets(window.messages, start, stop, column, bracket_of_message)
+            side = describe_first_cut(sorted(find_cuts(window, start, stop)), window.messages)
         elif track == RECV_RULER:
-            drawn = brackets(window.recvs, start, stop, column, bracket_of_recv)
-            side = describe_arrival(window.recvs, start, stop)
+            drawn = make_brackets(window.recvs, start, stop, column, bracket_of_recv)
+            side = describe_first_arrival(window.recvs, start, stop)
         else:
-            drawn = brackets(window.jobs, start, stop, column, bracket_of_job)
-            side = describe_job_end(window.jobs, start, stop)
+            drawn = make_brackets(window.jobs, start, stop, column, bracket_of_job)
+            side = describe_job_result(window.jobs, start, stop)
         return ruler_parts(drawn, self._width), side
 
     def _with_cuts(self, parts: list[Part], marks: frozenset[int], start: int, width: int) -> list[Part]:
@@ -519,11 +519,11 @@ class StreamView(ByteLines):
             self.post_message(PastSelected())
 
     def action_step(self, count: int) -> None:
-        self.select(self._top() if self.cursor is None else self.cursor + count)
+        self.select(self._first_position() if self.cursor is None else self.cursor + count)
 
     def action_move(self, rows: int) -> None:
         if self.cursor is None:
-            self.select(self._top())
+            self.select(self._first_position())
             return
         row = self._row_of(self.cursor)
         target, column = self._row(row + rows), self.cursor - self._row(row).start

@@ -210,7 +210,7 @@ def reason_of(failed: OSError | ValueError) -> str:
 def create_file(path: FileName, where: str, replaces: bool = False) -> IO[bytes]:
     """Return a new file, mode 0600, unbuffered, to write piece by piece.
 
-    Raise UserError for a name that is taken (unless the file `replaces` it), or if the system refuses.
+    Raise UserError if the name is taken and `replaces` is False, or if the system refuses.
     """
     try:
         _check_files_allowed()

@@ -40,7 +40,7 @@ class Explanation(Struct, frozen=True):
     def select_scenarios(self) -> tuple[str, ...]:
         """Return the scenarios named for this code, first those whose name begins with it.
 
-        For an error, a few that play a note of the manual follow. If there are neither: the first few.
+        For an error, a few that play a note of the manual follow. Without any of them: the first few.
         """
         named = sorted(filter(self._is_named_in, self.scenarios), key=lambda file: self._place_in(file) > 0)
         notes = [file for file in self.scenarios if _is_note_scenario(file) and file not in named]

@@ -41,7 +41,7 @@ class ReceivedRings:
         self._blocks = OrderedDict()
 
     def open_ring(self, name: str, most: int = DEFAULT_HISTORY) -> ReceivedRing:
-        """Return the ring of a name; it keeps at most so many bytes from now on."""
+        """Return the ring of a name; from now on it keeps at most `most` bytes."""
         found = self._rings.setdefault(name, ReceivedRing(name, self))
         found.most = most
         return found

@@ -404,7 +404,7 @@ class _StateDecoder:
 def decode_state(content: bytes, shared: SharedObjects, where: str, instead: StandIns = NO_STAND_INS) -> Any:
     """Return the object of a state; if the bytes are no state, raise UserError that begins with `where`.
 
-    Objects of the classes in `instead` are made by its functions, and get the fields of the state.
+    For a class in `instead`, the function there makes the object, which then gets the fields of the state.
     """
     made = _StateDecoder(content, shared, where, instead)
     try:

@@ -152,8 +152,8 @@ SCENARIO_KEYS: Final = (
 LAB_KEYS: Final = (
     ("1 … 4", "members, bytes, which profile fits, cure"),
     ("t b", "the type; the bytes: DATA, job, last job, a message, typed hex"),
-    ("o p", "the layout of ours, of theirs; x exchanges them"),
-    ("E e, S s", "byte order of ours, of theirs; STRING form of ours, of theirs"),
+    ("o p", "the layout of our type, of the sender's; x exchanges them"),
+    ("E e, S s", "byte order of our type, of the sender's; STRING form likewise"),
     ("space, ← →, z", "fold the branch under the cursor; all"),
     ("n N", "the next member that differs, the one before"),
     ("[ ]", "the message before, the next one"),

@@ -54,7 +54,7 @@ def marks_of_span(span: JobSpan) -> FrameRange:
 
 
 def marks_of_data(instance: InstanceSnapshot) -> FrameRange | None:
-    """Return the marks of the newest frame in its variable, None without one."""
+    """Return the marks of the newest frame in the instance's DATA; None: no frame has come."""
     last = instance.framer.last if instance.framer is not None else None
     return make_marks(0, last.size, last.prefix, last.suffix) if last is not None else None
 

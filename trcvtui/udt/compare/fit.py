@@ -208,7 +208,7 @@ def _merge_readings(found: list[Reading], messages: Sequence[bytes]) -> Iterator
 
 
 def _group_same_rows(rows: list[list[Reading]]) -> Iterator[list[list[Reading]]]:
-    """Yield groups of rows with the same values, each less than `CLEAR_LEAD` below the best of its group."""
+    """Yield groups of rows that read the same values as the best row of the group."""
     rest = rows
     while rest:
         best = rest[0][0]

@@ -1,6 +1,6 @@
 """trcvtui: a soft PLC on a test bench, in a terminal.
 
-The folders and their order: docs/architecture.md.
+docs/architecture.md lists the folders in their order.
 """
 
 __version__ = "0.3.0.dev2"

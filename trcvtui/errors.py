@@ -29,7 +29,7 @@ class Problem(Struct, frozen=True):
 
     @property
     def message(self) -> str:
-        """Return what is wrong, without where."""
+        """Return what is wrong, without the place."""
         return one_line(f"found {self.found}, expected {self.expected}")
 
 

@@ -1,9 +1,9 @@
 """The user's files: read whole, up to a limit; written to a new file, then renamed: never half written.
 
 Rule 1: a FIFO, a device or a folder under the name of a file is refused at once; nothing waits for it.
-Rule 2: a write that fails leaves the old file as it was, and nothing beside it.
-Rule 3: a file that this process has read is not overwritten, unless the caller says that it is its own.
-Rule 4: after `refuse_files` this process opens no file: a read-only screen has none to open.
+Rule 2: a write that fails leaves the old file as it was, and no new file beside it.
+Rule 3: a file that this process has read is not overwritten, unless the caller sets `is_own`.
+Rule 4: after `refuse_files` this process opens no file: a read-only screen needs no files.
 Rule 5: inside `read_from` names are looked up in what was read before; no name reaches the disk.
 """
 
@@ -37,9 +37,9 @@ _disk_substitutes: list[FilesRead] = []  # the last one is read in place of the 
 
 
 class FilesRead:
-    """Files as they were when read, by the names in the calls; `digests`: of some only the SHA-256.
+    """Files as they were when read, by the names in the calls; `digests`: SHA-256 of files without content.
 
-    Relative names begin in `folder`.
+    Relative names are relative to `folder`.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class FilesRead:
         self.on_progress: Callable[[str, float], None] | None = None  # gets the part that is read, 0 to 1
 
     def store(self, path: FileName, content: bytes | str) -> None:
-        """Keep a content (bytes) or a digest (str)."""
+        """Keep the content (bytes) or the digest (str) of a file."""
         name = os.fspath(path)
         known: bytes | str | None = self.contents.get(name, self.digests.get(name))
         if isinstance(content, bytes):
@@ -64,7 +64,7 @@ class FilesRead:
             self.sink(name, content)
 
     def content(self, path: FileName) -> bytes:
-        """Return a content; raise FileNotFoundError."""
+        """Return the content of a file; raise FileNotFoundError if it is not kept."""
         try:
             return self.contents[os.fspath(path)]
         except KeyError:
@@ -254,7 +254,7 @@ def replace_file(
     """Give a file to write; after the block it replaces `path` on the disk in one step.
 
     If the block fails, nothing has changed. Raise UserError for a file that was read (unless `is_own`),
-    for a path that is no regular file, with `is_new` for a taken name, and if the system refuses.
+    for a path that is no regular file, for a taken name if `is_new`, and if the system refuses.
     """
     try:
         _check_files_allowed()
@@ -286,7 +286,7 @@ def replace_file(
 def write_file(
     path: FileName, content: str | bytes, where: str, is_own: bool = False, is_new: bool = False
 ) -> None:
-    """Write this content as `replace_file` does; a text is encoded in UTF-8, its line ends stay."""
+    """Write this content as `replace_file` does; a text becomes UTF-8 with unchanged line ends."""
     with replace_file(path, where, is_own, is_new) as file:
         file.write(content.encode() if isinstance(content, str) else content)
 

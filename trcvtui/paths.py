@@ -18,7 +18,7 @@ def demo_path() -> Path:
 
 
 def configs_path() -> Path:
-    """Return the folder of the examples: inside the package in a wheel, else beside it in the source."""
+    """Return the folder of the examples: in a wheel inside the package, in the source beside it."""
     inside = Path(__file__).parent / CONFIGS_FOLDER
     return inside if inside.is_dir() else Path(__file__).parents[1] / CONFIGS_FOLDER
 
@@ -42,7 +42,7 @@ def runtime_folder() -> Path:
 
 
 def resolve_path(text: str) -> Path:
-    """Return the file that a word of the command line names; raise UserError if two examples have it.
+    """Return the file that a word of the command line names; raise UserError if it names two examples.
 
     The user's own file comes first. If there is none, `configs/types/weight.st` and, without folder and
     suffix, `80c5-partner-closes` are examples that come with the program.
@@ -63,7 +63,7 @@ def resolve_path(text: str) -> Path:
 
 
 def list_examples(word: str | None = None) -> Iterator[str]:
-    """Yield a line for each project and story; given a word, each line with it, also those of scenarios."""
+    """Yield a line for each project and story; with `word`, lines with this word, also of scenarios."""
     root = configs_path()
     shown = ("stories/*.toml", "guide/*.toml", "*.toml", "tls/*.toml", "scenarios/stories/*.toml")
     for pattern in ("**/*.toml",) if word else shown:

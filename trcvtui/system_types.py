@@ -1,6 +1,6 @@
 """System data types of Siemens, one row for each field: for `udt` and the bytes of a CONNECT (STEP 7 help).
 
-Rule: names and offsets are kept only here. Where no page shows the offsets, `is_verified` is False.
+Rule: names and offsets are kept only here. If no page of the help shows offsets, `is_verified` is False.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class DescriptionField(NamedTuple):
 class Structure(NamedTuple):
     """One system type; `size` in bytes; the last `spare` of these bytes may be missing.
 
-    `head`: the structure whose fields come first; STEP 7 has them as one member, ConnPara.
+    `head`: a structure with the fields that come first; in STEP 7 these fields are one member, ConnPara.
     """
 
     name: str

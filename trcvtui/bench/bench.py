@@ -60,7 +60,7 @@ def enter_own_network(kernel: str, sim: SimDecl = NO_ADDRESSES) -> None:
 
 
 def set_link(kernel: Kernel, connect: str, up: bool) -> tuple[str, str]:
-    """Cut the wire of a CONNECT or mend it; return what is wrong, or "", and the method used."""
+    """Cut or mend the wire of a CONNECT; return an error text ("" for none) and the method used."""
     if isinstance(kernel, SimKernel):
         return kernel.set_link(connect, up), "simulated wire"
     from trcvtui.net.os.network import LOOPBACK_INTERFACE, has_own_network, set_loopback
@@ -93,7 +93,7 @@ def _connects_by_instance(project: Project) -> dict[str, str]:
 
 
 class TrafficCheck:
-    """One `check on`; it ends with the next `check on` or `check off`."""
+    """A check that `check on` began; the next `check on` or `check off` ends it."""
 
     def __init__(self, peer: Peer, command: NumberedFramesOn) -> None:
         self._peer = peer
@@ -354,7 +354,7 @@ class Bench:
         return self._sim
 
     def quiet_until(self) -> int | None:
-        """Return `Runtime.quiet_until`; `now` if a program, check, peer or session may act in any scan."""
+        """Return `Runtime.quiet_until`, or `now` if a program, check, peer or session may act in a scan."""
         is_alone = self._program.is_over and not (self._checks or self.peers or self._has_sessions)
         return self.runtime.quiet_until() if is_alone else self.now
 
@@ -431,10 +431,7 @@ class Bench:
         self._record_and_do("rest", 0, self.step_peers)
 
     def _find_next_peer_time(self, scan: int) -> object:
-        """Return the next time before a scan when a peer is due or the simulated network moves; None: none.
-
-        It is a multiple of the shortest interval a task can have: this bounds the steps between two scans.
-        """
+        """Return when a peer or the simulated network is due next before a scan; None: neither is due."""
         if self._is_replay:
             entry = cast("ReplaySeam", self._seam).peek_call()
             return entry.args[0] if entry is not None and entry.call == "rest" and entry.args else None
@@ -510,7 +507,7 @@ class Bench:
         self.runtime.skip(scans)
 
     def record_line(self, line: str) -> None:
-        """Record a line of the screen that the bench does not carry out."""
+        """Record a line that was typed on the screen; the bench does not carry the line out."""
         self._record_and_do("do", line, _do_nothing)
 
     def submit(self, *orders: commands.Command) -> str:
@@ -523,7 +520,7 @@ class Bench:
         return self.submit(order)
 
     def replace_project(self, project: Project) -> None:
-        """Take over a project with added or changed parts; the PLC has them from its next scan on."""
+        """Take over a project with added or changed parts; the PLC uses them from its next scan on."""
         orders: list[commands.Command] = []
         for kind in ("connects", "udp_configs", "addrs", "combuffers", "data"):
             had = {each.name: each for each in getattr(self.project, kind)}
@@ -673,7 +670,7 @@ def _make_sim_kernel(project: Project) -> SimKernel:
 
 
 def _make_plc_command(edit: Edit, edited: Project) -> commands.Command | None:
-    """Return the order to the PLC for an edit, None if the PLC does not need to know of it."""
+    """Return the order to the PLC for an edit, None if the edit does not concern the PLC."""
     before, decl = edit.before, edit.after
     if isinstance(decl, ComBufferDecl):
         decl = edited.combuffer(decl.name)  # with is_written and is_fed, which depend on other entries

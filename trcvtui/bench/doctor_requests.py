@@ -40,7 +40,7 @@ class Judge(Protocol):
     def is_judging(self) -> bool: ...
 
     def start_judging(self) -> None:
-        """Start the process; raise UserError if there is nothing to judge."""
+        """Start the judging process; raise UserError if there is nothing to judge."""
 
     def advance(self) -> None:
         """Find out whether the process has ended."""
@@ -82,7 +82,7 @@ class BenchDoctor:
             self._ended_ns = clock.now_ns()
 
     def advance(self, judge: Judge | None, bench: Bench, is_wanted: bool) -> Iterable[LineAnswer]:
-        """Take a result; start the judge if `is_wanted` and `_is_due`; return answers to waiting lines."""
+        """Read a result; start the judge if `is_wanted` and `_is_due`; answer the waiting lines."""
         if judge is None:
             if is_wanted:
                 self.snapshot = DoctorSnapshot(1, trouble=NOT_KEPT_TEXT)
@@ -165,7 +165,7 @@ def answer_command(command: Doctor, seen: DoctorSnapshot, project: Project) -> t
 
 
 def findings_of(name: str, findings: Iterable[Finding], project: Project) -> tuple[Finding, ...]:
-    """Return the findings of an instance or a CONNECT ("": all), and those that belong to no CONNECT."""
+    """Return the findings of an instance or a CONNECT ("": all), and the findings without a CONNECT."""
     decl = project.instance(name)
     connect = decl.connect if decl is not None else name
     return tuple(

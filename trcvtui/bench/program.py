@@ -38,7 +38,7 @@ def read_program(project: Project) -> tuple[words.Step, ...]:
 
 
 class Program:
-    """Runs steps on one bench, once; a `wait` that runs out ends it, and the ledger says so."""
+    """Runs steps on one bench, once; a `wait` that times out ends the program; the ledger notes this."""
 
     def __init__(self, steps: Sequence[words.Step], bench: ProgrammedBench) -> None:
         self._bench = bench

@@ -1,6 +1,6 @@
 """Tries every split: one message whole, then in two chunks, once for each place where it can be cut.
 
-Rule: it lets no scan pass by itself. `run` yields for each scan, so that a scenario or a screen can drive it.
+Rule: a trial lets no scan pass. `run` yields for each scan, so that a scenario or a screen lets it pass.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class _RunResult(Struct):
 
 
 class SplitTest:
-    """One trial on one bench; `snapshot` is its table so far."""
+    """One trial on one bench; `snapshot` is the table of results so far."""
 
     def __init__(self, bench: Bench, command: TrySplits) -> None:
         self._bench = bench
@@ -82,7 +82,7 @@ class SplitTest:
         return self._state == RUNNING
 
     def verdict(self) -> str:
-        """Return what is wrong with the trial, "" if as many splits differ as the command expects."""
+        """Return what is wrong with the trial, "" if the expected number of splits (None: any) differ."""
         if self._problem:
             return self._problem
         expected = self._command.differ
@@ -197,7 +197,7 @@ def trial_text(trial: TrialSnapshot) -> str:
 
 
 class ScreenSplitTest:
-    """The trial of a screen, at most one at a time; `advance` continues it before each scan."""
+    """Runs the trial of a screen, at most one at a time; `advance` continues the trial before each scan."""
 
     def __init__(self) -> None:
         self._trial: SplitTest | None = None

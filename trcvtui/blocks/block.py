@@ -31,13 +31,13 @@ class JobBinding(Struct, frozen=True):
 
 
 class ConnectBinding(JobBinding, frozen=True):
-    """The binding of an instance on a CONNECT; `address`: the value of ADDR, for datagrams alone."""
+    """The binding of an instance on a CONNECT; `address`: the value of ADDR, only for datagrams."""
 
     connection: Connection
     address: RemoteAddress | None = None
 
     def class_of(self, row: BlockRow) -> str:
-        """Return the class of a block on a CONNECT: a single instruction if the vendor has these."""
+        """Return the class of a block: `datagrams`, else `single` if the vendor has it, else `shared`."""
         is_single = bool(row.single) and self.env.rules.single_instructions
         return row.datagrams or (row.single if is_single else row.shared)
 
@@ -93,7 +93,7 @@ class HasJob(Protocol):
 
 
 class JobBlock:
-    """A block with a job. Its connection outlives the instance."""
+    """A block with a job. The connection outlives the block's instance."""
 
     def stop(self: HasJob, reason: str) -> None:
         self.job.abandon(reason)

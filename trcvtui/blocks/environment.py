@@ -21,7 +21,7 @@ class BytesArrived(NamedTuple):
 
 
 class BytesLost(NamedTuple):
-    """Bytes had no room in a ComBuffer, or left it unread. `offset`: of the next byte that enters.
+    """Bytes had no room in a ComBuffer, or left it unread. `offset`: place of the next byte that enters.
 
     `position`: where the first lost byte is in its ring; -1: the lost bytes are the last before `offset`.
     """
@@ -34,10 +34,7 @@ class BytesLost(NamedTuple):
 
 
 class FrameEnded(NamedTuple):
-    """A frame was delivered. Its bytes were the newest that the block had taken.
-
-    `prefix`, `suffix`: how many of its bytes are marks. `number` counts the frames of the instance, from 1.
-    """
+    """A frame was delivered. The bytes of the frame were the newest that the block had taken."""
 
     instance: str
     buffer: str
@@ -70,7 +67,7 @@ class NoiseDropped(NamedTuple):
 
 
 class LineHeld(NamedTuple):
-    """A full ComBuffer began to hold the TRCV_C that feeds it (called with EN_R = 0), or released it."""
+    """A full ComBuffer began to hold the TRCV_C that feeds it (by EN_R = 0), or released that TRCV_C."""
 
     buffer: str
     held: bool
@@ -80,7 +77,7 @@ SerialNote = BytesArrived | BytesLost | FrameEnded | PartialFrameDropped | Noise
 
 
 class JobStarted(NamedTuple):
-    """A receive job began; `length` is what it wants (static) or its limit (ad-hoc), in bytes."""
+    """A receive job began; `length`: the bytes it needs (static), or at most takes (ad-hoc)."""
 
     instance: str
     job: int
@@ -102,7 +99,7 @@ class ModeChange(NamedTuple):
 class JobEnded(NamedTuple):
     """A receive job ended; `size` bytes of the stream, from `offset` on, went to DATA when `done`.
 
-    They are contiguous unless a job of another priority has read in between: see BytesReceived.
+    These bytes are contiguous unless a job of another priority has read in between: see BytesReceived.
     """
 
     instance: str
@@ -116,7 +113,7 @@ class JobEnded(NamedTuple):
 
 
 class SendStarted(NamedTuple):
-    """A send job of `length` bytes began; `offset`: in all that this incarnation has sent."""
+    """A send job of `length` bytes began; `offset`: how many bytes this incarnation sent before."""
 
     instance: str
     job: int
@@ -127,7 +124,7 @@ class SendStarted(NamedTuple):
 
 
 class SendEnded(NamedTuple):
-    """A send job ended; the stack took `size` bytes from `offset` on: all of the job's when `done`."""
+    """A send job ended; the stack took `size` bytes from `offset` on: all bytes of the job if `done`."""
 
     instance: str
     job: int

@@ -19,7 +19,7 @@ class FrameEnding(StrEnum):
 class Framing(Struct, frozen=True):
     """How frames are cut. `size`: the most bytes of a frame; `timeout_ns`: the longest gap (0: no limit).
 
-    `text`: frames are STRINGs. A byte 00 ends a frame; to reach `size` is never a good end.
+    `text`: frames are STRINGs. A byte 00 ends a frame; a frame that reaches `size` has not ended well.
     """
 
     size: int
@@ -34,7 +34,7 @@ class Framing(Struct, frozen=True):
         return mine == (other.size, other.prefix, other.suffix, other.text)
 
     def ended_by(self, ending: FrameEnding) -> str:
-        """Return in words what ended a frame; a framing without a suffix has its own words for OVERRUN."""
+        """Return in words what ended a frame; without a suffix, OVERRUN has other words."""
         is_full = ending is FrameEnding.OVERRUN and not self.suffix
         return "size reached, and there is no suffix" if is_full else str(ending)
 
@@ -125,7 +125,7 @@ class Framer:
         return Frame(self.flush(), FrameEnding.GAP) if now - self.last_byte >= framing.timeout_ns else None
 
     def _seek_prefix(self, received: bytes, framing: Framing) -> int:
-        """Look for the prefix; return how many bytes were used. Last bytes that may begin it are kept."""
+        """Look for the prefix; return the number of used bytes. Keep last bytes that may begin a prefix."""
         head = framing.prefix[: framing.size]  # a frame has no room for more
         before = len(self._part)
         joined = bytes(self._part) + received
@@ -156,7 +156,7 @@ class Framer:
 
 
 def _longest_prefix_start(joined: bytes, head: bytes) -> int:
-    """Return the length of the longest end of `joined` that is an incomplete prefix (`head`)."""
+    """Return the length of the longest end of `joined` with which `head` begins, but not all of it."""
     longest = min(len(head) - 1, len(joined))
     return next((n for n in range(longest, 0, -1) if joined.endswith(head[:n])), 0)
 

@@ -127,9 +127,7 @@ class Lamp(Enum):
 class Outcome(Struct, frozen=True, eq=False):
     """The answer of one call. `rcvd_len` is non-zero only with DONE; `clear_com_rst` writes COM_RST back.
 
-    Blocks on a ComBuffer keep `rcvd_len` until the next frame begins, and have `rx_timeout` or a `byte`.
-
-    `stable`: every further call gives this very object and changes nothing, until an input changes, the
+    Blocks on a ComBuffer keep `rcvd_len` until the next frame begins, and also set `rx_timeout` or `byte`.
     CONNECT has a poll event, or another block ends its connection.
     """
 

@@ -35,7 +35,7 @@ class Pin(Struct, frozen=True):
 
 
 class Inputs(Struct, frozen=True):
-    """Pins by their manual's names in lower case; `len` in bytes, 0 = size of DATA."""
+    """The input pins, by the manual's names in lower case; `len` in bytes, 0 = size of DATA."""
 
     en_r: bool = False
     req: bool = False

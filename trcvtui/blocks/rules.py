@@ -32,16 +32,7 @@ PLAIN_SET_UP_CONDITIONS: Final[SetUpConditions] = {
 
 
 class StatusSequence(Struct, frozen=True):
-    """Which condition a block shows in which scan. Of a tuple of conditions each shows for one scan.
-
-    `job_begins`: the first scan of a connection shows it if a job waits; the job then has its lock. If
-    the job would be refused, the scan shows `established`. None: "connected".
-    `established`: the first scan of a connection shows it if no job waits.
-    `waiting_req_sends`: a REQ that is still 1 when the connection comes up sends; False: an edge without a
-    connection is an error of its own.
-    `en_r_keeps_job`: a running receive job outlives EN_R. `first_data_keeps_job`: so once it has data.
-    `second_lags`: of two blocks on a connection, the one called second in the scan that brings it up sees it
-    one scan later, whichever of them has opened it.
+    """Which condition a block shows in which scan. Each condition of a tuple shows for one scan.
     `reset`: what COM_RST shows; `reset_ends_send`: the error that shows first and ends a running send job.
     `rebuilding`: what shows between an error and "connecting" when the block reconnects.
     `let_go`: what a block shows after another block has closed or reset its connection.

@@ -26,7 +26,7 @@ class StatusRow(Struct, frozen=True):
     """One code. `manual` names the section it comes from; `blocks` are the blocks that list it.
 
     `unreached`: why nothing on this bench shows it (Reproducibility.NEVER); such a row may have no condition.
-    `unsure`: what no manual says about it: a real PLC may differ.
+    `unsure`: what no manual says about the code: a real PLC may differ.
     """
 
     code: int

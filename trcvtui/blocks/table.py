@@ -25,8 +25,8 @@ class BlockRow(Struct, frozen=True):
     `data_pin`: the manual's name of DATA, "" for none; `data_length`: the pin of its size.
     `buffer_pin`: the pin of its ComBuffer; such a block has no CONNECT.
     `pointers`: further variables: prefix first, then suffix; `mark_lengths`: the pins of their lengths.
-    `has_id`: it has an ID pin if connections have IDs; `id_alone`: then it has no CONNECT pin.
-    `runs_as`: the condition while its job runs; the STATUS of a single instruction does not say it.
+    `has_id`: it has an ID pin if connections have IDs; `id_alone`: with an ID pin it has no CONNECT pin.
+    `runs_as`: the condition while its job runs; the STATUS of a single instruction does not show this.
     """
 
     name: str
@@ -76,19 +76,19 @@ class BlockRow(Struct, frozen=True):
 
     @property
     def uses_network(self) -> bool:
-        """Return whether it sends or receives on a CONNECT or a UDP_CONFIG."""
+        """Return whether the block sends or receives on a CONNECT or a UDP_CONFIG."""
         return self.sends_on_net or self.receives_on_net
 
     @property
     def speaks_udp(self) -> bool:
-        """Return whether it moves datagrams alone, with an ADDR."""
+        """Return whether the block moves only datagrams, with an ADDR."""
         return bool(self.on_config)
 
     @property
     def owns_link(self) -> bool:
         """Return whether the block builds its own CONNECT; only then can a ComBuffer use its stream.
 
-        On a CONNECT of UDP it needs an ADDR.
+        On a CONNECT of UDP the block needs an ADDR.
         """
         return self._has_pin("CONT") and not self.speaks_udp
 

@@ -23,7 +23,7 @@ TABLE_WIDTH: Final = 80  # columns of text
 def merge_packets(paths: Sequence[str], troubles: list[Problem]) -> Iterator[tuple[Packet, CaptureReader]]:
     """Yield the packets of one capture in several files, each with its reader.
 
-    The first packet of each file is read at once, all others when due; `troubles` gets what is unreadable.
+    The first packet of each file is read at once, the others in turn; `troubles` gets what is unreadable.
     """
     waiting = sorted(((_first_ns(path), n) for n, path in enumerate(paths)), reverse=True)
     running: list[tuple[int, int, Packet, CaptureReader, Iterator[tuple[Packet, CaptureReader]]]] = []
@@ -80,7 +80,7 @@ def read_captures(paths: Sequence[str], found: Conversations, troubles: list[Pro
 def format_conversations(
     paths: Sequence[str], plc: str | None, form: str, known: KnownEnds | None = None
 ) -> Iterator[str]:
-    """Yield the lines of `trcvtui conversations`; raise UserError where nothing can be read."""
+    """Yield the lines of `trcvtui conversations`; raise UserError if nothing can be read."""
     given = None if plc is None else parse_plc(plc)
     found, troubles = Conversations(), list[Problem]()
     read_captures(paths, found, troubles)

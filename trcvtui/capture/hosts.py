@@ -57,7 +57,7 @@ class IcmpNote(NamedTuple):
 
     `kind`: port (closed at the reporting host), host (unreachable), admin (forbidden), size (too large;
     `size`: bytes that fit, 0: not said) or fragments (some did not come). `number`: the identifications
-    of both IP packets, which a mirror port's copy has too.
+    of both IP packets, the same in a mirror port's copy.
     """
 
     kind: str
@@ -162,7 +162,7 @@ def append_note(notes: list[TimedNote], ns: int, packet: int, note: IcmpNote) ->
 
 
 class HostFact(NamedTuple):
-    """A fact about hosts outside of any conversation; `ends`: their addresses, an asking host last."""
+    """A fact about hosts outside of any conversation; `ends`: host addresses, the asking host last."""
 
     cause: str
     sure: float
@@ -212,7 +212,7 @@ class _Owner:
 
 
 class HostNotes:
-    """What ARP says of addresses, and ICMP of packets that belong to no conversation."""
+    """Notes of ARP on addresses, and notes of ICMP on packets that belong to no conversation."""
 
     def __init__(self) -> None:
         self.icmps: list[TimedNote] = []
@@ -262,7 +262,7 @@ class HostNotes:
     ) -> Iterator[HostFact]:
         """Yield the facts at the end of the capture.
 
-        `heard_ns`: time of each host's last TCP or UDP packet. `lacking`: incomplete datagrams, per ends.
+        `heard_ns`: time of each host's last TCP or UDP packet. `lacking`: incomplete datagrams, by ends.
         """
         for ends, n in lacking.items():
             there, here = map(ip_address, ends)
@@ -292,7 +292,7 @@ class HostNotes:
 
 
 def _find_duplicates(address: bytes, owner: _Owner, addresses: Mapping[bytes, int]) -> Iterator[HostFact]:
-    """Yield a fact if two devices use one address, but not for a device with many or a replaced one."""
+    """Yield a fact if two devices use one address, unless one has many addresses or replaced the other."""
     changes = [one for one in owner.changes if max(addresses[one.old], addresses[one.new]) < MANY_ADDRESSES]
     back = any((b.old, b.new) == (a.new, a.old) for a, b in pairwise(changes))
     often = len(changes) >= OWNER_TURNS and changes[OWNER_TURNS - 1].ns - changes[0].ns <= TURNS_NS
@@ -309,7 +309,7 @@ def _find_duplicates(address: bytes, owner: _Owner, addresses: Mapping[bytes, in
 
 
 def _get_or_make(some: OrderedDict[bytes, T], key: bytes, make: Callable[[], T]) -> T:
-    """Return the value of a key and make it the newest; above MOST_ADDRESSES the oldest goes."""
+    """Return the value of a key and make it the newest; above MOST_ADDRESSES drop the oldest."""
     found = some.get(key)
     if found is None:
         if len(some) == MOST_ADDRESSES:

@@ -100,7 +100,7 @@ class _Pieces:
 
 
 class Fragments:
-    """Puts IP packets together; those that wait, and their pieces, are bounded."""
+    """Puts IP packets together; the numbers of waiting packets and of their pieces are bounded."""
 
     def __init__(self) -> None:
         self._packets: dict[tuple[bytes, ...], _Pieces] = {}
@@ -144,7 +144,7 @@ class Fragments:
         return is_datagram and (len(pieces.content) > 1 or pieces.first is None)
 
     def count_lost(self) -> dict[tuple[bytes, ...], int]:
-        """Return how many datagrams lack pieces, by both ends; only if >= 2 and >= half the whole ones."""
+        """Count datagrams that lack pieces, by both ends; only if >= 2 and >= half of the whole ones."""
         lost = self._lost + Counter(of[:2] for of in self._packets if self._is_lost(of))
         return {ends: n for ends, n in lost.items() if n >= 2 and n * 2 >= self._whole[ends]}
 

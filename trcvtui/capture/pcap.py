@@ -318,7 +318,7 @@ def parse_options(buffer: bytes, at: int, end: int, order: str) -> Iterator[tupl
 
 
 def parse_sent_flag(flags: bytes | None, order: str) -> bool | None:
-    """Return True for an outbound packet, False for an inbound one, None if its flags say neither."""
+    """Return True for an outbound packet, False for an inbound one, None if the flags do not say."""
     bits = int.from_bytes(flags or b"", "little" if order == "<" else "big") & (INBOUND | OUTBOUND)
     return {INBOUND: False, OUTBOUND: True}.get(bits)
 
@@ -372,7 +372,7 @@ def section_block(application: str, comments: tuple[str, ...] = ()) -> bytes:
 
 
 def interface_block(link_type: int, name: str, comments: tuple[str, ...] = (), snaplen: int = 0) -> bytes:
-    """Return an interface that counts nanoseconds; the first of a section has index 0."""
+    """Return the block of an interface that counts nanoseconds; the first of a section has index 0."""
     options = [*_comments(comments), _option(NAME_OPTION, name.encode()), _option(TIME_RESOLUTION, b"\x09")]
     return make_block(INTERFACE_BLOCK, struct.pack("<HHI", link_type, 0, snaplen), options)
 
@@ -385,7 +385,7 @@ def packet_block(
     length: int | None = None,
     sent: bool | None = None,
 ) -> bytes:
-    """Return a packet; `length`: bytes on the wire, where `data` has fewer; `sent` as in Packet."""
+    """Return a packet block; `length`: bytes on the wire if `data` has fewer; `sent` as in Packet."""
     size = len(data)
     if not comments:
         padding = -size & 3
@@ -399,12 +399,12 @@ def packet_block(
 
 
 def secrets_block(key_log: bytes) -> bytes:
-    """Return lines of a TLS key log, for the packets after this block."""
+    """Return a block with lines of a TLS key log, for the packets after this block."""
     return make_block(SECRETS_BLOCK, struct.pack("<II", TLS_KEY_LOG, len(key_log)) + key_log)
 
 
 def statistics_block(interface: int, ns: int, dropped: int) -> bytes:
-    """Return the count of an interface's packets that are missing in the file so far."""
+    """Return a block with the number of an interface's packets that the file lacks so far."""
     body = struct.pack("<III", interface, ns >> 32, ns & 0xFFFFFFFF)
     return make_block(STATISTICS_BLOCK, body, [_option(DROPPED_OPTIONS[0], struct.pack("<Q", dropped))])
 

@@ -95,9 +95,7 @@ class SegmentKind(Enum):
 
 
 class ConversationEvent(NamedTuple):
-    """One event. `at`: the byte of its direction; `size`: its bytes, or the nanoseconds of a silence.
-
-    Of a datagram that the capture has cut off, `size` counts the bytes on the wire, `data` has fewer.
+    """One event. `at`: its offset in the direction; `size`: its bytes, or the nanoseconds of a silence.
     An ACK event has no bytes: `size` is its window. EARLY bytes are captured before earlier ones; LATE ones
     fill the hole and left their host after the early ones: a retransmission. A LINE_ERROR of a serial line
     has framing, parity, break or overrun as `data`.
@@ -203,7 +201,7 @@ class Conversation:
         self.there.other, self.back.other = self.back, self.there
 
     def mark_established(self) -> None:
-        """Mark its SYN as sent and answered, although the capture has no packet of the handshake."""
+        """Mark the SYN as sent and answered, although the capture has no packet of the handshake."""
         self.begins_with_syn = self.is_established = True
         self.listener = self.back
 
@@ -536,7 +534,7 @@ class Conversations:
     def _make_conversation(
         self, ns: int, protocol: str, ends: TwoEnds, macs: tuple[bytes, bytes]
     ) -> WireDirection | None:
-        """Return the direction of a first packet; None: there are too many conversations."""
+        """Make a conversation; return the direction of its first packet; None: too many, or `is_tapped`."""
         if len(self.all) >= MOST_CONVERSATIONS or self.is_tapped:
             self.unlisted += 1
             return None
@@ -721,7 +719,7 @@ class Conversations:
     # -- bytes -------------------------------------------------------------------------------------------
 
     def _place(self, ns: int, direction: WireDirection, at: int, data: bytes) -> None:
-        """Put bytes into their place: bytes delivered or waiting stay (rule 1), early bytes wait."""
+        """Put bytes into their place: no delivered or waiting byte changes (rule 1), early bytes wait."""
         old = direction.position - at
         if old > 0:
             self._compare(ns, direction, at, data[:old])

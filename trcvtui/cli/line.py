@@ -146,7 +146,7 @@ def _tap(args: Args) -> int:
 
 
 def tap_screen(tap: str, asked: str, kernel: str) -> int:
-    """Show a tap; runs in a child of the process that forwards. `tap` is the number of the socket to it."""
+    """Show a tap, in a child of the forwarding process. `tap`: the number of the socket to that process."""
     import json
 
     from trcvtui.line.live_screen import TapDriver
@@ -159,7 +159,7 @@ def tap_screen(tap: str, asked: str, kernel: str) -> int:
 
 
 def _routes_of_taps(project: Path | None) -> list[Route]:
-    """Return the taps of a project; raise UserError where there is none."""
+    """Return the taps of a project; raise UserError if the project has no tap."""
     taps = () if project is None else load_bench(project).taps
     if not taps:
         raise mistake("trcvtui tap", "no ends", "LISTEN and CONNECT, or a --project with [[tap]]")

@@ -42,7 +42,7 @@ class _WideHelpFormatter(argparse.HelpFormatter):
 
 
 class CommandParser(argparse.ArgumentParser):
-    """Prints a mistake as one line; `make_epilog` makes the last lines of the help once it is needed."""
+    """Prints a mistake as one line; `make_epilog` makes the last lines of the help when it is shown."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(formatter_class=_WideHelpFormatter, allow_abbrev=False, **settings)
@@ -65,7 +65,7 @@ CommandRows = Mapping[str, CommandRow]
 
 
 def add_commands(parser: CommandParser, rows: CommandRows, metavar: str = "WHAT", **settings: Any) -> None:
-    """Add the commands, or only the one that the first argument names: adding each takes 1 ms."""
+    """Add only the command that the first argument names (each costs 1 ms), or all if it names none."""
     commands = parser.add_subparsers(metavar=metavar, **settings)
     for name in [word for word in parser.given[:1] if word in rows] or rows:
         about, add, run = rows[name]

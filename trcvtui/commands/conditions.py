@@ -141,7 +141,7 @@ def _parse_struct_bytes(target: Target, braces: str, words: Words) -> bytes:
 
 
 def parse_data_condition(words: Words, project: Project) -> Condition:
-    """Return `rx hex 01 02` or `rx.speed 12.5` as a condition; raise UserError."""
+    """Return `rx hex 01 02` or `rx.speed 12.5` as a condition; raise UserError for a mistake."""
     start = words.place
     target = parse_target(words, project)
     if words.peek() in FORMS:
@@ -165,13 +165,13 @@ SUBJECT_FORM: Final = "an instance, a DATA variable or peer NAME"
 
 
 def parse_wait(words: Words, project: Project) -> Wait:
-    """Return `wait CONDITION [within T#..]`; raise UserError."""
+    """Return `wait CONDITION [within T#..]`; raise UserError for a mistake."""
     within = _read_within(words)
     return Wait(_read_condition(words, project), DEFAULT_LIMIT_NS if within is None else within)
 
 
 def parse_expect(words: Words, project: Project) -> Expect | ExpectTrace:
-    """Return `expect CONDITION [within T#..]` or `expect X trace PATTERN`; raise UserError."""
+    """Return `expect CONDITION [within T#..]` or `expect X trace PATTERN`; raise UserError if wrong."""
     if words.peek(1) == "trace" and words.peek() != "peer":
         instance = parse_instance(words, project)
         words.next("trace")

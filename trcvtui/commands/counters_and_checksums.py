@@ -30,7 +30,7 @@ def make_frame(number: int, size: int) -> bytes:
 
 
 class FrameChecker:
-    """The receiver of frames of one size; keeps less than a frame, whatever arrives."""
+    """The receiver of frames of one size; it keeps fewer bytes than one frame, whatever arrives."""
 
     def __init__(self, size: int) -> None:
         self._size = size
@@ -86,7 +86,7 @@ FILL_KINDS: Final = (*NUMBER_KINDS, *CHECKSUMS)
 
 @dataclass(frozen=True, slots=True)
 class Fill:
-    """`width` bytes at `offset`: n (binary), digits (decimal) or a checksum of all bytes before.
+    """`width` bytes at `offset`: n (binary), digits (decimal) or a checksum of all earlier bytes.
 
     `hole`: the number is written as {n} inside the payload's text, not as an option after the text.
     """
@@ -98,7 +98,7 @@ class Fill:
     hole: bool = field(default=False, compare=False)
 
     def content(self, before: bytes, number: int) -> bytes:
-        """Return the bytes to fill in; `before`: the bytes before them; `number`: the message's, from 0."""
+        """Return the bytes to fill in; `before`: the bytes before them; `number`: which message, from 0."""
         if self.kind == BINARY_NUMBER:
             return (number % (1 << 8 * self.width)).to_bytes(self.width, self.order)
         if self.kind == DECIMAL_DIGITS:

@@ -79,7 +79,7 @@ NAME_STARTS: Final = {"connect": "C", "udp_config": "U", "addr": "A", "combuffer
 
 
 def free_port(project: Project, after: int = FIRST_PORT - 1) -> int:
-    """Return the first port from 2000 on, after `after`, that no part has."""
+    """Return the first port from 2000 on, after `after`, that no part uses."""
     ends = [each.local for each in project.connects] + [each.local for each in project.udp_configs]
     taken = {end.port for end in ends} | {
         getattr(end, "port", 0) for peer in project.peers for end in (peer.end, peer.source)
@@ -177,7 +177,7 @@ MOST_TYPES_SHOWN: Final = 8
 
 
 def _read_udt_file(name: str, project: Project, where: str) -> UdtFile:
-    """Return a file with types for the project; raise UserError if it has none, or hides a known one."""
+    """Return a file with types for the project; raise UserError if it has no type or hides a known type."""
     path = os.path.expanduser(name)
     if not is_disk_replaced():  # each file by one name, from the project's folder on; a link keeps its name
         is_here = os.path.exists(path) and not os.path.exists(project.base / path)

@@ -22,7 +22,7 @@ _ATOM_PATTERN: Final = re.compile(r"(?:16#)?([0-9A-Fa-f]{4})(!?)(\+|\*|\{[0-9]{1
 
 
 class Atom(Struct, frozen=True):
-    """One word of a pattern: a scan (None: any) that comes `least` times; `more`: or more often."""
+    """One word of a pattern: a scan (None: any) that comes `least` times; with `more` also more often."""
 
     scan: Scan | None
     least: int = 1

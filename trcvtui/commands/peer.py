@@ -211,7 +211,7 @@ MESSAGE_WORD: Final = "message"
 
 
 def parse_any_send(words: Words, project: Project, peer: str) -> PeerSend:
-    """Return `send message NAME`, or a payload with its options; raise UserError."""
+    """Return `send message NAME`, or a payload with its options; raise UserError for a mistake."""
     if words.peek() != MESSAGE_WORD:
         return parse_send(words, project, peer)
     words.next("")
@@ -370,7 +370,7 @@ def parse_reply(words: Words, project: Project, peer: str) -> AddReply | RemoveR
 
 
 def parse_rule(words: Words, project: Project, peer: str) -> AddReply:
-    """Return `MATCH send PAYLOAD`, as in `replies` of a project file; raise UserError."""
+    """Return `MATCH send PAYLOAD`, as in `replies` of a project file; raise UserError for a mistake."""
     project = project.with_peer_layout(peer)
     answer = words.cut_tail(lambda word: word == SEND_WORD)
     kind = words.next(", ".join(MATCH_READERS))
@@ -423,7 +423,7 @@ MATCH_READERS: Final[dict[str, Callable[[Words, Project], Match]]] = {
 
 
 class PeerRoutine(Struct, frozen=True):
-    """The messages of one peer, read; times in ns (0: never)."""
+    """What one peer sends by itself, and when it reconnects; times in ns (0: never)."""
 
     says: tuple[PeerSend, ...]
     every_ns: int

@@ -1,4 +1,4 @@
-"""Reads lines about inputs, the running program, the PLC, the wire, faults and time, as frozen commands."""
+"""Reads lines about inputs, the running program, PLC, wire, faults and time; returns frozen commands."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def parse_create(words: Words, project: Project) -> Create:
 
 
 class _Link(NamedTuple):
-    """What a block works on: a CONNECT, a UDP_CONFIG or a ComBuffer, and its ADDR if it has one."""
+    """The CONNECT, UDP_CONFIG or ComBuffer of a block, and the ADDR if the block has one."""
 
     name: str
     addr: str | None = None
@@ -168,7 +168,7 @@ def parse_resize(words: Words, project: Project) -> Retype:
 
 
 def declare_data(name: str, type_name: str, project: Project, where: str) -> DataDecl:
-    """Return a global variable of this type, with its own layout or the project's; raise UserError."""
+    """Return a global variable of this type, in its present layout or the project's; raise UserError."""
     type_ = parse_type(type_name, project.types, where)
     known = project.data_decl(name)
     choice = known.choice if known is not None else NO_CHOICE

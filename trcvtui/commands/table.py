@@ -181,7 +181,7 @@ NO_UDT_FILE: Final = "no UDT file in this project: A adds one"
 
 
 class BenchActions(Protocol):
-    """The methods of the bench that the rows use; each returns what is wrong, or ""."""
+    """The peers and methods of the bench that the rows use; each method returns an error text, or ""."""
 
     now: int
 
@@ -196,7 +196,7 @@ class BenchActions(Protocol):
         """Change the project, and queue the order for the PLC."""
 
     def edit_project(self, command: EditCommand) -> str:
-        """Edit the project, and change what runs with it."""
+        """Edit the project, and apply the edit to the running bench."""
 
     def start_check(self, command: words.NumberedFramesOn) -> str:
         """Let a peer send self-checking traffic."""
@@ -217,7 +217,7 @@ class BenchActions(Protocol):
 
 
 class WordRow(Struct, frozen=True):
-    """One frozen command: its line and action; `act` None: a runner carries it out, scans may pass."""
+    """One frozen command: `write` gives its line, `act` does it; None: a runner does; scans may pass."""
 
     record: type
     write: Callable[[Any], str]
@@ -453,7 +453,7 @@ def find_record_row(record: type) -> WordRow:
 def parse_line(text: str, project: Project, where: str) -> BenchCommand | None:
     """Return the command of one line, None for a blank line or a comment; raise UserError.
 
-    Each message begins with `where`.
+    Each message of the UserError begins with `where`.
     """
     if len(text) > LONGEST_LINE:
         raise UserError(Problem(where, f"{len(text)} characters", f"at most {LONGEST_LINE} in a line"))

@@ -60,14 +60,14 @@ def _unescape(letter: str, digits: str) -> str:
 
 
 def struct_bytes(layout: Layout, braces: str, where: str) -> bytes:
-    """Return the bytes of `{speed=1.5, st={x=1}}`, 0 for other members; raise UserError."""
+    """Return the bytes of `{speed=1.5, st={x=1}}`; members that it does not name are 0; raise UserError."""
     values = dict(parse_members(braces, where))
     with prefix_problems(where):
         return encode(layout, values)
 
 
 def parse_members(braces: str, where: str) -> list[tuple[str, str]]:
-    """Return `{speed=1.5, st={x=1}}` as paths and texts without quotes; raise UserError."""
+    """Return the members of `{speed=1.5, st={x=1}}`: paths, and texts without quotes; raise UserError."""
     members, end = _read_braces(braces, 0, where)
     if end != len(braces):
         raise mistake(where, quote(braces[end:]), VALUES_FORM)
@@ -165,7 +165,7 @@ def file_bytes(path: Path, where: str) -> bytes:
 
 
 def chunks(payload: bytes, split: Iterable[int]) -> tuple[memoryview, ...]:
-    """Return the payload in pieces of the sizes in `split`; the rest is the last piece. None is empty."""
+    """Return the payload in pieces of the sizes in `split`, and the rest as the last. No piece is empty."""
     view = memoryview(payload)
     pieces, start = [], 0
     for size in split:
@@ -308,11 +308,11 @@ class Words:
         return self._line[self._tokens[start].start : self._tokens[self.place - 1].end]
 
     def cut_tail_words(self, begins: Callable[[str], bool]) -> list[str]:
-        """Cut off the remaining words from the first one for which `begins` is true; return them."""
+        """Cut off and return the remaining words from the first word for which `begins` is true."""
         return self.cut_tail(begins).remaining_words()
 
     def cut_tail(self, begins: Callable[[str], bool]) -> Words:
-        """Cut off the remaining words from the first for which `begins` is true; return them as Words."""
+        """Cut off and return, as Words, the remaining words from the first for which `begins` is true."""
         after = range(self.place, len(self._tokens))
         number = next((n for n in after if begins(self._tokens[n].text)), len(self._tokens))
         tail = copy(self)

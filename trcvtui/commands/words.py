@@ -40,7 +40,7 @@ class AddVariable:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """`set connect C2 LocalPort=2500`: other values in an entry; what runs on it is built anew."""
+    """`set connect C2 LocalPort=2500`: other values in an entry; what uses the entry is built anew."""
 
     kind: str
     name: str
@@ -76,7 +76,7 @@ class Contains:
 
 @dataclass(frozen=True, slots=True)
 class Starts:
-    """`starts hex 01 02`: the first bytes of the connection, or the first that come in a scan."""
+    """`starts hex 01 02`: these are the first bytes of the connection, or of a scan."""
 
     payload: bytes
     text: str = field(default="", compare=False)
@@ -84,7 +84,7 @@ class Starts:
 
 @dataclass(frozen=True, slots=True)
 class FieldIs:
-    """`field Telegram.id = 7`: one Telegram of the stream, cut from its beginning, has this value."""
+    """`field Telegram.id = 7`: a Telegram has this value; the stream is cut from its beginning."""
 
     type_name: str
     path: str
@@ -100,7 +100,7 @@ NO_MARK: Final = "none"
 
 @dataclass(frozen=True, slots=True)
 class SetFrameMark:
-    """`suffix RD hex 0D 0A`, `prefix RD none`; `pin`: the pin of the mark's length, "" for a STRING."""
+    """`suffix RD hex 0D 0A`, `prefix RD none`; `pin`: the input for the mark's length; "": a STRING."""
 
     instance: str
     mark: str
@@ -341,7 +341,7 @@ class RunScans(Struct, frozen=True):
 
 
 class RunFor(Struct, frozen=True):
-    """`run T#200ms`: let the scans pass that fit; time in ns."""
+    """`run T#200ms`: let the scans pass that fit into this time (kept in ns)."""
 
     ns: int
 

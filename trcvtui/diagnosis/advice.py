@@ -3,8 +3,8 @@
 Rule 1: the condition selects the rules, never a STATUS number. Each rule returns a sentence or "".
 Rule 2: a rule is one row of ADVICE_RULES: conditions, traffic, function. Rows for one kind of traffic replace
 the general rows of a condition. The order of the rows is the order of the sentences.
-Rule 3: while a block waits for the next attempt, the code of the last one and its advice come first, as if it
-still showed. If the block showed no code for that attempt, none is named.
+Rule 3: while a block waits for its next attempt, the code of the last attempt and the advice on it come
+first, as if the block still showed that code. If the block showed no code then, the advice names none.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ SESSION_ERROR_TEXTS: Final = {
 
 
 class Traffic(Enum):
-    """What moves on the link of a block: it selects the rules."""
+    """The kind of traffic on the link of a block; the kind selects the rules."""
 
     ANYTHING = auto()
     MESSAGES = auto()  # over a connection
@@ -49,7 +49,7 @@ class Traffic(Enum):
 
 
 class AdviceRule(NamedTuple):
-    """One row: `tell` is called in these conditions, if `traffic` is the traffic of the block.
+    """One row: `tell` gives the advice in `conditions`, if `traffic` is the traffic of the block.
 
     `says_why`: the answer describes the present state, which says more than the cause of the edge does.
     """
@@ -464,7 +464,7 @@ def _attempt_code(e: Evidence) -> int | None:
 
 
 def _describe_failed_attempt(e: Evidence, words: str) -> tuple[AdvisedCause, ...]:
-    """Return the causes and remedies of an attempt when its code showed; `words` describe its cause."""
+    """Return causes and remedies of the last attempt if its code showed; `words`: used if no rule fits."""
     attempt = e.facts.attempt
     if attempt is None or _attempt_code(e) is None:
         return ()

@@ -1,4 +1,4 @@
-"""The symptoms that the blocks of a run showed, found while it runs again.
+"""The symptoms that the blocks of a run showed, found while the run is repeated.
 
 Rule: an ERROR counts if it shows at the end, or came again after all was well: a single 80C4 at the start is
 no fault.
@@ -49,7 +49,7 @@ NO_ADVICE: Final = FramingAdvice((), "")
 
 @dataclass
 class _ErrorRecord:
-    """One ERROR of one instance; `good`: DONEs since it last showed."""
+    """One ERROR of one instance; `good`: how many DONEs came since the ERROR last showed."""
 
     line: Line
     edge: StatusEdge
@@ -112,7 +112,7 @@ class BlockSymptoms:
         )
 
     def list_findings(self, is_running: bool) -> tuple[Finding, ...]:
-        """Return the symptoms of the run; while it runs, without an ERROR that is over and old."""
+        """Return the symptoms of the run; while it continues, leave out an ERROR that is over and old."""
         snapshot = self._bench.runtime.snapshot()
         found = [*self._find_lasting_errors(is_running)]
         named = {one.instance for one in found}
@@ -159,7 +159,7 @@ class BlockSymptoms:
         return replace(made, **more)
 
     def _explain_by_framing(self, found: Finding) -> Finding:
-        """Return the finding; if another suffix fits its line, as a finding about the framing."""
+        """Return the finding, or a finding about the framing if another suffix fits the received bytes."""
         decl = self._bench.project.instance(found.instance)
         shown = self._bench.runtime.snapshot().instance(found.instance)
         advice = (
@@ -196,7 +196,7 @@ class BlockSymptoms:
             yield self._finding(shown.name, "not-connected", text, since, connect=shown.connect)
 
     def _unfinished(self, shown: InstanceSnapshot) -> Iterator[Finding]:
-        """Yield a finding if a begun job got no bytes for twice the usual pause (QUIET_NS at least)."""
+        """Yield a finding if a job waits 2 usual pauses, at least QUIET_NS; without any 10 QUIET_NS."""
         last = shown.last_receive_ns
         if not block_row(shown.block).receives_on_net or not 0 < shown.have < shown.need or last is None:
             return
@@ -212,7 +212,7 @@ class BlockSymptoms:
         yield self._finding(shown.name, "job-waits", text, last, **more)
 
     def _offer_com_rst(self, shown: InstanceSnapshot) -> tuple[Remedy, ...]:
-        """Return COM_RST if the next job will want another length than this one."""
+        """Return the remedy COM_RST if the next job will want another length than the running job."""
         data = self._bench.project.data_decl(shown.data) if shown.data else None
         wanted = shown.pin("LEN") or (data.size if data is not None else shown.need)
         if wanted == shown.need or shown.pin("COM_RST") is None:

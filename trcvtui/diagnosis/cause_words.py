@@ -9,7 +9,7 @@ from trcvtui.snapshots.doctor import Remedy
 
 
 class CauseWords(NamedTuple):
-    """One row; `filter` shows the evidence among the packets of its conversation, "": all of them."""
+    """One row; `filter` selects the evidence among the packets of a conversation; "": all packets."""
 
     title: str
     remedy: str = ""

@@ -1,6 +1,6 @@
 """The rules of the doctor, one row a cause: what proves it, which causes silence it, and the remedy.
 
-Rule 1: a judge that lacks a fact says nothing. A conversation is healthy if no rule speaks.
+Rule 1: a judge that lacks a fact returns None. A conversation is healthy if no rule returns a finding.
 Rule 2: a cause silences the causes that it explains: a storm is one finding, not ten resets.
 """
 
@@ -71,7 +71,7 @@ class EndsGroup:
 
     @cached_property
     def sequential_lines(self) -> tuple[LineFacts, ...]:
-        """Return the built conversations, without each that began before the one before it had ended."""
+        """Return the built conversations, except any that began before the last one returned had ended."""
         found: list[LineFacts] = []
         for one in self.built:
             if not found or found[-1].last_ns <= one.first_ns:
@@ -109,7 +109,7 @@ class EndsGroup:
 
     @cached_property
     def ordinary_end_count(self) -> int:
-        """Return how many the caller itself ended, after both sent bytes and with none on their way to it."""
+        """Return how many conversations the caller ended after both sent, with no byte on the way to it."""
         return sum(1 for one in self.ended_lines if _is_ordinary(one))
 
     @cached_property
@@ -128,13 +128,13 @@ class EndsGroup:
 
     @cached_property
     def life_and_period_ns(self) -> tuple[int, int]:
-        """Return the median life of a connection, and the median time from one to the next."""
+        """Return the median life of a connection, and the median time between two begins."""
         life = int(median(one.lasted_ns for one in self.ended_lines))
         return life, int(median(b.first_ns - a.first_ns for a, b in pairwise(self.built)))
 
 
 class LineCase(NamedTuple):
-    """A conversation; `group`: all conversations of its ends; `older`: earlier ones at its listener."""
+    """A conversation; `group`: all conversations of its ends; `older`: earlier calls to its listener."""
 
     line: LineFacts
     group: EndsGroup
@@ -377,7 +377,7 @@ def _judge_resets(case: LineCase) -> Finding | None:
 
 
 def _describe_partial_job(line: LineFacts, receiver: Receiver | None) -> str:
-    """Return a text if the stream ends inside a job; "": it does not, or it is not known."""
+    """Return a text if the stream ends inside a job; "" if it ends elsewhere, or its jobs are not known."""
     flow = line.to_plc
     if receiver is None or receiver.is_secure or not line.has_begin or flow.missing:
         return ""
@@ -516,7 +516,7 @@ def _has_written_since(line: LineFacts, by_plc: bool, since_ns: int) -> bool:
 
 
 def _has_parallel_connection(case: LineCase, ns: int) -> bool:
-    """Return whether the same ends had another connection at `ns`: a new one then replaces nothing."""
+    """Return whether the same ends had another connection at `ns`; a new connection then replaces none."""
     others = [one for one in case.group.lines[-MOST_AROUND:] if one is not case.line and one.is_built]
     return any(one.first_ns <= ns < one.last_ns for one in others)
 
@@ -777,8 +777,8 @@ def weigh_findings(
 ) -> tuple[Finding, ...]:
     """Return the findings that no other cause silences, the surest first.
 
-    Remedies are tried: `judge` returns what is found if the receiver is changed by the remedy. If the cause
-    remains then, or another one comes, the remedy is not offered.
+    Remedies are tried: `judge` returns the findings for the receiver with the remedy. If the cause
+    is among these findings, or a new cause is, the remedy is not offered.
     """
     found: list[tuple[float, Finding]] = []  # each with the confidence of its rule
     for rule in rules:

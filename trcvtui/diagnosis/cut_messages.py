@@ -1,10 +1,10 @@
 """Cuts the bytes of one direction of a capture into messages, as they come: by pauses or into records.
 
-Rule 1: a pause ends a message. With a type the end of a segment does, too, unless the segment is full: then
+Rule 1: a pause ends a message. With a type a segment's end also does, unless the segment is full: then
 the rest follows. A multiple of the type's size is several records; any other size is one message.
 Rule 2: no record crosses a hole, or a message of another size.
-Rule 3: several records in one piece wait for a single message: its size shows whether they are records. Six
-messages of 10 bytes have the size of five of 12.
+Rule 3: a piece of several records is held until a single message comes: the size of the message shows
+whether the piece is records. Six messages of 10 bytes are as long as five messages of 12.
 Rule 4: held bytes are bounded.
 """
 
@@ -135,7 +135,7 @@ class MessageCutter:
             self._emit_waiting()
 
     def _emit_waiting(self) -> None:
-        """Emit the waiting pieces: as records, or as one message each if messages have another size."""
+        """Emit the waiting pieces: each as records, or as one message if records are unlikely."""
         waiting, self._waiting = self._waiting, []
         for content, ends in waiting:
             record = self._record if self._is_regular or len(content) == self._record else len(content)
@@ -155,7 +155,7 @@ class MessageCutter:
 
 
 class MessageCutters:
-    """Cuts the bytes of conversations. `made` returns the cutter of a direction; None: it is not cut."""
+    """Cuts the bytes of conversations. `made` returns the cutter of a direction; None: no cut there."""
 
     def __init__(self, made: Callable[[WireDirection], MessageCutter | None]) -> None:
         self._made = made

@@ -26,7 +26,7 @@ SENSELESS_REAL: Final = (1e-15, 1e18)
 
 
 def judge_swap(row: Elementary, read: float, swapped: float) -> int:
-    """Return 1 if the value makes sense only when swapped, -1 if only as read, 0 if neither is clear."""
+    """Return 1 if the value makes sense only when swapped, -1 if only as read, else 0."""
     if row.kind is ValueKind.REAL:
         good, bad = is_sensible_real, is_senseless_real
         return (bad(read) and good(swapped)) - (good(read) and bad(swapped))
@@ -65,7 +65,7 @@ class SwappedMember:
 
 @dataclass(frozen=True, slots=True)
 class Suspicion:
-    """The members that make sense in `other` order only."""
+    """The members that make sense only in the byte order `other`, not in `order`."""
 
     order: str
     other: str
@@ -127,7 +127,7 @@ class Offer(NamedTuple):
 def find_layout_offer(decl: DataDecl, size: int | None, content: bytes) -> Offer | None:
     """Return a layout for DATA; messages of `size` bytes came, `content` is the newest or a part of it.
 
-    None if the layout fits, if several sizes came, or if no other one fits better.
+    None if the layout fits, if several sizes came, or if no other layout fits better.
     """
     if size is not None and size != decl.size:
         found = _find_layout_of_size(decl, size)
@@ -145,7 +145,7 @@ def find_layout_offer(decl: DataDecl, size: int | None, content: bytes) -> Offer
 
 
 def _find_layout_of_size(decl: DataDecl, size: int) -> Layout | None:
-    """Return the first layout with this size; one with the same byte order comes first."""
+    """Return the first layout with this size; layouts with the same byte order are tried first."""
     own = decl.layout.rules
     laid_out = group_same_layouts(decl.type, profiles_for(decl.type))
     found = [layout for _, layout in laid_out if layout.size == size]

@@ -65,10 +65,10 @@ class LineVerdict(Struct, forbid_unknown_fields=True):
 
 
 class RecordedFacts(NamedTuple):
-    """What our own recording knows beyond its packets; `connects` as in KnownEnds.
+    """The facts of one of our recordings that its packets do not show; `connects` as in KnownEnds.
 
-    `harms`: when (UTC) a block of each CONNECT showed an ERROR, or lost a job. `until_ns`: UTC of its last
-    scan; silence until then is a fact. `lint`: what is wrong with its project, with the pins as at the end.
+    `harms`: when (UTC) a block of each CONNECT showed an ERROR, or lost a job. `until_ns`: UTC of the last
+    scan; silence until then is a fact. `lint`: what is wrong with the project, with the pins as at the end.
     """
 
     receivers: tuple[Receiver, ...]
@@ -82,7 +82,7 @@ class RecordedFacts(NamedTuple):
 
 
 class DoctorQuestion(NamedTuple):
-    """The options beside the captures on the command line, as plain data: workers get it, too.
+    """The options beside the captures on the command line, as plain data: workers get them, too.
 
     `recorded` returns the facts of a recording; None: the capture is not one of ours.
     """
@@ -175,7 +175,7 @@ def _judge_hosts(
 
 
 def _assign_line(one: Finding, cases: Sequence[LineCase]) -> tuple[LineFacts | None, Finding]:
-    """Return a finding and its conversation: the one at its time, else the last before, else the first."""
+    """Return the conversation (at the finding's time, else last before, else first), and the finding."""
     ns = one.at[0] if one.at is not None else 0
     lines = [case.line for case in cases if case.line.connect in (None, one.connect)]
     line = next((each for each in lines if each.first_ns <= ns <= each.last_ns), None)
@@ -189,7 +189,7 @@ def _judge_symptoms(
 ) -> list[Finding]:
     """Add to each finding the symptoms that it explains; return all findings without a conversation.
 
-    A symptom without an explanation is a finding of its conversation. `before`: findings without one yet.
+    An unexplained symptom is a finding of its conversation. `before`: findings without a conversation.
     """
     alone, lint, new = [*before], dict[int, int](), list[tuple[LineFacts, Finding]]()
     of_line = {case.line.number: made.findings for case, made in zip(cases, verdicts, strict=True)}
@@ -244,10 +244,10 @@ def _select_lines(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts
 
 
 def judge_line(case: LineCase, troubles: Sequence[Finding] = (), is_running: bool = False) -> LineVerdict:
-    """Return the verdict on one conversation; `troubles`: what its program did wrong.
+    """Return the verdict on one conversation; `troubles`: what the recorded program did wrong.
 
     While the run continues, leave out causes that are over: causes that end connections, once a connection
-    stays open; other causes, once their conversation has ended and another one still sends.
+    stays open; other causes, once their conversation has ended and another conversation still sends.
     """
     line = case.line
     found, remarks, not_judged = judge_case(case)
@@ -270,7 +270,7 @@ def judge_line(case: LineCase, troubles: Sequence[Finding] = (), is_running: boo
 
 
 def _merge_findings(troubles: Sequence[Finding], found: list[Finding]) -> list[Finding]:
-    """Return one finding per cause: if program and packets both have it, the one of the packets."""
+    """Return one finding per cause; if program and packets both show a cause, keep that of the packets."""
     alone, number_of = [], {one.cause: number for number, one in enumerate(found)}
     for one in troubles:
         if (number := number_of.get(one.cause)) is None:
@@ -298,7 +298,7 @@ def fill_finding(
 ) -> Finding:
     """Return a finding with the words of its cause, and with its packets, filter and time in its line.
 
-    `words`: the STATUS of each condition, where its block is known.
+    `words`: the STATUS that the block shows for each condition, if the block is known.
     """
     at, row, t_s, packets, shown = found.at, CAUSE_WORDS[found.cause], found.t_s, found.packets, found.filter
     if line is not None:

@@ -1,4 +1,4 @@
-"""A project run for three seconds on the simulated network: what its blocks refuse, before a real run."""
+"""Before a real run: runs a project for three seconds on the simulated network, and finds its ERRORs."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def _set_pin(bench: Bench, pin: str, names: list[str]) -> None:
 
 
 def _list_sole_receivers(project: Project) -> list[str]:
-    """Return the receivers that are alone on their CONNECT: a program may run several on one in turn."""
+    """Return the receivers that are alone on their CONNECT; several may work on one CONNECT in turn."""
     some = [each for each in project.instances if block_row(each.block).receives_on_net]
     return [each.name for each in some if sum(one.connect == each.connect for one in some) == 1]
 

@@ -1,7 +1,7 @@
-"""Messages against what a receiver expects: sizes, where they begin, what their bytes mean.
+"""Compares messages with what a receiver expects: their sizes, where they begin, what their bytes mean.
 
-Rule: only a receiver (of a project, of a type) knows LEN and members. Without one these rules are silent,
-except for several messages in one segment (`merged`).
+Rule: only a receiver (of a project, of a type) knows LEN and members. Without a receiver these rules
+find nothing, except for several messages in one segment (`merged`).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ MOST_MESSAGES: Final = 256  # of which the bytes are examined
 
 
 class MessageSizes(NamedTuple):
-    """The sizes of messages: the usual one, its share, how many different ones."""
+    """The sizes of messages: the usual size, its share, the number of different sizes."""
 
     usual: int
     share: float
@@ -133,7 +133,7 @@ def _len_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
 
 
 def _type_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
-    """Return the remedy if LEN alone would cut members, or read them at wrong places."""
+    """Return the remedy to compare type and messages, if LEN `size` would leave members unwritten."""
     left = find_unwritten_members(receiver, size)
     if left is None:
         return ()
@@ -155,7 +155,7 @@ def _offer_len(receiver: Receiver, size: int, line: LineFacts) -> RemedyOffer:
 
 
 def _room_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
-    """Return the remedy that gives DATA room for so many bytes; (): it has room."""
+    """Return the remedy that gives DATA room for `size` bytes; (): DATA has the room."""
     if not receiver.room or size <= receiver.room:
         return ()
     element = getattr(receiver.type, "element", None)
@@ -412,7 +412,7 @@ def _offer_one_per_job(receiver: Receiver, base: int) -> RemedyOffer:
 def is_session(line: LineFacts, receiver: Receiver | None = None) -> bool:
     """Return whether the ends speak TLS or ISO-on-TCP: whole units by their lengths, without gaps.
 
-    If the project declares the connection as plain, both ends have to speak it, with a handshake.
+    If the project declares the connection as plain, both ends have to send such units, and a handshake.
     """
     if line.protocol != "tcp":
         return False
@@ -436,7 +436,7 @@ def _has_recurring_pieces(line: LineFacts, beat: int) -> bool:
 
 
 def _has_repeated_begin(line: LineFacts, base: int) -> bool:
-    """Return whether constant bytes of single messages recur inside segments with several."""
+    """Return whether constant bytes of single messages recur inside segments with several messages."""
     content = line.to_plc.content
     single = [
         content[w.at : w.at + base]
@@ -531,7 +531,7 @@ MOST_CACHED_READINGS: Final = 256
 
 
 def _find_reading(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    """Return a reading of the bytes that makes sense but differs from the PLC's; its `cause` is set."""
+    """Return a finding, with its `cause`, if the bytes make sense in another reading than the PLC's."""
     if receiver is None or receiver.type is None or receiver.rules is None or not _can_read(line, receiver):
         return None
     frames = _frames(line, receiver)
@@ -590,7 +590,7 @@ def _make_reading_judge(cause: str) -> Callable[[LineFacts, Receiver | None], Fi
 
 
 def _judge_unwritten(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    """Judge which members frames never write. If frames end between two members, only remark it."""
+    """Judge which members frames never write. If frames end between two members, make only a remark."""
     if receiver is None or not receiver.need or receiver.is_whole or not line.messages:
         return None
     size = receiver.need
@@ -633,7 +633,7 @@ def _segment(message: LineMessage) -> SegmentFacts:
 
 
 def _is_lone_message(line: LineFacts, receiver: Receiver) -> bool:
-    """Return whether a single message came, and a job waited 1 s, or to the line's end, for its rest."""
+    """Return whether a single message came, and the job then waited 1 s, or to the line's end, for more."""
     only = line.messages[0]
     is_over = line.end is not None or line.last_ns - only.ns >= SECOND
     return len(line.messages) == 1 and only.pieces == 1 and only.size < receiver.need and is_over

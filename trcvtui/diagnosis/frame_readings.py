@@ -60,7 +60,7 @@ def read_frames(frames: list[bytes], receiver: Receiver, type_: Type, rules: Lay
 
 
 def _choose_plainest(fits: Sequence[Fit], rules: LayoutRules) -> Fit | None:
-    """Return the best reading, or one near it that differs less from the PLC's."""
+    """Return the best reading, or one nearly as good that differs less from the PLC's reading."""
     near = [one for one in fits if one.score > fits[0].score - CLEAR_LEAD]
     return min(near, key=lambda one: (one.cause.front > 0) + (not _has_rules(one, rules)), default=None)
 
@@ -97,7 +97,7 @@ def _has_rules(one: Fit, rules: LayoutRules) -> bool:
 def _classify_reading(
     best: Fit, frames: list[bytes], receiver: Receiver, rules: LayoutRules, sides: Sequence[str]
 ) -> tuple[str, RemedyOffer]:
-    """Return the cause that the best reading means, and the remedy; "": it is no cause."""
+    """Return the cause that the best reading means, and the remedy; "": the reading means no cause."""
     from trcvtui.udt.compare.causes import BYTE_TOO_MANY, HEADER, SWAP_CAUSES, TRAILER
     from trcvtui.udt.compare.drift import MOST_LEAVES
     from trcvtui.udt.compare.extra_bytes import has_length_field

@@ -56,7 +56,7 @@ _HANDSHAKE_REFUSED: Final = "{peer} refuses the handshake: {words}", "look into 
 
 
 def explain_handshake_failure(e: Evidence) -> RuleAnswer:
-    """Return why the session ended, and the remedy for exactly that."""
+    """Return why the session ended, and the remedy for exactly this reason."""
     session = tls_credentials_of(e.config.session) if e.config is not None else None
     if e.config is None or session is None or e.cause.call != "session":
         return ""

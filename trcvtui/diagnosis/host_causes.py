@@ -39,7 +39,7 @@ def is_service(line: LineFacts) -> bool:
 
 
 def _by_icmp(line: LineFacts, some: Sequence[TimedNote], sure: float, *texts: str, mend: str = "") -> Finding:
-    """Return the finding that ICMP messages about one direction prove, in the words of the first one."""
+    """Return the finding that ICMP messages about one direction prove, in the first message's words."""
     first, packets = some[0], tuple([one.packet for one in some])
     way = "from-plc" if first.note.source == line.plc_end[0] else "to-plc"
     mends = (Remedy(mend),) if mend else ()
@@ -126,7 +126,7 @@ def list_host_facts(
 ) -> Iterator[tuple[HostFact, bool]]:
     """Yield addresses without a host, and addresses of two devices that have no conversation.
 
-    With each: whether it is in the project, is `plc` (the chosen address), or all lines are services.
+    With each: True if it is in the project, is `plc` (the chosen address), or if all lines are services.
     """
     known = {plc, *(end for one in receivers for end in (one.own_address, one.partner_address))} - {b""}
     ends = {end[0] for line in facts.lines for end in (line.plc_end, line.partner_end)}

@@ -104,7 +104,7 @@ def find_connected_peer(e: Evidence) -> PeerSnapshot | None:
 
 
 def explain_connect_holder(e: Evidence) -> RuleAnswer:
-    """Another instance works on this CONNECT: which one, and what frees it."""
+    """Another instance works on this CONNECT: which instance, and what frees the CONNECT."""
     sends = block_row(e.block).sends_on_net
     owners = (e.link.senders if sends else e.link.receivers) if e.link is not None else ()
     holder = next((o for o in owners if o.removesuffix(GONE) != e.instance or o.endswith(GONE)), "")

@@ -20,7 +20,7 @@ FileNames = Callable[[], Sequence[str]]
 
 
 class ProcessJudge:
-    """Judges in a process: `result_json` is its last DoctorSnapshot, `progress` says how far it is."""
+    """Judges in a process: `result_json` is its last DoctorSnapshot, `progress` how far the process is."""
 
     result_json, progress, looks_again = b"", "", True
     _answer: PendingAnswer | None = None

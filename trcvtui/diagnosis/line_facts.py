@@ -66,7 +66,7 @@ NOWHERE: Final = SegmentFacts(0, 0, 0, 0)
 
 
 class LineMessage(NamedTuple):
-    """Writes that belong together, `pieces` of them; the longest pause between two."""
+    """A message of `pieces` writes; `pause_ns` is the longest pause between two of these writes."""
 
     ns: int
     at: int
@@ -77,7 +77,7 @@ class LineMessage(NamedTuple):
 
 
 class ClosedWindow(NamedTuple):
-    """A window of 0, from when to when; None: to the end."""
+    """A window of 0, from `ns` to `until_ns`; None: to the end."""
 
     ns: int
     until_ns: int | None
@@ -85,7 +85,7 @@ class ClosedWindow(NamedTuple):
 
 
 class LateAck(NamedTuple):
-    """A small write with a late ACK: how long the ACK took, and how long after it the next write left."""
+    """A small write with a late ACK: how long the ACK took, how long after the ACK the next write left."""
 
     write: SegmentFacts
     wait_ns: int
@@ -93,7 +93,7 @@ class LateAck(NamedTuple):
 
 
 class Outage(NamedTuple):
-    """Retransmissions without an answer: how many, from when, to when; None: to the end."""
+    """Retransmissions without an answer: `copies` of them, from `ns` to `until_ns`; None: to the end."""
 
     copies: int
     ns: int
@@ -193,7 +193,7 @@ class IdleTime(NamedTuple):
 
 
 class LineFacts:
-    """What is known of one conversation; `to_plc` is what the partner says."""
+    """What is known of one conversation; `to_plc` is the direction from the partner to the PLC."""
 
     def __init__(self, talk: _ConversationFacts, guess: PlcGuess, first_ns: int, is_recording: bool) -> None:
         conversation = talk.conversation
@@ -256,7 +256,7 @@ class LineFacts:
         return self.last_ns - self.first_ns
 
     def make_filter(self, evidence: str, of_group: bool) -> str:
-        """Return a Wireshark filter for those of its packets that are evidence; "": there is none.
+        """Return a Wireshark filter for the packets of the conversation that are evidence; "": none are.
 
         `of_group`: a filter for the packets of all conversations with the same listener.
         """
@@ -270,7 +270,7 @@ class LineFacts:
         return " && ".join(parts)
 
     def has_harm_at(self, ns: int) -> bool:
-        """Return whether a block showed an ERROR or lost a job about then; True if that is not known."""
+        """Return whether a block showed an ERROR or lost a job near `ns`; True if that is not known."""
         return self.harms is None or any(-HARM_BEFORE_NS <= one - ns <= HARM_AFTER_NS for one in self.harms)
 
     def to_seconds(self, ns: int) -> float:
@@ -481,7 +481,7 @@ def collect_facts(
     receives: bool = False,
     until_ns: int = 0,
 ) -> CaptureFacts:
-    """Return the facts of one capture; what is `known` of the PLC decides which end is the PLC.
+    """Return the facts of one capture; `given` and `known` decide which end of a conversation is the PLC.
 
     `receives`: the PLC is known to receive; if only one end sends, the PLC is the other one.
     `until_ns`: when the capture ends; a conversation without an end is silent until then.
@@ -564,7 +564,7 @@ def _messages(
 def _join_writes(
     writes: Sequence[SegmentFacts], turns: Sequence[bool], most: int, limit: int, reads: RecordedReads | None
 ) -> tuple[LineMessage, ...]:
-    """Return the writes as messages; a write sooner than `limit` ns after another one belongs to it."""
+    """Return the writes as messages; a write within `limit` ns of the last one continues its message."""
     found: list[LineMessage] = []
     for number, write in enumerate(writes):
         before = writes[number - 1]
@@ -583,7 +583,7 @@ def _join_writes(
 
 
 def fills_segment(size: int, largest: int, gap_ns: int) -> bool:
-    """Return whether a write fills a segment, and the next one follows so soon that it continues it."""
+    """Return whether a write fills a segment, and the next write comes soon enough to continue it."""
     soon_ns = JOINED_NS if largest >= LARGE_SEGMENT else JOINED_NS // 25
     return size == largest >= FULL_SEGMENT and gap_ns < soon_ns
 
@@ -591,7 +591,7 @@ def fills_segment(size: int, largest: int, gap_ns: int) -> bool:
 def _find_pause_limit(gaps: Sequence[int], share: int) -> int:
     """Return the shortest pause between messages, in ns; 0: all pauses are of one kind.
 
-    Pauses are inside messages or between them; each kind has at least one in `share` of all pauses.
+    Pauses are inside messages or between them; each of the two kinds is at least 1/`share` of all pauses.
     """
     ordered = sorted(max(gap, 1000) for gap in gaps)
     low = max(2, len(ordered) // share)

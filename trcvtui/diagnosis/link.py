@@ -113,7 +113,7 @@ def _describe_unbuilt(e: Evidence) -> str:
 
 
 def remote_tsap(config: ConnectConfig) -> str:
-    """Return the T-selector that the partner has to have, "" where there is none or any will do."""
+    """Return the T-selector that the partner has to have; "": it has none, or any one will do."""
     if config.description is None or read_spec(config.description).protocol is not Transport.ISO:
         return ""
     return format_selector(read_spec(config.description).remote_tsap)
@@ -302,7 +302,7 @@ def explain_quiet_line(e: Evidence) -> RuleAnswer:
 
 
 def explain_partner_end(e: Evidence) -> str:
-    """The partner closed or reset the connection: how far the job was, and how often."""
+    """The partner closed or reset the connection: how often, and how far the job was then."""
     cause, loss = e.cause, e.facts.loss
     how = "reset (RST)" if cause.error == "ECONNRESET" else "closed (FIN)"
     text = f"{cause.peer or 'the partner'} {how}"

@@ -1,4 +1,4 @@
-"""A project before its first scan: what its instances expect, and the causes that show already."""
+"""Judges a project before its first scan: what its instances expect, and which causes show already."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ class LengthPlace(NamedTuple):
 
 
 def find_length_field(messages: Sequence[bytes]) -> LengthPlace | None:
-    """Return the length field that is right in each message; None: no field is, or it may be chance."""
+    """Return the length field that is right in each message; None: no field is, or that may be chance."""
     lengths = {len(one) for one in messages}
     if len(lengths) < 2 or len(messages) < LEAST_MESSAGES:
         return None
@@ -88,7 +88,7 @@ class Joints(NamedTuple):
 
 
 def find_joined_messages(parts: Sequence[bytes]) -> Joints | None:
-    """Return how messages are joined in some writes while others hold just one; None: not proved."""
+    """Return how messages are joined in some writes, while others hold one message; None: not proved."""
     ways = (*_split_by_mark(parts), *_split_by_length(parts)) if parts else ()
     several = (one for one in ways if sum(number > 1 for number in one.numbers) >= FEW_MESSAGES)
     return next((one for one in several if one.numbers.count(1) >= 2), None)
@@ -121,7 +121,7 @@ def _split_by_length(parts: Sequence[bytes]) -> Iterator[Joints]:
 
 
 class HeadAndBody(NamedTuple):
-    """Messages in two writes: the size of the head, the sizes of the whole, the usual pause between both."""
+    """Messages in two writes: size of the head, sizes of whole messages, usual pause between the writes."""
 
     head: int
     sizes: frozenset[int]
@@ -133,7 +133,7 @@ class HeadAndBody(NamedTuple):
 def find_head_and_body(writes: Sequence[SegmentFacts], content: bytes, need: int) -> HeadAndBody | None:
     """Return head and body, if each second write is the body to the head before it; None: not proved.
 
-    Proof is a length in the head, or that both together always have the size of a job.
+    Proof is a length in the head, or that head and body together always have the size of a job.
     """
     pairs = [*zip(writes[::2], writes[1::2], strict=False)]
     head = pairs[0][0].size if len(pairs) >= FEW_MESSAGES else 0

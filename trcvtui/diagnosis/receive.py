@@ -191,7 +191,7 @@ def explain_long_sender(e: Evidence) -> RuleAnswer:
 
 
 def explain_odd_size(e: Evidence) -> str:
-    """The newest message has another size than the frame; each earlier message filled one."""
+    """The newest message has another size than the frame; each earlier message filled a frame."""
     sizes = e.facts.messages.last
     if e.adhoc or len(sizes) < 2 or not e.need or sizes[-1] == e.need or set(sizes[:-1]) != {e.need}:
         return ""

@@ -12,7 +12,7 @@ from trcvtui.snapshots.doctor import Finding, Remedy
 
 
 class CauseRule(NamedTuple):
-    """One row. `silenced_by`: causes that explain it if found; `weakened_by`: causes that may explain it.
+    """One row. `silenced_by`: causes that explain this one, if found; `weakened_by`: causes that may do so.
 
     `blind`: qualities of a capture with which the row cannot judge.
     """

@@ -43,7 +43,7 @@ WAITING_CONDITIONS: Final = frozenset(
 
 
 def describe_port_wait(e: Evidence) -> str:
-    """Return that the port does not exist, if the block waits for bytes from or to it; else ""."""
+    """Return a text if the block waits for bytes from or to a port that does not exist; else ""."""
     return describe_port_fault(e.buffer) if e.condition in WAITING_CONDITIONS and not e.cause.pin else ""
 
 
@@ -187,7 +187,7 @@ def warn_no_gap(f: FramedBlock) -> str:
 
 
 def warn_short_gap(f: FramedBlock) -> str:
-    """Bytes come first, so a gap shorter than a scan is never seen."""
+    """A call handles bytes before the gap, so a gap shorter than a scan is never seen."""
     timeout = f.framer.timeout_ns
     if not 0 < timeout < f.interval_ns:
         return ""
@@ -217,7 +217,7 @@ def warn_idle_feeder(f: FramedBlock) -> str:
 
 
 def warn_drops(f: FramedBlock) -> str:
-    """With its own size, the ComBuffer drops bytes that TCP could hold back."""
+    """A ComBuffer with a size of its own drops bytes that TCP could hold back."""
     if f.feeder is None or not f.buffer.size:
         return ""
     return (

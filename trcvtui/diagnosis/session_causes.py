@@ -72,7 +72,7 @@ def is_session_begin(head: bytes) -> bool:
 
 
 def _unit_size(head: bytes) -> int:
-    """Return the bytes of a unit; 0: it is none. TLS: RFC 8446, 5.1; ISO-on-TCP: RFC 1006, 6."""
+    """Return the size of a unit; 0: it is no unit. TLS: RFC 8446, 5.1; ISO-on-TCP: RFC 1006, 6."""
     if is_tls_head(head):
         size = int.from_bytes(head[3:5], "big") + 5
         fits = head[0] in (_HANDSHAKE, _ALERT, _DATA, _CHANGE_CIPHER) and head[1] == 3 and 1 <= head[2] <= 4
@@ -216,7 +216,7 @@ def judge_tls(line: LineFacts) -> Finding | None:
 
 
 def _is_handshake_complete(both: dict[str, list[tuple[int, bytes]]]) -> bool:
-    """Return whether a handshake up to TLS 1.2 succeeded: both ends encrypt, or one, and data passed."""
+    """Return whether a handshake up to TLS 1.2 succeeded: both ends encrypt, or one end and data passed."""
     kinds = [[kind for kind, _ in records] for records in both.values()]
     ready = [_CHANGE_CIPHER in each and _HANDSHAKE in each[each.index(_CHANGE_CIPHER) :] for each in kinds]
     return all(ready) or (any(ready) and any(_DATA in each for each in kinds))

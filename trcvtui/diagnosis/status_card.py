@@ -93,7 +93,7 @@ class Card:
 
 
 def _message_bytes(name: str, data: DataBytes, index: StreamIndex) -> bytes:
-    """Return the longest part of job or DATA that begins with a message; all if no message is known."""
+    """Return the longest part of job or DATA that begins with a message; all bytes if none is known."""
     known = [(data.partial, span) for span in index.list_messages(name, of_job=True)]
     known += [(data.content, span) for span in index.list_messages(name, of_job=False)]
     parts = [content[span.position : span.stop] for content, span in known if span.begins]
@@ -106,7 +106,7 @@ def _has_shifting_frames(e: Evidence) -> bool:
 
 
 def _list_missing(e: Evidence, decl: DataDecl | None) -> str:
-    """Return a sentence on where the bytes of a stuck frame end; "": not known, or it is shifted."""
+    """Return a sentence on where the bytes of a stuck frame end; "": not known, or the frame is shifted."""
     if decl is None or decl.size != e.need or not is_stuck(e):
         return ""
     if e.facts.drop is not None or _has_shifting_frames(e):

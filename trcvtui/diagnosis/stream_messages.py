@@ -22,7 +22,7 @@ class StreamMessage(NamedTuple):
 def find_whole_messages(window: HistoryWindow, e: Evidence) -> list[StreamMessage]:
     """Return the messages that are known whole, oldest first; []: their ends are not known.
 
-    Bytes of a running job are left out: the next ones may belong to the same message.
+    Bytes of a running job are left out: the next bytes may belong to the same message.
     """
     running = min([job.position for job in window.jobs if job.is_open], default=window.stop)
     recvs = [recv for recv in window.recvs if recv.stop <= running]

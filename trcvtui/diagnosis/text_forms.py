@@ -24,7 +24,7 @@ _NUMBER_BYTES: Final = frozenset(b"0123456789+-., ;:\t\r\n")
 
 
 class FoundText(NamedTuple):
-    """The sentence that messages are text, and the mark that ends each of them; b"": none does."""
+    """The sentence that messages are text, and the mark that ends each message; b"": no mark does."""
 
     said: str
     end: bytes

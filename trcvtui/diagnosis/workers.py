@@ -1,6 +1,6 @@
 """Captures judged by several workers: processes of this machine, or workers of a Dask cluster.
 
-Rule 1: a worker that dies loses no file: another worker tries it again, and then it is reported.
+Rule 1: a worker that dies loses no file: another worker tries it; after 2 deaths the file is reported.
 Rule 2: bytes from a cluster run no code here: answers are JSON of one form, and no other object is built.
 """
 
@@ -71,7 +71,7 @@ def judge_in_cluster(
 ) -> PathAnswers[Answer]:
     """Yield the answers of a cluster as they come: one task a capture, which its worker reads.
 
-    Files that no worker can open are read here. `form`: the type of an Answer. Raise UserError: no scheduler.
+    Files that no worker can open are read here. `form`: the type of an Answer. UserError: no scheduler.
     """
     dask = require("distributed", "cluster", "--scheduler", "no Dask")
     here: list[str] = []
@@ -163,7 +163,7 @@ def _judge_in_workers(
 
 
 def _judge_at_worker(path: str, asked: Question, judge: JudgeFunction[Question, Answer]) -> bytes:
-    """Return JSON of worker, answer and problems; without answer and problems it cannot open the file."""
+    """Return JSON of worker, answer and problems; if both are empty, the worker cannot open the file."""
     from distributed import get_worker
 
     answer: Answer | UserError | None = None

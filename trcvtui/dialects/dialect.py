@@ -112,7 +112,7 @@ def defaults(dialect: Dialect) -> dict[str, SwitchValue]:
 def read_switches(
     dialect: Dialect, raw: Mapping[str, object], where: str
 ) -> tuple[dict[str, SwitchValue], list[Problem]]:
-    """Return a value for every switch (durations in ns) and the problems of the wrong ones in `raw`."""
+    """Return a value for every switch (durations in ns) and the problems of wrong values in `raw`."""
     values, problems = defaults(dialect), []
     known = {switch.name: switch for switch in dialect.switches}
     for name, given in raw.items():

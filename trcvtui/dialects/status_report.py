@@ -62,7 +62,7 @@ def _is_note_scenario(file: str) -> bool:
 
 
 def parse_code(text: str) -> int:
-    """Return the code of `80C5`, `16#80C5`, `W#16#80C5` or `0x80c5`; raise UserError when it is none."""
+    """Return the code of `80C5`, `16#80C5`, `W#16#80C5` or `0x80c5`; raise UserError for other texts."""
     found = CODE_PATTERN.fullmatch(text) if len(text) <= 32 else None
     if found is None:
         raise mistake("CODE", f"'{text[:32]}'", "a STATUS word such as 80C5, 16#80C5, W#16#80C5 or 0x80c5")
@@ -141,9 +141,9 @@ def add_scenarios(
 def add_card_scenarios(
     found: Iterable[Explanation], scenarios_of: Callable[[str, Callable[[str], bool]], ScenariosByCode]
 ) -> list[Explanation]:
-    """Return the rows with as many scenarios as a card names; `scenarios_of` reads the given files.
+    """Return the rows with enough scenarios for a card; `scenarios_of` reads the files that a test accepts.
 
-    If a preferred scenario shows the code, no other one is read: reading all takes 100 ms.
+    If a preferred scenario shows the code, other scenarios are not read: reading all takes 100 ms.
     """
     return [_with_card_scenarios(one, scenarios_of) for one in found]
 
@@ -203,7 +203,7 @@ def _as_object(one: Explanation) -> dict[str, object]:
 def as_text(found: Iterable[Explanation], others: Sequence[str] = (), asked: str | None = None) -> str:
     """Return a card for each row: what it means, likely causes, what to look at next.
 
-    The last line names the `others` that have the code; the first says that the `asked` dialect lacks it.
+    The last line names the `others` that have the code; the first line says that `asked` lacks it.
     """
     cards = [(one.dialect, _card(one)) for one in found]
     lacks = asked not in (None, cards[0][0])

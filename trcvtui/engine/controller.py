@@ -1,7 +1,7 @@
 """The bench as a screen drives it: one line in, one answer out; one request in, one picture out.
 
 Rule: a scenario gets a fresh bench in place of the present one; after the scenario the opened project gets
-a fresh one too. There is always exactly one bench.
+a fresh bench, too. There is always exactly one bench.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ CONNECTED, NO_EFFECT = "connected", "without effect"
 
 
 def make_remark(command: words.BenchCommand, runtime: Runtime, adhoc_at_once: bool) -> str:
-    """Return the remark on a command that was given after the last scan, mostly ""."""
+    """Return the remark on a command that was given after the last scan; "" for most commands."""
     match command:
         case words.Pulse(name, "COM_RST"):
             return _reset_remark(runtime.instance_snapshot(name), runtime)
@@ -155,7 +155,7 @@ def _recording_path(name: str) -> Path:
 
 
 class Controller:
-    """The bench as the screen drives it. While `holding`, `wanted` more scans pass, and its player's."""
+    """The bench for the screen. While `holding`, only `wanted` scans and those of `player` pass."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -473,7 +473,7 @@ class Controller:
         return True
 
     def step_peers_alone(self) -> None:
-        """Let the peers work while no scan passes; on the simulated network time stops then."""
+        """While no scan passes, let the peers of a live bench work; simulated time stops without scans."""
         if self.bench.kernel_name == "live":
             self.bench.step_peers_alone()
 

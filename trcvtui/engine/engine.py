@@ -1,9 +1,9 @@
-"""The live engine: absolute deadlines, and the screens served in the gaps.
+"""The live engine: it scans at absolute deadlines, and serves the screens between two scans.
 
-Rule 1: a scan is never caught up in a burst: deadlines that have passed are skipped and counted.
+Rule 1: missed scans are not made up for in a burst: deadlines that have passed are skipped and counted.
 Rule 2: screens are served between two scans, in turns, only while the gap lasts. A picture is made in one
 go, so that it shows one scan; then it is pickled and written slice by slice.
-Rule 3: a new bench begins with a new time, new deadlines and new figures of punctuality.
+Rule 3: a new bench begins with a new time, new deadlines and new timing figures.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def engine_main(channel: Channel, *asked: Any) -> None:
-    """Run the bench that an EngineDriver asks for until the channel closes; first send an error, if any."""
+    """Run the bench for an EngineDriver until the channel closes; an error that ends the run is sent."""
     gc.disable()  # the engine collects at the beginning of each bench only
     ignore_signals(TERMINAL_SIGNALS)  # they belong to the screen
     try:
@@ -170,8 +170,8 @@ class Engine:
     def _serve(self) -> None:
         """Serve the screens right after the scan, and again every STEP_NS of a long gap.
 
-        The engine wakes by the clock alone, and not shortly before a scan: a process that has just run does
-        not get the processor at once. Then the scan would begin 0.5 to 2.5 ms late (seen with perf).
+        Only the clock wakes the engine, and never shortly before a scan: a process that has just run does
+        not get the processor at once, so the scan would begin 0.5 to 2.5 ms late (seen with perf).
         """
         if self._recorder is not None:
             self._recorder.finish_scan(self._bench)
@@ -241,7 +241,7 @@ class Engine:
         screen.make_ns, self._made_at = clock.now_ns() - began, began
 
     def _may_make_picture(self, screen: AttachedScreen, until: int) -> bool:
-        """Return whether a picture fits before the next scan, or the screen has waited too long for it."""
+        """Return whether a picture fits before the next scan, or the screen has waited too long for one."""
         least = PICTURE_PAUSE_NS if self._interval < FAST_INTERVAL_NS and not screen.answers else 0
         now = clock.now_ns()
         if now < self._made_at + least:

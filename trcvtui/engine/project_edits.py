@@ -4,8 +4,8 @@ Rule: `create`, `delete` and `resize` change the program that runs; `add`, `set`
 `undo` change the project too, and are what `save project` writes. Present inputs, DATA and faults belong
 to the session (`save scenario`).
 Rule of saving 1: the present text of the file is edited: what others wrote there since it was opened stays.
-Rule of saving 2: the new text is loaded before it is written, and takes the place of the old one in one step.
-Rule of saving 3: another file gets the text that was opened or saved last, with the edits of the bench.
+Rule of saving 2: the new text is loaded before it is written; it replaces the old text in one step.
+Rule of saving 3: if FILE is another file, it gets the text last opened or saved, with the bench's edits.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ dialect = "{dialect}"
 
 
 def can_create_project(path: Path) -> bool:
-    """Return whether a project can be created here: an empty file, or none yet in an existing folder."""
+    """Return whether a project can be created here: the file is empty, or missing in an existing folder."""
     if path.suffix != SUFFIX:
         return False
     if not os.path.lexists(path):
@@ -55,7 +55,7 @@ def can_create_project(path: Path) -> bool:
 
 
 def offer_project(path: Path, answers: TextIO, talk: TextIO) -> bool:
-    """Ask for which PLC the project is, and write it; return whether there is one now."""
+    """Ask for the PLC of a new project, and write the project; return whether it was written."""
     names = [DEFAULT_DIALECT, *(name for name in DIALECTS if name != DEFAULT_DIALECT)]
     state = "is empty" if path.exists() else "does not exist"
     talk.write(f"{path} {state}. Create it for which PLC?\n")
@@ -88,7 +88,7 @@ FORCE: Final = "!"
 
 
 def parse_save_target(words: str, own: Path, written: Collection[str], where: str) -> Path:
-    """Return the file that `[FILE] [!]` names; raise UserError for a foreign file without `!`."""
+    """Return the file that `[FILE] [!]` names; without `!` raise UserError for others' files."""
     name = words.strip()
     is_forced = name.endswith(FORCE)
     name = name.removesuffix(FORCE).strip()
@@ -109,7 +109,7 @@ def parse_save_target(words: str, own: Path, written: Collection[str], where: st
 
 
 def refuse_shipped_file(path: Path, where: str) -> None:
-    """Raise UserError if the path of a file is in a folder of trcvtui itself; the file may not exist."""
+    """Raise UserError if a file's path is in a folder of trcvtui itself, whether or not the file exists."""
     here = Path(os.path.realpath(path))
     if any(here.is_relative_to(os.path.realpath(folder)) for folder in (demo_path().parent, configs_path())):
         raise mistake(where, f"{here.name}, which came with trcvtui", "save project FILE, a file of your own")
@@ -118,7 +118,7 @@ def refuse_shipped_file(path: Path, where: str) -> None:
 def apply_edits(
     text: str, own: Path, path: Path, edits: Edits, constants: Mapping[str, int]
 ) -> tuple[str, Project]:
-    """Return the text of `own` with these edits, and the project that it is in `path`; raise UserError."""
+    """Return the edited text of file `own`, and the project it gives as file `path`; raise UserError."""
     added = [edit.after for edit in edits if edit.before is None and edit.after is not None]
     if added:
         text = append_entries(text, added, str(own))
@@ -152,7 +152,7 @@ def _read_project(text: str, path: Path) -> Project:
 
 
 def _load_edited(text: str, path: Path, edits: Edits) -> Project:
-    """Return the project of the text; raise UserError unless it has every edit as meant."""
+    """Return the project read from the text; raise UserError if an edit is missing or wrong there."""
     loaded = _read_project(text, path)
     check_bench(loaded)
     for edit in edits:
@@ -175,7 +175,7 @@ PROMPT = "prompt"
 
 
 class ProjectEdits:
-    """The opened project as it was edited; `done` counts the edits, `saved` those in its file."""
+    """The opened project with its edits; `done` counts the edits, `saved` is `done` at the last save."""
 
     def __init__(self, project: Project) -> None:
         self.project = project
@@ -191,7 +191,7 @@ class ProjectEdits:
 
     @property
     def unsaved_count(self) -> int:
-        """Return how many entries differ from those in the file, or are missing there."""
+        """Return how many entries and new constants of the project differ from the file."""
         return len(self._edits) + len(self._constants)
 
     @property
@@ -199,14 +199,14 @@ class ProjectEdits:
         return "addition" if all(edit.before is None for edit in self._edits) else "change"
 
     def read_file_text(self) -> str:
-        """Return the text of the file now (`text` is the earlier one), "" where it cannot be read."""
+        """Return the present text of the file (`text` is the one kept earlier), "" if it cannot be read."""
         return _text_of(self.project.path)
 
     def note_new_bench(self) -> None:
         self.before, self._begun_from_file = None, self.saved == self.done
 
     def check(self, command: EditCommand) -> EditCommand:
-        """Return the command, parsed for this project; raise UserError if only the bench accepts it."""
+        """Return the command, parsed for this project; raise UserError if the project refuses it."""
         mine = parse_line(format_command(command), self.project, PROMPT)
         assert isinstance(mine, EDIT_COMMANDS)
         check_bench(project_after(mine, self.project))
@@ -269,7 +269,7 @@ class ProjectEdits:
             self._inode = os.stat(self.project.path).st_ino if text else 0
 
     def _restore_types(self, folder: Path) -> None:
-        """Write the missing type files as they were; their names are relative to `folder`."""
+        """Write the missing type files again; names of type files are relative to `folder`."""
         for each in self.project.udts:
             place = folder / each.name
             if each.content and not place.exists():
@@ -277,7 +277,7 @@ class ProjectEdits:
                 write_file(place, each.content, PROMPT, is_new=True)
 
     def _find_obstacle(self) -> Problem | None:
-        """Return why the file can no longer take the edits, for example because it is gone."""
+        """Return why the edits cannot be written to the file, for example: it is gone; None: they can."""
         own, was = self.project.path, self._in_file
         try:
             text = read_text(own)
@@ -298,7 +298,7 @@ class ProjectEdits:
 
 
 def move_project(project: Project, path: Path) -> Project:
-    """Return the project moved to another file; its UDT files get names relative to the folder of that."""
+    """Return the project moved to another file; its UDT files get names relative to the new folder."""
     new = path.parent
     old = project.base if project.base.is_dir() else new  # else its files have come along
     parts = {key: _move_part(getattr(project, key), old, new) for key in ("udts", "undoable")}

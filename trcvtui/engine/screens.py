@@ -1,8 +1,8 @@
 """The screens of an engine: their lines and requests, and the answers for them.
 
 Rule 1: no screen stops a scan: nothing here waits, and all screens share one limit of messages.
-Rule 2: an answer goes to the screen that sent the line, a message without a line to all.
-Rule 3: a screen that ends, or sends an invalid message, is closed. If it is the first, the engine ends.
+Rule 2: an answer goes to the screen that sent the line; a message that answers no line goes to all screens.
+Rule 3: a screen that ends, or sends an invalid message, is closed. If the first is closed, the engine ends.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ FIRST_MAKE_NS: Final = 2_000_000  # the first picture of a tab brings all that i
 
 
 class AttachedScreen:
-    """One screen; `number`: 0 for the first one. The numbers of its lines are unique among all screens."""
+    """One screen; `number`: 0 for the first screen. Each line's number is unique among all screens."""
 
     def __init__(self, channel: Channel, number: int) -> None:
         self.channel, self.number = channel, number
@@ -59,7 +59,7 @@ class AttachedScreen:
 
 
 class AttachedScreens:
-    """The first screen, or `serve` in its place, and the tabs that connect at the door of `serve`."""
+    """The first screen, or `serve` in its place, and the tabs that connect to `serve` through `door`."""
 
     def __init__(self, channel: Channel, project: Project, read_only: bool, door: TabListener | None) -> None:
         self.first = AttachedScreen(channel, 0)
@@ -68,7 +68,7 @@ class AttachedScreens:
         self._hello = pickle.dumps(project, pickle.HIGHEST_PROTOCOL) if door is not None else b""
 
     def read_messages(self, until: int) -> Iterator[tuple[AttachedScreen, tuple[int, str] | UpdateRequest]]:
-        """Yield messages until `until` (ns); update tabs; raise EOFError if the first screen has ended."""
+        """Yield messages until `until` (ns); add/remove tabs; raise EOFError if the first screen ended."""
         if self._door is not None and (descriptor := self._door.accept()) is not None:
             self._came += 1
             self.all.append(tab := AttachedScreen(Channel(descriptor), self._came))

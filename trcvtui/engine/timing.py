@@ -4,7 +4,7 @@ The requests need no privileges; failure is normal and is shown. Linux only.
 Measured: timer slack 1 ns and an EEVDF slice of 100 us bring the p99 start
 lateness of a 10 ms scan beside a busy screen from 3.8 ms to 0.1 ms. Where the kernel gives each session a
 share of the processor (autogroup), the slice counts inside the session only: so the engine gets its own
-session, and the time of the screen is not charged to it.
+session, and the screen's processor time is not charged to the engine.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _SYS_SCHED_SETATTR: Final = {"x86_64": 314, "aarch64": 274}
 
 
 def be_punctual() -> str:
-    """Set what can be set for this process; return in words what was granted."""
+    """Request punctual scheduling for this process; return in words which requests were granted."""
     if not sys.platform.startswith("linux"):
         return "default scheduling"
     asked = ("slack", _ask_slack), ("slice", _ask_slice), ("session", _ask_session)
@@ -93,7 +93,7 @@ class ScanTiming:
     def write_to(self, path: Path) -> None:
         """Write every kept scan as JSON: [began on the monotonic clock, late, length, used], all in ns.
 
-        `used` is the processor time from the end of the scan before to the end of this one.
+        `used` is the processor time from the end of the previous scan to the end of this scan.
         """
         late = self.late_by_picture
         kept = {
@@ -102,9 +102,9 @@ class ScanTiming:
         write_file(path, json.dumps(kept), "timing", is_own=True)
 
     def count_scan(self, due: int, began: int, ended: int, interval: int) -> None:
-        """Count one scan; it overran when it ended after the next one was due.
+        """Count one scan; it overran if it ended after the next scan was due.
 
-        It is late if it began more than half an interval after `due`.
+        The scan is late if it began more than half an interval after `due`.
         """
         self._scans += 1
         has_overrun, late = ended > due + interval, began - due

@@ -1,8 +1,8 @@
-"""A trigger: a condition checked after each scan; it fires once, in the scan where it becomes true.
+"""A trigger: a condition checked after each scan; it fires once, when the condition becomes true.
 
 `trigger TRCV_C_1 STATUS=80C5`, `trigger TRCV_C_1 EN_R rises`, `trigger rx.speed > 100 hold`. RCVD_LEN counts
 only with DONE: in every other scan it is 0 and has no meaning.
-When a trigger fires, the screen next gets the bench of that very scan, whatever has happened since.
+When a trigger fires, the screen's next picture shows the bench in that scan, even if later scans have run.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class PinCondition(Struct, frozen=True):
         return OPERATORS[self.operator](pin_now(bench, self.instance, self.pin), self.value)
 
     def fires_by(self, event: InputEdge) -> bool:
-        """Return whether this edge of an input fires the trigger: a pin may rise and fall in one scan."""
+        """Return whether an input's edge makes the condition true: a pin may change twice in one scan."""
         is_it = (event.instance, event.pin) == (self.instance, self.pin)
         return is_it and OPERATORS[self.operator](event.value, self.value)
 
@@ -124,7 +124,7 @@ def _parse_condition(text: str, project: Project, where: str) -> TriggerConditio
 
 
 class ConditionText(NamedTuple):
-    """A comparison as it was written; the value is read once its pin or member is known."""
+    """A comparison as it was written; `value` is parsed later, when the pin or the member is known."""
 
     subject: str
     operator: str
@@ -154,7 +154,7 @@ class ConditionText(NamedTuple):
 
 
 def read_comparison(text: str, where: str, form: str) -> ConditionText:
-    """Return `weight > 3` in its parts; raise UserError with the form that is expected."""
+    """Return the parts of a comparison like `weight > 3`; raise UserError that shows the expected form."""
     found = _COMPARISON.fullmatch(text)
     if found is None:
         raise mistake(where, quote(text) if text else "nothing more", form)
@@ -192,7 +192,7 @@ NamedBytes = tuple[tuple[str, bytes], ...]
 
 
 class FrozenScan(Struct, frozen=True):
-    """The bench in the scan of a trigger; `events`: the newest events in the ledger at that time."""
+    """The bench in the scan in which a trigger fired; `events`: the newest ledger events at that time."""
 
     fired: TriggerEvent
     snapshot: Snapshot
@@ -221,7 +221,7 @@ class TriggerWatch:
     def arm(self, text: str, where: str) -> str:
         """Arm a trigger, or disarm with `off`; return the message; raise UserError.
 
-        A condition that holds already has to become true again.
+        If the condition is already true, the trigger fires only when it next changes from false to true.
         """
         trigger = read_trigger(text, self._bench.project, where)
         self._trigger, self._project = trigger, self._bench.project
@@ -232,7 +232,7 @@ class TriggerWatch:
         return f"armed{'; it is true already and fires when it becomes true again' if self._held else ''}"
 
     def check_scan(self) -> TriggerEvent | None:
-        """Read what the last scan has written; return the trigger that fired in it."""
+        """Read the events of the last scan; return the trigger's event if it fired then, else None."""
         ledger = self._bench.runtime.ledger
         written = ledger.events_since(self._seq)
         self._seq = ledger.last_seq

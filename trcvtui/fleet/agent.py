@@ -66,7 +66,7 @@ def default_name(project: Path) -> str:
 def queue_path(site: str, name: str) -> Path | None:
     """Return the file of the queue in the state folder (of systemd, or of the user).
 
-    None if the folder cannot be made: a line reports it, and the queue is kept in memory.
+    None if the folder cannot be made: a line reports the error, and the queue is kept in memory.
     """
     from hashlib import sha256
 
@@ -203,7 +203,7 @@ class Agent:
                 write_or_drop_line(line)
 
     def _open_page(self, address: str, port: int, opened: ExitStack, now: int) -> None:
-        """Open the page; if its port is in use, try again later: this must not end the bench."""
+        """Open the page; if its port is in use, try again later: a port in use must not end the bench."""
         from trcvtui.fleet.metrics import serve_page
 
         try:
@@ -308,7 +308,7 @@ class Agent:
             self._publisher.clear_all_but(self._is_used)
 
     def _note_scan(self, snapshot: Snapshot, now: int) -> None:
-        """Note the time of a new scan; a picture without one is a sign of life of shadows only."""
+        """Note the time of a new scan; with shadows, any picture counts, with or without a new scan."""
         if snapshot.scan != self._scan or self._has_shadows:  # an idle watched line has no new scans
             self._scan, self._scanned_at = snapshot.scan, now
             self._patience = max(STALE_NS, STALE_SCANS * snapshot.interval_ns)

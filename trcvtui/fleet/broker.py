@@ -1,9 +1,9 @@
 """The connection to an MQTT 5 broker: URL, TLS, user and password; it reconnects by itself.
 
 Rule 1: only this file uses paho. Its loop runs in our own thread, so that an error in the broker's data ends
-a connection, never the program. Each connection gets a new client: a used one would send old messages
-again, after newer ones.
-Rule 2: only that thread uses the socket. Messages of other threads wait in paho's queue.
+a connection, never the program. Each connection gets a new client: a used client would send old messages
+again, after newer messages.
+Rule 2: only the thread of rule 1 uses the socket. Messages of other threads wait in paho's queue.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class ConnAck(NamedTuple):
 
 
 class ConnectionLost(NamedTuple):
-    """A connection has failed or ended; `why` is one line. The next try follows by itself."""
+    """A connection has failed or ended; `why` is one line. BrokerConnection tries again by itself."""
 
     why: str
 
@@ -218,7 +218,7 @@ class BrokerConnection:
         self._something.wait(seconds)
 
     def publish(self, topic: str, payload: bytes, is_retained: bool = False) -> int | None:
-        """Send with QoS 1; return the number of its `PublishAck`, None without a connection."""
+        """Send a message with QoS 1; return the number for its `PublishAck`, None without a connection."""
         client = self._client
         if client is None or not self._is_up:
             return None
@@ -229,7 +229,7 @@ class BrokerConnection:
         return sent.mid if sent.rc == 0 else None
 
     def subscribe(self, topics: tuple[tuple[str, int], ...]) -> int | None:
-        """Subscribe to topics with their QoS; return the number of its `SubAck`, None if not connected."""
+        """Subscribe to topics with their QoS; return the number for the `SubAck`, None if not connected."""
         client = self._client
         if client is None or not self._is_up:
             return None

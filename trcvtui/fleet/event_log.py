@@ -1,8 +1,8 @@
 """The newest events of one instance, each once, and how many are missing.
 
 The id of an event is BOOT-SEQ; in each run of an agent (BOOT) SEQ counts from 1 without gaps. A skipped
-number is missing until `recent` or a late message brings it. MOST_SEQS numbers of a run are known one by one;
-all numbers below them count as received.
+number is missing until `recent` or a late message brings it. A run keeps MOST_SEQS numbers at most: with
+more, the lower half is dropped, and all numbers up to there count as received.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class EventLog:
         self._has_begun = False
 
     def begin_counting(self) -> None:
-        """From now on count every missing event of a new run, from number 1 on."""
+        """From now on a new run counts missing events from number 1, not from the first received one."""
         self._has_begun = True
 
     @property

@@ -16,7 +16,7 @@ GROUP_KEYS: Final[dict[str, Callable[[FleetLine], str]]] = {
 
 
 class FleetGroup(NamedTuple):
-    """The head of a group: its number of lines, the result of `count_sick`, the ERRORs of the last hour."""
+    """The head of a group: the number of lines, the result of `count_sick`, the ERRORs of the last hour."""
 
     name: str
     lines: int
@@ -35,7 +35,7 @@ def filter_lines(lines: Iterable[FleetLine], typed: str) -> list[FleetLine]:
 
 
 def group_lines(lines: Iterable[FleetLine], by: str, opened: Collection[str], wall: float) -> list[Entry]:
-    """Return the heads, ordered by the first line of each group; after an open head come its lines."""
+    """Return the heads, ordered by the first line of each group; an open head precedes its lines."""
     groups: dict[str, list[FleetLine]] = {}
     name_of = GROUP_KEYS[by]
     for line in lines:

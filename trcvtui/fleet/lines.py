@@ -1,4 +1,4 @@
-"""The lines and instances of an agent: pictures of a bench become messages, each ERROR edge an event."""
+"""The lines and instances of an agent: pictures of a bench become messages, ERROR edges become events."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class AgentInstance:
         self._base = 0, 0  # counts of the engines before
 
     def edge(self, boot: str, at: float, edge: StatusEdge, place: dict[str, object]) -> EventMessage | None:
-        """Return an event if ERROR is new, or the STATUS of an ERROR; `place`: its scan and recording."""
+        """Return an event if ERROR or its STATUS is new, else None; `place`: the edge's scan and file."""
         shown = edge.outputs.error, edge.outputs.status
         is_new = edge.outputs.error and shown != self._last
         self._last = shown

@@ -1,6 +1,6 @@
 """An agent's messages to the broker: the newest one of each retained topic, and a queue of events.
 
-Rule 1: after each connection the retained topics go first, the queue `QUEUE_DELAY_NS` later, oldest first.
+Rule 1: on a connection retained topics are sent first, the queue `QUEUE_DELAY_NS` later, its oldest first.
 Rule 2: an event leaves the queue when the broker acknowledges it; a full queue drops old figures first.
 Rule 3: a refused message is kept and sent again after a growing pause; meanwhile other messages are sent.
 """
@@ -28,14 +28,14 @@ MOST_UNDERWAY: Final = 200  # messages that the broker has not acknowledged
 
 
 class _PendingMessage(NamedTuple):
-    """A message that the broker has not acknowledged; `number`: its number in the queue, 0: none."""
+    """A message that the broker has not acknowledged; `number`: its number in the queue, 0: not queued."""
 
     topic: str
     number: int
 
 
 class _RetainedTopic:
-    """The newest message of a topic, sent at `due_at` or later; `payload` makes its bytes at that time."""
+    """The newest message of a topic, sent at `due_at` or later; `payload` makes the bytes at that time."""
 
     __slots__ = ("due_at", "gap", "is_sent", "payload")
 
@@ -61,7 +61,7 @@ class Publisher:
         return self._up_at is not None
 
     def retain(self, topic: str, payload: bytes | Callable[[], bytes], gap: int = LEAST_GAP_NS) -> None:
-        """Set the message of a topic; of several within `gap` ns only the newest is sent."""
+        """Set the message of a topic; of several messages within `gap` ns only the newest is sent."""
         made = (lambda: payload) if isinstance(payload, bytes) else payload
         held = self._retained.get(topic)
         if held is None:

@@ -141,7 +141,7 @@ class FleetLine:
         return self.figures is None or not has_status or self.missing > 0
 
     def shown_since(self, wall: float) -> float | None:
-        """Return when its state began, in seconds of UTC since 1970, by our clock; None: not known."""
+        """Return when the line's state began, in seconds of UTC since 1970, by our clock; None: unknown."""
         worst = self.worst_instance
         status = worst.status if worst is not None else None
         times = [self.agent.to_our_time(each.t, wall) for each in (self.figures, status) if each is not None]
@@ -155,14 +155,14 @@ class FleetLine:
         return self.agent.to_our_time(status.t, wall) - max(0.0, age)
 
     def stuck_s(self, instance: FleetInstance, wall: float) -> float:
-        """Return for how many seconds a job with some of its bytes has got no more; 0.0: no such job."""
+        """Return for how many seconds a partly received job has got no more bytes; 0.0: no such job."""
         status = instance.status
         if status is None or not 0 < status.here < status.wanted:
             return 0.0
         return wall - self.agent.to_our_time(status.t, wall)
 
     def errors_an_hour(self, wall: float) -> int:
-        """Return the number of ERRORs in the last hour: as they came, or the agent's count if larger."""
+        """Return the ERRORs of the last hour: the number received, or the agent's count if it is larger."""
         oldest = int(wall // BUCKET_S) - HOUR_BUCKETS
         for bucket in [each for each in self.errors if each <= oldest]:
             del self.errors[bucket]
@@ -177,7 +177,7 @@ class FleetLine:
         return [self.errors.get(bucket, 0) for bucket in range(newest - HOUR_BUCKETS + 1, newest + 1)]
 
     def judge(self, wall: float) -> None:
-        """Set its state and its rank."""
+        """Set the state and the rank of the line."""
         self.errors_hour = self.errors_an_hour(wall)
         self.shows = self._judge_state(wall)
         is_of_agent = self.shows in (OFFLINE, STALE)  # the lines of an agent stay together, sorted by name
@@ -263,7 +263,7 @@ class FleetModel:
             self._add_events(line, instance, (message,), wall)
 
     def mark_missing(self, wall: float) -> None:
-        """Mark agents as offline whose state did not come again: a restart loses their last wills."""
+        """Mark an agent as offline if its state did not come again: a broker's restart loses last wills."""
         for agent in self.agents.values():
             if not agent.is_heard and not agent.is_offline and agent.state is not None:
                 agent.state, agent.since = replace(agent.state, state="offline", t=wall), wall

@@ -111,7 +111,7 @@ class StatusMessage(
     frozen=True,
     rename={"status": "STATUS", "busy": "BUSY", "done": "DONE", "error": "ERROR", "jobs_done": "done"},
 ):
-    """The outputs of an instance, unchanged for `age_s`. Its job has `here` of `wanted` bytes."""
+    """The outputs of an instance, unchanged for `age_s`. The job has `here` of `wanted` bytes."""
 
     KIND = "status"
     TEXTS = ("text", "finding")

@@ -1,6 +1,6 @@
 """Facts that remain when the ledger overwrites its lines: small counters of each CONNECT, line by line.
 
-Rule 1: a screen gets a bounded number of lines, the statistics read every one; nothing grows with them.
+Rule 1: a screen gets a bounded number of lines; the statistics read every line, but do not grow with them.
 Rule 2: lines that are overwritten before they are read are missing here; nothing is guessed.
 """
 
@@ -249,7 +249,7 @@ class LinkStatistics:
 def past_facts(
     lines: Iterable[Line], line: Line, edge: StatusEdge, connect: str
 ) -> tuple[ConnectFacts, ScanStamp]:
-    """Return the facts known just before the edge after a past one, and the last scan read for them."""
+    """Return the facts known just before the edge that follows a past edge, and the last scan read."""
     kept = list(lines)
     following = next((known for known in kept if known.seq > line.seq and _is_edge_of(known, edge)), None)
     shown = [k for k in kept if k.seq <= line.seq or (following is None or k.scan < following.scan)]

@@ -34,8 +34,8 @@ HOLE_REASON: Final = "hole"
 
 class MessageRow(NamedTuple):
     """A message; `t_ns` is the time of its last byte, `gap_ns` the time since the message before.
-    `stream`; -1: nowhere. The values of its first `have` bytes are known. `content` is set when the row
-    leaves the engine; None: its bytes have left the ring.
+    `position` is in the ring `stream`; -1: nowhere. The values of the first `have` bytes are known.
+    `content` is set when the row leaves the engine; None: the bytes have left the ring.
     """
 
     number: int
@@ -135,7 +135,7 @@ class NewestRows:
         return content[: row.have] if len(content) == row.size else None
 
     def _find_oldest(self, of: _InstanceRows) -> int:
-        """Return the row after the last one whose bytes are gone; a row of 0 bytes has none to lose."""
+        """Return the number of the row after the last row that lost its bytes; 0 bytes cannot be lost."""
         for number in range(max(of.oldest, of.first), of.count):
             row = of.rows[number - of.first]
             ring = self._received(row.stream)
@@ -195,7 +195,7 @@ class MessageRows(NewestRows):
         reader.lost.append(self._handle_loss)
 
     def make_delta(self, instance: str, since: int, until: int = MAX_SCAN) -> MessagesDelta:
-        """Return the rows; the same object if nothing is new: it is not sent to the screen again."""
+        """Return the rows; if nothing is new, the same object as before, so that it is not sent again."""
         self._catch_up()
         index, of = self._streams.index, self._by_instance.get(instance)
         state = instance, since, until, index.down_changes, of and (of.count, of.errors and of.errors[-1])
@@ -232,7 +232,7 @@ class MessageRows(NewestRows):
         return last.t_ns if packet_ns is None else packet_ns
 
     def _count_before_hole(self, connect: str, reads: Iterable[RecvSpan], size: int) -> int:
-        """Return how many of the bytes come before the first one that a capture lacks."""
+        """Return how many of the bytes come before the first byte that a capture lacks."""
         first = 0
         for recv in reads:
             link = connect, recv.incarnation

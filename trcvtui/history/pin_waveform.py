@@ -37,12 +37,12 @@ class Window(NamedTuple):
         return begin, begin + self.zoom - 1
 
     def find_column(self, scan: int) -> int:
-        """Return the column of a scan, counted from the left edge; it may lie outside."""
+        """Return the column of a scan, counted from the left edge; it may lie outside the window."""
         return (scan - 1) // self.zoom - self.first
 
 
 class Column(NamedTuple):
-    """A stretch of scans: least and greatest value (None: not known), the last one, how many changes."""
+    """A stretch of scans: least, greatest (None: not known) and last value, and the number of changes."""
 
     low: LaneValue
     high: LaneValue
@@ -92,7 +92,7 @@ class PinWaveform:
         return Column(low, high, inside[-1], end - begin)
 
     def list_columns(self, window: Window, until: int) -> list[Column | None]:
-        """Return the columns of a window, None for those after scan `until`; complete ones are kept."""
+        """Return a window's columns, None for columns after scan `until`; complete columns are kept."""
         if self._zoom != window.zoom or len(self._columns) > 8 * window.width + 1024:
             self._columns, self._zoom = {}, window.zoom
         return [self._get_column(window, number, until) for number in range(window.width)]
@@ -110,7 +110,7 @@ class PinWaveform:
         return column
 
     def find_next_edge(self, scan: int, direction: int) -> int | None:
-        """Return the scan of the next change after a scan, or of the last one before it.
+        """Return the scan of the next change after a scan, or of the last change before that scan.
 
         A value that only becomes known or unknown is no change.
         """
@@ -175,7 +175,7 @@ class PinChange(NamedTuple):
 class WaveformDelta(Struct, frozen=True):
     """The changes of one instance from its change number `first` on (1: its very first), in order.
 
-    `before`: all pins from `before_scan` to the first change. Up to `until_scan` there is no other change.
+    `before`: values of all pins from `before_scan` to the first change. No other change up to `until_scan`.
     """
 
     instance: str
@@ -189,7 +189,7 @@ class WaveformDelta(Struct, frozen=True):
 
 
 def cut_delta(news: WaveformDelta, scan: int, t_ns: int) -> WaveformDelta | None:
-    """Return the changes up to a past scan; None: the kept changes begin after it."""
+    """Return the changes up to a past scan; None: the kept changes begin after that scan."""
     if news.before and news.before_scan > scan:
         return None
     changes = tuple(change for change in news.changes if change.scan <= scan)
@@ -360,7 +360,7 @@ class WaveformCache:
     def make_requests(self, instances: Iterable[str], scan: int | None = None) -> tuple[tuple[str, int], ...]:
         """Return what to request of the engine: each instance with the last change that is known.
 
-        With `scan`, only instances whose changes are not known up to it, and can still be had.
+        With `scan`, leave out instances whose changes are known up to that scan, or are no longer kept.
         """
         known = self._waves
         wanted = instances if scan is None else [name for name in instances if self._is_missing(name, scan)]

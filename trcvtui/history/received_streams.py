@@ -70,7 +70,7 @@ class ReceivedStream:
         self.add(*spans)
 
     def forget_oldest(self, most: int, begin: int) -> None:
-        """Forget the oldest spans if there are too many, and those whose bytes are gone."""
+        """Forget the oldest spans if there are too many, and the spans whose bytes are gone."""
         for spans in (self.jobs, self.recvs, self.blanks):
             if len(spans) > most + SLACK or (len(spans) > SLACK and spans[SLACK].stop <= begin):
                 del spans[:SLACK]
@@ -118,7 +118,7 @@ class ReceivedStream:
         return [one for one in near if (*one[2:8], one.whole) == (*job[2:8], job.whole)]
 
     def find_job_before(self, position: int, instance: str, scan: int = MAX_SCAN) -> list[JobSpan]:
-        """Return the pieces of the job that began before a position, and ended with DONE up to a scan."""
+        """Return the pieces of the last job that began before a position and ended with DONE by a scan."""
         last = bisect_left(self.jobs, position, key=BY_POSITION) - 1
         for place in range(last, max(-1, last - MOST_STEPS), -1):
             job = self.jobs[place]
@@ -127,7 +127,7 @@ class ReceivedStream:
         return []
 
     def find_job_pieces(self, instance: str, number: int) -> list[JobSpan]:
-        """Return the pieces of the job, or frame, of this number with DONE if among the newest; else []."""
+        """Return the pieces of this job, or frame, if it has DONE and is among the newest; else []."""
         for place in range(len(self.jobs) - 1, max(-1, len(self.jobs) - MOST_STEPS), -1):
             job = self.jobs[place]
             if job.done and job.number == number and job.instance == instance:
@@ -145,7 +145,7 @@ class ReceivedStream:
     def find_next_ended(self, position: int, is_forward: bool, is_done: bool = True) -> int | None:
         """Return where the next job, or the previous one, that ended with DONE begins.
 
-        Without `is_done`: where the next, or previous, bytes begin that were dropped.
+        Without `is_done`: where the next, or previous, dropped bytes begin.
         """
         place = (bisect_right if is_forward else bisect_left)(self.jobs, position, key=BY_POSITION)
         numbers = range(place, len(self.jobs)) if is_forward else range(place - 1, -1, -1)
@@ -254,7 +254,7 @@ class ReceivedStreams:
             self._get_stream(buffer).add(span)
 
     def _add_buffer_bytes(self, buffer: str, offset: int, span: JobSpan) -> None:
-        """Add the bytes of a frame, or dropped ones, from `offset` of a ComBuffer on."""
+        """Add the bytes of a frame, or dropped bytes, from `offset` of a ComBuffer on."""
         stream = self._get_stream(buffer)
         stream.add_pieces(span, stream.take_last(offset + span.whole, span.whole))
 

@@ -139,7 +139,7 @@ class SeekRequest(Struct, frozen=True):
 
 
 class SeekResult(Struct, frozen=True):
-    """The result of a SeekRequest: its place; None: not found, or not yet, with `share` of the work done."""
+    """The place that a SeekRequest found; None: not found, or not yet; `share` of the work is done."""
 
     number: int
     position: int | None
@@ -228,7 +228,7 @@ class Sizes(Struct, frozen=True):
 
     @property
     def common(self) -> int | None:
-        """Return the size of all of the last, None if they differ or there are none."""
+        """Return the one size that all of `last` have; None: they differ, or `last` is empty."""
         return self.last[0] if self.last and min(self.last) == max(self.last) else None
 
 
@@ -244,7 +244,7 @@ class DroppedJob(Struct, frozen=True):
 
 
 class FailureCount(Struct, frozen=True):
-    """Attempts that failed in one way since the connection was last up: a call and its errno."""
+    """Attempts that failed with the same call and errno since the connection was last up."""
 
     call: str
     error: str
@@ -257,7 +257,7 @@ class FailureCount(Struct, frozen=True):
 class FailedAttempt(Struct, frozen=True):
     """The last attempt that failed since the connection was last up, or since it began to listen.
 
-    `status` and `condition`: what the instance showed of it, 0 and "" if it showed nothing.
+    `status` and `condition`: what the instance showed of the attempt, 0 and "" if it showed nothing.
     `said`: what the partner or the session said, in words.
     """
 
@@ -296,7 +296,7 @@ class LastLoss(Struct, frozen=True):
 
 
 class ConnectFacts(Struct, frozen=True):
-    """What is known of one CONNECT and one instance on it, also from lines that are overwritten since."""
+    """What is known of one CONNECT and one instance on it, also from lines that were overwritten since."""
 
     sender: str = ""
     messages: Sizes = Sizes()

@@ -101,9 +101,9 @@ class StreamBursts:
 
 
 def find_bursts(recvs: Iterable[RecvSpan], is_over: bool) -> list[range]:
-    """Return where the bytes between two pauses are, if both their beginning and their end are known.
+    """Return where bytes between two pauses are; bytes whose beginning or end is not known are left out.
 
-    `is_over`: a pause has followed the last of them.
+    `is_over`: a pause has followed the last recv call.
     """
     bursts, found, start = StreamBursts(), list[range](), -1  # no beginning is known
     last: RecvSpan | None = None
@@ -302,7 +302,7 @@ class StreamIndex:
         return self._sent.get(key)
 
     def find_messages_within(self, link: LinkKey, offset: int, size: int, position: int) -> list[MessageSpan]:
-        """Return the messages in `size` bytes from `offset` of a connection; `offset` is at `position`."""
+        """Return messages in `size` bytes from `offset` of a connection; byte `offset` is at `position`."""
         sent = self._find_sent(link)
         found: list[MessageSpan] = []
         if sent is None:

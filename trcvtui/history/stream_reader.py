@@ -65,7 +65,7 @@ class _Source:
         return [span if span.scan <= self.scan or not span.is_kept else as_running(span) for span in spans]
 
     def read_job(self, pieces: list[JobSpan], first: int = 0, size: int = MOST_JOB_BYTES) -> bytes:
-        """Return `size` bytes of a job from byte `first` on; b"" where one of its bytes is not kept."""
+        """Return `size` bytes of a job from byte `first` on; b"" if one of these bytes is not kept."""
         whole = pieces[0].whole if pieces else 0
         parts = [self.ring.read(piece.position, piece.stop) for piece in pieces if piece.is_kept]
         content = b"".join(parts)
@@ -82,7 +82,7 @@ class StreamReader:
         self._reached = 0
 
     def read_window(self, request: HistoryRequest) -> HistoryWindow:
-        """Return the window, moved or cut so that it lies within the bytes that are kept."""
+        """Return the window, moved or cut to lie within the kept bytes."""
         self._catch_up()
         ring = self._bench.runtime.received_ring(request.connect)
         if ring is None:

@@ -78,7 +78,7 @@ class PinHistory:
         return list(islice(self._changes, kept - fresh, kept - fresh + most))
 
     def find_changes_after(self, number: int, most: int) -> tuple[int, tuple[PinChange, ...]]:
-        """Return the oldest `most` changes after `number`, and the number of the first of them."""
+        """Return the number of the first kept change after `number`, and `most` changes from there on."""
         first = max(number, self.total - len(self._changes)) + 1
         found = self.list_changes_after(number, most)
         return min(first, self.total + 1), tuple(found)

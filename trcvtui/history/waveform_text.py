@@ -149,7 +149,7 @@ def _get_edge_kind(line: Line | None) -> str:
 
 
 def _draw_lengths(wave: Waveform, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
-    """Yield the row of RCVD_LEN (it is 0 but for single scans): each value, if there is room for it."""
+    """Yield the row of RCVD_LEN, which is 0 except in single scans: each value that has room."""
     pulses = [x for x, column in enumerate(columns) if column is not None and column.high]
     nexts = dict(zip(pulses, [*pulses[1:], window.width], strict=False))
     x = 0

@@ -71,7 +71,7 @@ class ShadowOutput(Protocol):
 
 
 class CaptureOutcome(NamedTuple):
-    """By conversation number: its CONNECTs, or why it has none, and the bytes that never reached a shadow.
+    """By conversation number: the CONNECTs, or why there are none; the bytes that never reached a shadow.
 
     `not_run`: scans of silence that were skipped, though they might have changed something.
     """
@@ -83,7 +83,7 @@ class CaptureOutcome(NamedTuple):
 
 
 class _PlayState:
-    """A conversation while it is played: its ends by direction, and unanswered keep-alive probes."""
+    """A conversation while it is played: the ends by direction, and the unanswered keep-alive probes."""
 
     def __init__(self, ends: list[tuple[WireDirection, ReplayedPartner]]) -> None:
         self.ends = ends
@@ -135,7 +135,7 @@ class CapturePlayer:
         shadows.forbid_skipping()
 
     def forget_conversation(self, number: int) -> None:
-        """Forget an ended conversation, unless the last output line lists it or it still has a CONNECT."""
+        """Forget an ended conversation, unless the last output line lists it or it holds a CONNECT."""
         if number > MOST_LISTED:
             self._over.append(number)
         if len(self._over) <= MOST_LISTED:
@@ -210,7 +210,7 @@ class CapturePlayer:
                 line.send(conversation.number, source, event.data, event.size - len(event.data))
 
     def _begin_conversation(self, ns: int, conversation: Conversation) -> _PlayState | None:
-        """Give a conversation its CONNECTs; None: another conversation has one of them."""
+        """Give a conversation its CONNECTs; None: another conversation holds one of these CONNECTs."""
         if not conversation.begins_with_syn:
             self.lines.note(ns, conversation.number, "begins in the middle")
         parts, guess = self._plan.parts[conversation.number], self._plan.guesses[conversation.number]
@@ -292,7 +292,7 @@ class CapturePlayer:
                     end.fall_silent()
 
     def resolve_overlap(self, number: int, last_ns: int) -> None:
-        """Give a conversation its CONNECT: the conversation that holds it was silent after `last_ns`."""
+        """Give a conversation its CONNECT: the earlier holder of the CONNECT was silent after `last_ns`."""
         self._last_ns[self.overlaps.pop(number)] = last_ns
         self._plan.unassigned.pop(number, None)
 

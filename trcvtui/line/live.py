@@ -2,8 +2,8 @@
 
 Rule 1: time comes from the packets. An event is played when a packet 40 ms younger has come. So the shadows
 of a new PLC end exist before its first event, and it does not matter how reads cut the packets.
-Rule 2: after 30 ms without a packet all events are played, and time goes on a few scans. After a second
-time follows the clock; not earlier, as the program that pipes packets may hold older ones back.
+Rule 2: after 30 ms without a packet all events are played, and time advances a few scans. After one second
+time follows the clock; not earlier, as the program that pipes packets may hold older packets back.
 Rule 3: ended conversations are forgotten, so that only open ones use memory.
 """
 
@@ -59,7 +59,7 @@ _DECIDING_KINDS: Final = frozenset({SegmentKind.ESTABLISHED, SegmentKind.BYTES, 
 
 
 class _Decision(NamedTuple):
-    """The parts for conversations between two ends, or why there are none; which end is the PLC."""
+    """The parts for conversations between two ends, or why there are no parts; which end is the PLC."""
 
     parts: tuple[ShadowPart, ...] | None
     why: str
@@ -218,7 +218,7 @@ def _make_decision_key(talk: Conversation, is_under_way: bool) -> tuple[object, 
 def list_expected(project: Project, plc: str | None) -> list[Conversation]:
     """Return the expected conversations of the named PLC ends: an end with a port listens, others call.
 
-    The [[watch]] row or the CONNECT names the called partner; if neither does, no conversation is expected.
+    The [[watch]] row or the CONNECT names the called partner; without a name no conversation is expected.
     """
     rows = [(each.plc, each.partner, project.connect(each.connect)) for each in project.watches]
     if plc is not None:

@@ -57,7 +57,7 @@ class TapEnded(EngineStopped):
 
 
 class TapDriver(ProcessDriver):
-    """Shadows of the tap that started this screen; the tap hands over channels for its packets.
+    """Shadows of the tap that started this screen; the tap hands over channels that carry packets.
 
     `kernel`: TAP, or ARMED_TAP for a screen whose keys act without a question.
     """
@@ -98,7 +98,7 @@ class TapSocketDriver(ProcessDriver):
     """Shadows of the bytes that pass the running tap of a project."""
 
     def __init__(self, project: Path) -> None:
-        """Raise UserError if that tap does not run."""
+        """Raise UserError if the project's tap does not run."""
         super().__init__(live_main, (project, None, None), MOST_SILENT_NS)
 
     def _arguments(self) -> tuple[Any, ...]:

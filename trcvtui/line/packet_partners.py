@@ -5,8 +5,8 @@ Rule 2: a partner does not react. Bytes that a shadow sends are discarded; keep-
 Rule 3: bytes that a shadow does not read wait, up to a bound. Then scans run until there is room, as a closed
 window would make the partner wait. Bytes that are never read are left out, and counted.
 Rule 4: if a PLC end closes or resets in the capture, its shadow ends. The shadow reads the bytes that the
-PLC can have read. It ends in its next scan, but not before its first job. If it connected N scans late, it
-ends N scans later. In a recording by trcvtui the PLC has read all bytes: the shadow ends after them.
+PLC can have read. The shadow ends in the next scan, but not before its first job. If it connected N
+scans late, it ends N scans later. In a recording by trcvtui the PLC has read all bytes: it ends after them.
 """
 
 from __future__ import annotations
@@ -76,11 +76,11 @@ class ShadowBench:
         self.network.advance(max(ns, self.network.now_ns))
 
     def forbid_skipping(self) -> None:
-        """Run the next scans even without an event: then a CONNECT that calls can check its call."""
+        """Run the next scans even without an event, so that a calling CONNECT can check its call."""
         self._quiet = 0
 
     def refuse_call(self, connect: str) -> None:
-        """Refuse the call of a shadow; a shadow that pauses between calls must call now, as the PLC did."""
+        """Refuse the call of a shadow; a shadow that pauses between calls calls now, as the PLC did."""
         runtime = self.bench.runtime
         for _ in range(NEXT_CALL_SCANS):
             is_ahead = runtime.scans * self._interval > self.network.now_ns + PATIENCE_NS
@@ -91,7 +91,7 @@ class ShadowBench:
         self.forbid_skipping()
 
     def count_task_scans(self, connect: str) -> int:
-        """Return every how many scans the slowest task with a block of a CONNECT runs."""
+        """Return the period, in scans, of the slowest task with a block of a CONNECT."""
         names = {each.task for each in self.bench.project.instances if each.connect == connect}
         tasks = [task.interval_ns for task in self.bench.project.tasks if task.name in names]
         return max([-(-each // self._interval) for each in tasks], default=1)
@@ -209,7 +209,7 @@ class ReplayedPartner:
                 self._shadows.waiting.append(self)
 
     def note_plc_bytes(self) -> None:
-        """Note bytes of the PLC end: if they are the first, the partner waits for the shadow's answer."""
+        """Note bytes of the PLC end: on the first bytes the partner waits for the shadow's answer."""
         if self._asks:
             self._asks = False
             self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
@@ -407,7 +407,7 @@ class ConnectionlessPartner:
         self._address = of_udp.local.address if of_udp is not None else ""  # "": a serial line
 
     def send(self, number: int, source: Endpoint, data: bytes, missing: int) -> None:
-        """Send a datagram or bytes; `missing`: how many more bytes of it the capture lacks."""
+        """Send a datagram or bytes; `missing`: how many further bytes the capture lacks."""
         ns = self._shadows.packet_ns
         if not self._waiting and self._try_deliver(ns, number, source, data, missing):
             return

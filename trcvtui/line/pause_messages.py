@@ -15,7 +15,7 @@ from trcvtui.net.received_ring import ReceivedRings
 
 
 class PauseMessages(NewestRows):
-    """Message rows by shadow; their scan is 0 until the shadows have run."""
+    """Message rows by shadow; the scan of a row is 0 until the shadows have run."""
 
     def __init__(self, plan: ShadowPlan, first_ns: int) -> None:
         self._rings = ReceivedRings()

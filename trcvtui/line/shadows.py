@@ -54,9 +54,9 @@ OneLink = TypeVar("OneLink", ConnectConfig, UdpConfig, ComBufferDecl)
 
 
 class ShadowPart(NamedTuple):
-    """One end of a conversation as the partner of a CONNECT: the PLC end (`plays_plc`) or the other one.
+    """One end of a conversation as the partner of a CONNECT: the PLC end (`plays_plc`) or the other end.
 
-    `calls`: it calls the CONNECT. Datagrams may go to a UDP_CONFIG, bytes of a serial line go to a ComBuffer.
+    `calls`: the end calls the CONNECT. Datagrams may go to a UDP_CONFIG, serial bytes go to a ComBuffer.
     """
 
     connect: str
@@ -65,7 +65,7 @@ class ShadowPart(NamedTuple):
 
 
 class ShadowPlan(NamedTuple):
-    """The project of the shadows; by conversation number: its parts, or why it has none."""
+    """The project of the shadows; by conversation number: the parts, or why there are none."""
 
     project: Project
     parts: dict[int, tuple[ShadowPart, ...]]
@@ -145,7 +145,7 @@ def _key(conversation: Conversation, guess: PlcGuess) -> tuple[object, ...]:
 
 
 def _explain_no_shadow(base: Project, conversation: Conversation, is_asked: bool) -> str:
-    """Return why datagrams or a serial line get no ad-hoc shadow; "" if they do."""
+    """Return why datagrams or a serial line get no ad-hoc shadow; "" if they get a shadow."""
     if conversation.protocol == "serial":
         return "a serial line: it needs a ComBuffer of a project"
     if not any(block_row(block).speaks_udp for block in base.dialect.blocks):
@@ -156,7 +156,7 @@ def _explain_no_shadow(base: Project, conversation: Conversation, is_asked: bool
 
 
 def begins_late(conversation: Conversation) -> bool:
-    """Return whether the capture begins inside a connection, and has bytes of it."""
+    """Return whether the capture begins inside a connection, and has bytes of the connection."""
     return not conversation.begins_with_syn and bool(conversation.there.bytes or conversation.back.bytes)
 
 
@@ -183,7 +183,7 @@ def make_endpoint(end: tuple[bytes, int]) -> Endpoint:
 def _make_connect(
     name: str, active: bool, own: tuple[bytes, int], partner: tuple[bytes, int], is_free: bool = False
 ) -> ConnectConfig:
-    """Return a CONNECT at an end of the capture; `is_free`: on any port, as its own is taken."""
+    """Return a CONNECT at an end of the capture; `is_free`: on any port, as the end's port is taken."""
     local = _make_local_address(own[0])
     port = 0 if active or is_free or local == STAND_IN_ADDRESS else own[1]
     return ConnectConfig(
@@ -351,7 +351,7 @@ def _link(project: Project, name: str) -> AnyLink:
 
 
 def _find_fitting_link(project: Project, guess: PlcGuess, listens: bool, is_given: bool) -> str | None:
-    """Return the link that fits the ends; with `--plc` else the only link of its role, or the only link."""
+    """Return the link that fits the ends; with `--plc` else the only link of that role, or of all."""
     protocol = guess.says.conversation.protocol
     if protocol == "serial":
         return _find_fitting_line(project, guess.says.address[0].decode(errors="replace"))
@@ -381,7 +381,7 @@ def _find_fitting_line(project: Project, line: str) -> str | None:
 
 
 def _find_fitting_socket(project: Project, receiving: set[str], port: int, is_given: bool) -> str | None:
-    """Return the link that receives datagrams at a port; with `--plc` also one that is the only receiver."""
+    """Return the link that receives datagrams at a port; with `--plc` also the only receiver."""
     links: tuple[AnySocket, ...] = (*(c for c in project.connects if c.is_datagram), *project.udp_configs)
     known = [each for each in links if each.name in receiving]
     of_port = [each.name for each in known if each.local.port == port]

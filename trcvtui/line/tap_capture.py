@@ -1,6 +1,6 @@
-"""The bytes that pass a tap, as packets between the caller and the end it calls, as if there were no tap.
+"""The bytes that pass a tap, as packets between the caller and the called end, as if there were no tap.
 
-An intervention is a comment on the packet that it made or changed. The recording child process writes
+An intervention is a comment on the packet that the tap made or changed. The recording child process writes
 the packets to stdout; a file that is cut off can still be read.
 """
 
@@ -93,7 +93,7 @@ class TapPacket(NamedTuple):
 
 
 class _TappedConversation:
-    """One conversation: its ends and next sequence numbers by way, remarks for its next packets."""
+    """One conversation: ends and next sequence numbers by direction, and remarks for the next packets."""
 
     def __init__(self, kind: str, ends: tuple[tuple[bytes, int], tuple[bytes, int]]) -> None:
         self.kind, self.ends = kind, ends
@@ -244,7 +244,7 @@ _SUM_FOLDS: Final = tuple([(bits, (1 << bits) - 1) for bits in (5840, 2928, 1472
 
 
 def _sum_words(data: bytes) -> int:
-    """Return the sum of the 16-bit words modulo 65535; for a full segment in half the time of `%`."""
+    """Return the sum of the 16-bit words modulo 65535; a full segment takes half the time of `%`."""
     if len(data) != MOST_SEGMENT_BYTES:
         return int.from_bytes(data if not len(data) & 1 else data + b"\0", "big")
     number = int.from_bytes(data, "little")

@@ -204,7 +204,7 @@ class _ServerProcess:
         self._pause = min(2 * self._pause or SECOND, MOST_PAUSE_NS)
 
     def wait_for_end(self) -> None:
-        """Wait until the process has handed over its last bytes, and end it, since the tap has ended."""
+        """After the end of the tap: wait until the process has handed over its last bytes, and end it."""
         for _, way in self._pending:
             way.close()
         if self._process is not None:
@@ -212,7 +212,7 @@ class _ServerProcess:
 
 
 class _ObserverProcess:
-    """A child process that shows or records; it asks for a channel, and for a new one if that ends."""
+    """A child process that shows or records; it asks for a channel, and again if the channel ends."""
 
     def __init__(self, server: _ServerProcess, kind: bytes, what: str) -> None:
         self._server, self._kind, self._what = server, kind, what
@@ -221,7 +221,7 @@ class _ObserverProcess:
         self._is_served = False  # it has asked for a channel
 
     def start(self, program: tuple[str, ...], *words: str, **given: Any) -> bool:
-        """Start it; return True once it asks for a channel, False if it ended with an error message."""
+        """Start the child; return True once it asks for a channel, False if it ended with an error."""
         with self._asked.theirs as theirs:
             words = (*program, str(theirs.fileno()), *words)
             self._process = _run_python(words, pass_fds=(theirs.fileno(),), **given)
@@ -230,7 +230,7 @@ class _ObserverProcess:
         return self._is_served
 
     def _answer_question(self, _: int = 0) -> bool:
-        """Wait for its next question and answer it; return False if it has ended."""
+        """Wait for the child's next question and answer it; return False if the child has ended."""
         question = self._asked.read_question()
         if question == ASK_COUNT:
             self._asked.answer_count(self._loop.describe_open())
@@ -256,7 +256,7 @@ class _ObserverProcess:
 
 
 class _ScreenProcess(_ObserverProcess):
-    """The screen; if it was killed, the terminal is restored."""
+    """The process of the screen; if it was killed, the terminal is restored."""
 
     def __init__(self, server: _ServerProcess) -> None:
         super().__init__(server, SCREEN, "the screen")

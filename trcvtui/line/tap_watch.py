@@ -86,7 +86,7 @@ def _make_line_ends(name: str) -> TwoEnds:
 class TapWatch(LiveWatch):
     """Plays the packets and notes of a tap.
 
-    `tell` gets each note on no conversation: its time, the note, its text. `order` gets lines for the
+    `tell` gets each note that concerns no conversation: time, note and text. `order` gets lines for the
     tap. The first note names the taps: a plan without taps becomes a TapPlan then.
     """
 

@@ -34,7 +34,7 @@ TYPED_BYTES: Final = 1 << 16  # bytes of one read
 
 
 class WatchLines:
-    """Writes records of the shadows, and, between these records, notes on conversations."""
+    """Writes records of the shadows and, between the records, notes on conversations."""
 
     def __init__(
         self, write: Callable[[str], object], form: str | None, interval_ns: int, first_ns: int
@@ -73,7 +73,7 @@ class WatchLines:
         self._emit(-(-ns // self._interval_ns) + 1, {"conversation": f"C{number}", "note": text})
 
     def write_tap_record(self, ns: int, record: dict[str, object]) -> None:
-        """Write a record of a tap if the form is JSON (stderr has its text); `ns` counts from 1970."""
+        """Write a record of a tap if the form is JSON (the text is on stderr); `ns` counts from 1970."""
         if self._lines is not None:
             self._lines.write_record({"time": utc_text(ns), **record})
 

@@ -17,7 +17,7 @@ MOST_OWN_BROADCASTS: Final = 256  # datagrams of our own that one call skips
 def enable_broadcasts(
     kernel: Kernel, owner: str, handle: Handle, local: Endpoint, polled: bool = True
 ) -> tuple[Handle | None, str]:
-    """Let a socket send broadcasts; return a second socket that hears them, or None, and what is wrong."""
+    """Let a socket send broadcasts; return (a socket that receives broadcasts, or None; what is wrong)."""
     refused, here = kernel.set_broadcast(handle), local.address
     if refused is not None or here == ANY_ADDRESS:  # a socket at 0.0.0.0 receives them itself
         return None, str(refused or "")

@@ -50,7 +50,7 @@ class ConnectionChanged(Struct, frozen=True):
 class BytesReceived(NamedTuple):
     """One recv call took `size` bytes that begin at `offset` of the incarnation's received stream.
 
-    `instance` received them: jobs in tasks of two priorities can alternate (resources.py, DirectionClaims).
+    `instance` received the bytes: jobs of two priorities can alternate (resources.py, DirectionClaims).
     `position`: where the first byte is in the CONNECT's ring (received_ring.py). `cut`: bytes at the end
     of a datagram that had no room in the buffer.
     """
@@ -83,7 +83,7 @@ class BytesSent(NamedTuple):
 class BytesDropped(Struct, frozen=True):
     """Bytes of the stream that will never reach DATA, and why.
 
-    offset -1: they were still in the stack; `position`: where the first byte is in the CONNECT's ring.
+    `offset` -1: the bytes were still in the stack; `position`: where the first is in the CONNECT's ring.
     """
 
     connection: str

@@ -1,4 +1,4 @@
-"""Planned faults: which call fails, when and with which errno; a kernel and a port that obey the plan.
+"""Planned faults: which call fails, when and with which errno; a kernel and a port that fail as planned.
 
 A planned fault carries `injected=True`, so that it is not mistaken for a fault of the network.
 """
@@ -51,7 +51,7 @@ KNOWN_ERRORS: Final = frozenset(errno.errorcode.values()) | {
 
 
 class PlannedFault(Struct, frozen=True):
-    """One line of the plan: from the nth such call on, `times` calls fail (None: all, until cleared)."""
+    """One line of the plan: from the `nth` such call on, `times` calls fail (None: all, until cleared)."""
 
     call: str
     error: str
@@ -61,7 +61,7 @@ class PlannedFault(Struct, frozen=True):
     seen: int = 0
 
     def __str__(self) -> str:
-        """Return nearly the bench command `fault` that plans it."""
+        """Return a text like the bench command `fault` that plans this fault."""
         parts = ["fault", self.call, self.error]
         parts += [f"on {self.on}"] if self.on is not None else []
         parts += [f"nth={self.nth}"] if self.nth != 1 else []
@@ -109,7 +109,7 @@ class FaultPlan:
         return tuple(self._entries)
 
     def take_fault(self, call: str, owner: str) -> Fault | None:
-        """Count a call of the owner; return the Fault that the call must answer, or None."""
+        """Count a call of the owner; return the Fault that the call must return, or None."""
         if not self.active:
             return None
         fault: Fault | None = None
@@ -220,7 +220,7 @@ class FaultyKernel(KernelProxy):
 
 
 class FaultyPort:
-    """A port whose calls fail as planned. Also a planned Fault of `read` or `write` closes it."""
+    """A port whose calls fail as planned. A planned Fault of `read` or `write` also closes the port."""
 
     def __init__(self, port: SerialPort, plan: FaultPlan, owner: str) -> None:
         self._port, self._plan, self._owner = port, plan, owner

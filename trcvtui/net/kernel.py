@@ -71,7 +71,7 @@ class SocketOptions(Struct, frozen=True):
     """Options set before connect or listen, and again after accept.
 
     `keep_alive_s` is the interval I in seconds: idle = interval = I, count = 2, so that a dead link is
-    found within 3 x I. `user_timeout_ms` 0 leaves the system's own limit.
+    found within 3 x I. `user_timeout_ms` 0: the system's own limit stays.
     `small_buffers` asks for SNDBUF 4608 and RCVBUF 2304.
     """
 
@@ -89,9 +89,9 @@ class Kernel(Protocol):
         """Return the addresses of this machine, with loopback; () while they are unknown."""
 
     def set_link(self, owner: str, up: bool) -> str:
-        """Cut the wire of all handles of an owner, also of handles that are made later; or mend it.
+        """Cut (`up` False) or mend the wire of an owner's handles, also of handles that are made later.
 
-        As with a pulled cable, nothing crosses it and no call reports this. Return what is wrong, or "".
+        As with a pulled cable, nothing passes and no call reports this. Return what is wrong, or "".
         """
 
     def poll(self) -> None:
@@ -142,7 +142,7 @@ class Kernel(Protocol):
         """Start to connect; None = pending, ask `connect_result`."""
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
-        """Return None when connected, WOULD_BLOCK while pending, the Fault exactly once."""
+        """Return None when connected, WOULD_BLOCK while pending, a failed attempt's Fault exactly once."""
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
         """Read at most len(into) bytes; 0 = the partner's FIN. Queued bytes come before a Fault."""
@@ -151,7 +151,7 @@ class Kernel(Protocol):
         """Write what the stack takes now and return that count."""
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
-        """Make a UDP socket, used as any other; `set_reuse` lets several have one broadcast address."""
+        """Make a UDP socket. After `set_reuse` several of them can be bound to one broadcast address."""
 
     def set_broadcast(self, handle: Handle) -> Fault | None:
         """Let a UDP socket send to broadcast addresses; without this call such a send fails with EACCES."""
@@ -173,13 +173,13 @@ class Kernel(Protocol):
         """
 
     def discard(self, handle: Handle, most: int) -> int:
-        """Drop at most so many queued bytes and return how many; fault plans do not count this call."""
+        """Drop at most `most` queued bytes; return their number. Fault plans do not count this call."""
 
     def unread(self, handle: Handle) -> int:
         """Return how many received bytes wait in the stack."""
 
     def list_unread(self, handles: Collection[Handle]) -> list[Handle]:
-        """Return those of the poll's handles at which something is unread, or an end was seen."""
+        """Return the handles among `handles` at which something is unread, or an end was seen."""
 
     def peek(self, handle: Handle, skip: int) -> Unread:
         """Return what is unread at a handle that `list_unread` or the poll named; consume nothing.
@@ -208,7 +208,7 @@ _AnyKernel: Any = object  # for mypy: a proxy has every call of a Kernel
 
 
 class KernelProxy(_AnyKernel):  # type: ignore[misc]
-    """A kernel in front of another. Calls that it does not define are the inner kernel's own methods."""
+    """A kernel in front of an inner kernel. Calls not defined here are the inner kernel's methods."""
 
     def __init__(self, inner: Kernel) -> None:
         self.inner = inner

@@ -35,11 +35,11 @@ class TlsError(StrEnum):
 
 
 class Credentials(Struct, frozen=True):
-    """What one end shows and what it asks of the other. Files are PEM, by absolute path; "" is none.
+    """What one end shows, and what it asks of its partner. Files are PEM, by absolute path; "": no file.
 
     `authorities`: the CAs that may have signed the partner's certificate. `asks_client`: the passive end asks
     for a certificate. `server_name`: the name that the active end asks for; `checks_name`: a certificate
-    must have it as subjectAlternateName. `is_unverified`: any will do; the project must say so explicitly.
+    must have it as subjectAlternateName. `is_unverified`: the project explicitly allows any certificate.
     """
 
     certificate: str = ""
@@ -52,7 +52,7 @@ class Credentials(Struct, frozen=True):
 
 
 def tls_credentials_of(session: object) -> Credentials | None:
-    """Return the credentials of a CONNECT with TLS; None: it has another session, or none."""
+    """Return the credentials of a CONNECT with TLS; None: it has another session, or no session."""
     return session if isinstance(session, Credentials) else None
 
 
@@ -92,7 +92,7 @@ class LayerSession(Protocol):
 
     @property
     def held_bytes(self) -> int:
-        """Return how many bytes are kept, read and unread."""
+        """Return how many bytes the session keeps, decoded or not yet decoded."""
 
     def feed(self, data: memoryview, most: int = ...) -> int:
         """Take bytes that the partner has sent, and do at most `most` units of work on what is here.
@@ -102,7 +102,7 @@ class LayerSession(Protocol):
 
     @property
     def has_backlog(self) -> bool:
-        """Return whether bytes wait here that were not looked at; a feed of no bytes then reads them."""
+        """Return whether the session has bytes it has not looked at; a feed of no bytes then reads them."""
 
     @property
     def is_costly(self) -> bool:
@@ -117,13 +117,13 @@ class LayerSession(Protocol):
 
     @property
     def unfinished_message(self) -> int:
-        """Return the number of the message that has begun and not ended; 0: none, or it has no time limit."""
+        """Return the number of the message that has begun and not ended; 0: there is none, or no limit."""
 
     def time_out(self, why: str) -> None:
-        """End a handshake or a message that takes too long, where the session limits it."""
+        """End a handshake or a message that takes too long, if the session has a limit for it."""
 
     def take_remarks(self) -> list[str]:
-        """Return, once, texts on what was ignored of the partner's bytes; a few for each session."""
+        """Return, once, texts on the partner's bytes that were ignored; a session makes only a few."""
 
     def say_goodbye(self) -> bool:
         """Announce the end to the partner, once; return whether it was announced, now or earlier."""
@@ -142,13 +142,13 @@ class LayerSession(Protocol):
 
 
 class LayerSettings(Protocol):
-    """How to make a session: what a CONNECT says about it."""
+    """How to make a session: the settings of its CONNECT."""
 
     @property
     def is_message_oriented(self) -> bool: ...
 
     @property
     def shares_port(self) -> bool:
-        """Return whether several passive CONNECTs may share a port: a partner names the one it wants."""
+        """Return whether several passive CONNECTs may share a port: a partner then names its CONNECT."""
 
     def make_session(self, is_active: bool) -> LayerSession: ...

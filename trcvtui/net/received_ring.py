@@ -2,7 +2,7 @@
 
 A position counts all bytes of one ring since the start of the PLC, over all connections, also bytes that
 are no longer kept. Bytes whose values the PLC never had (they were unread when the connection ended, or a
-datagram was longer than its buffer) have positions too, at most MOST_SKIPPED each time.
+datagram was longer than its buffer) have positions too, at most MOST_SKIPPED for each such gap.
 Rule: the bytes are no part of a run's state. After a restore a ring begins, empty, at its last position.
 """
 
@@ -54,7 +54,7 @@ class ReceivedRings:
         return len(self._blocks) >= MOST_RING_BYTES // BLOCK_BYTES
 
     def note_block_begin(self, name: str, position: int) -> None:
-        """Note a new block; if all rings together have too many, forget the oldest."""
+        """Note a new block; if all rings together have too many blocks, forget the oldest."""
         self._blocks[name, position] = self._rings[name]
         while len(self._blocks) > MOST_RING_BYTES // BLOCK_BYTES:
             self._blocks.popitem(last=False)[1].forget_block()
@@ -103,7 +103,7 @@ class ReceivedRing:
         return "older than what was kept while its history was smaller"
 
     def append(self, content: bytes | memoryview) -> int:
-        """Append bytes, in place of the oldest if the ring is full; return the position of the first."""
+        """Append bytes, in place of the oldest if the ring is full; return the first new position."""
         size, position = len(content), self.end
         self.end = position + size
         if 0 < size <= self._room:  # most appends fit into the last block

@@ -32,7 +32,7 @@ OWN_END: Final = "own end"  # in place of an errno: in the capture that is playe
 class Fault:
     """A call that failed: its name, the errno name, whether a fault plan did it, the system's own words.
 
-    `peer`: the partner concerned, if only the kernel's side knows it.
+    `peer`: the partner of the failed call, if the caller does not know it.
     """
 
     call: str
@@ -42,7 +42,7 @@ class Fault:
     peer: str = field(default="", compare=False)
 
     def __str__(self) -> str:
-        """Return `bind EADDRINUSE`, with ` (injected)` after it if a plan did it."""
+        """Return `bind EADDRINUSE`, with ` (injected)` after it if a fault plan made the call fail."""
         return f"{self.call} {self.error}" + (" (injected)" if self.injected else "")
 
 
@@ -116,7 +116,7 @@ def broadcast_address(address: str, mask: str) -> str:
 
 
 def sockaddr(end: Endpoint) -> tuple[str, int]:
-    """Return what the socket module takes; raise OSError EINVAL for any other address or port."""
+    """Return the address for the socket module; raise OSError EINVAL if address or port is invalid."""
     if parse_octets(end.address) is None:  # a name would make the socket module wait for the resolver
         raise OSError(errno.EINVAL, "not a dotted IPv4 address")
     if not 0 <= end.port < 65536:

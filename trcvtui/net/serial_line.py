@@ -54,7 +54,7 @@ class SerialPort(Protocol):
         """Let bytes come over a simulated line; return False on a real one."""
 
     def line_errors(self) -> LineErrors | None:
-        """Return what the driver has counted; None: it does not count."""
+        """Return the line errors that the driver has counted; None: the driver does not count."""
 
 
 SerialPortFactory = Callable[[str, SerialSettings], SerialPort]  # by the name of the ComBuffer

@@ -1,4 +1,4 @@
-"""A tap's vocabulary: its places, the events that it reports to observers, the orders of observers."""
+"""The vocabulary of a tap: its places, its events for observers, and the orders that observers give."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _PARITIES: Final = {"N": "none", "E": "even", "O": "odd", "M": "mark", "S": "spa
 
 
 class TapPlace(NamedTuple):
-    """Where a tap listens or connects to: `kind` is tcp, udp or serial; only serial has a `line`."""
+    """A place where a tap listens or connects; `kind`: tcp, udp or serial; only serial has a `line`."""
 
     kind: str
     address: str
@@ -28,7 +28,7 @@ class TapPlace(NamedTuple):
     line: SerialSettings | None = None
 
     def __str__(self) -> str:
-        """Return the place as the user writes it, but a serial place without its settings."""
+        """Return the place as the user writes it; the settings of a serial place are left out."""
         if self.line is not None:
             return f"serial:{self.line.port}"
         return ("udp:" if self.kind == "udp" else "") + format_end(self.address, self.port)
@@ -48,7 +48,7 @@ def format_end(address: str, port: int) -> str:
 
 
 def parse_place(text: str, where: str) -> TapPlace:
-    """Return the place that a text names; raise UserError, with `where` as the origin of the text."""
+    """Return the place that a text names; a UserError gives `where` as the origin of the text."""
     kind, colon, rest = text.partition(":")
     if kind == "serial" and colon:
         return TapPlace("serial", "", 0, _parse_serial_line(rest, where, text))
@@ -76,7 +76,7 @@ def _parse_serial_line(rest: str, where: str, text: str) -> SerialSettings:
 
 
 def make_route(name: str, listen: str, to: str, where: tuple[str, str]) -> Route:
-    """Return a tap; raise UserError for places of two kinds, or the same place twice."""
+    """Return a tap; raise UserError if its two places differ in kind or are the same place."""
     route = Route(name, parse_place(listen, where[0]), parse_place(to, where[1]))
     if route.listen.kind != route.to.kind:
         raise mistake(where[1], f"'{to}' after '{listen}'", "two places of one kind")
@@ -89,7 +89,7 @@ def make_route(name: str, listen: str, to: str, where: tuple[str, str]) -> Route
 
 
 class TapEventKind(IntEnum):
-    """What has happened; the comments say what `at` and the bytes after the head are."""
+    """What has happened; the comments say what the event's `at` and the bytes after its head mean."""
 
     OPEN = 1  # an end has come: `kind|near address|port|far address|port`; `at` 1: it came earlier
     ANSWERED = 2  # the far end has answered
@@ -110,7 +110,7 @@ END_KINDS: Final = (TapEventKind.FIN, TapEventKind.RST, TapEventKind.ENDED)
 
 
 class TapEvent(NamedTuple):
-    """One event; `route` counts from 0, `number` (of the conversation) from 1."""
+    """One event; `route` is the number of the tap, from 0; `number` is the conversation's, from 1."""
 
     kind: int
     way: int
@@ -128,7 +128,7 @@ FIGURES_DATA: Final = struct.Struct("<IIQ")  # round trip in us, window, bytes r
 
 
 def read_events(read: Callable[[int], bytes]) -> Iterator[list[TapEvent]]:
-    """Yield, after each `read`, the events that are complete, until it returns b""."""
+    """Yield the events that are complete after each `read`; end when `read` returns b""."""
     waiting = b""
     head, unpack = EVENT_HEAD.size, EVENT_HEAD.unpack_from
     while got := read(MOST_EVENT_BYTES):
@@ -150,7 +150,7 @@ def read_events(read: Callable[[int], bytes]) -> Iterator[list[TapEvent]]:
 class TapOrder(NamedTuple):
     """An intervention in one direction: hold, go, drop, insert, edit, delay, split, rst, fin.
 
-    `sizes`: of drop, edit (offset), delay (ns), split (pieces).
+    `sizes`: the bytes of drop, the offset of edit, the ns of delay, the pieces of split.
     """
 
     route: int
@@ -176,7 +176,7 @@ VERB_SIZES: Final = {
 
 
 def parse_order(line: bytes, routes: int) -> TapOrder:
-    """Return the order in a line; raise ValueError if it is no order. `routes`: the number of taps."""
+    """Return the order in a line; raise ValueError if it has no order. `routes`: the number of taps."""
     route, number, way, verb, rest = line.decode("ascii").split(" ")
     sizes, _, data = rest.partition(";")
     numbers = tuple([int(size) for size in sizes.split(",") if size])

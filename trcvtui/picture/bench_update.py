@@ -31,10 +31,10 @@ MostItems = Meta(max_length=64)  # a request is bounded, so that a picture costs
 
 
 class UpdateRequest(Struct, frozen=True):
-    """A request: lines of the ledger after `since_seq`, and the bytes of these variables and jobs.
+    """A request: lines of the ledger after `since_seq`, bytes of variables (`data`), jobs (`partial_of`).
 
     `waves`: instances whose pins are drawn over time, with the number of the last change on the screen.
-    `bench`, `project`: the numbers in the last picture; the engine resends what has another number now.
+    `bench`, `project`: the numbers in the last picture; what has another number by now is sent again.
     """
 
     since_seq: int = 0
@@ -55,7 +55,7 @@ _REQUEST_DECODER: Final = Decoder(tuple[Annotated[int, Meta(ge=1, lt=MOST_NUMBER
 
 
 def decode_request(content: bytes) -> tuple[int, str] | UpdateRequest:
-    """Return the numbered line or the request of a screen; raise ValueError or MsgspecError."""
+    """Return what a screen sent: a numbered command line or a request; raise ValueError or MsgspecError."""
     found = _REQUEST_DECODER.decode(content)
     if isinstance(found, UpdateRequest):
         return found
@@ -67,7 +67,7 @@ class BenchUpdate(Struct, frozen=True):
 
     `bench` counts the benches, `project_number` the versions of the project; `project` comes only if the
     screen does not have this version. `player`: None without a scenario; `trial`: None before the first
-    `try-splits`. `facts`: of the instances in `partial_of` of the request. `armed`: the waiting trigger.
+    `try-splits`. `facts`: about the instances in the request's `partial_of`. `armed`: the waiting trigger.
     With `fired` the picture shows the scan in which a trigger fired; the PLC has run on since.
     """
 

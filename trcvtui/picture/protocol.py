@@ -18,15 +18,15 @@ READ_ONLY_COMMANDS: Final = frozenset(("expect", "find"))  # first words: a comp
 
 
 def reads_only(line: str) -> bool:
-    """Return whether a read-only screen may send a line; its engine refuses any other, too."""
+    """Return whether a read-only screen may send a line; the engine refuses any other line from it."""
     return line.strip().partition(" ")[0] in READ_ONLY_COMMANDS
 
 
 class EngineStopped(Exception):
-    """The engine process has ended; the text says why, and its last line says it in short.
+    """The engine process has ended; the text says why; the last line of the text is the short reason.
 
     `ends_screen`: the screen cannot continue. `is_internal`: an error of this program, or a signal, has
-    ended the engine; `folder`: the folder of its recording, None: no recording.
+    ended the engine; `folder`: the folder of the engine's recording, None: no recording.
     """
 
     ends_screen = is_internal = False
@@ -34,12 +34,12 @@ class EngineStopped(Exception):
 
 
 class Driver(Protocol):
-    """What a screen may do with a bench; `is_shared`: other tabs of `serve` use it, too."""
+    """What a screen may do with a bench; `is_shared`: other tabs of `serve` use this bench, too."""
 
     is_shared: bool
 
     def submit(self, line: str) -> int:
-        """Send one bench command line; return the number under which its answer comes."""
+        """Send one bench command line; return the number that the answer to this line will have."""
 
     def request(self, request: UpdateRequest) -> None:
         """Ask for a picture; at most one request is outstanding."""
@@ -48,7 +48,7 @@ class Driver(Protocol):
         """Return the newest picture that has arrived since the last call."""
 
     def describe_cuts(self) -> str:
-        """Return the connections that are cut when the screen quits, in words; "" for none."""
+        """Return in words which connections are cut when the screen quits; "" for none."""
 
     def restart(self) -> None: ...
 

@@ -1,7 +1,7 @@
 """The transport of a picture from the engine to the screen: a pickle with the changed parts of the snapshot.
 
 Rule 1: the cost depends on the changed parts only. For unchanged parts the screen keeps its objects.
-Rule 2: pickling and writing stop at the end of a gap, and continue in the next: a picture is frozen.
+Rule 2: pickling and writing stop when a gap ends and go on in the next gap, as a picture never changes.
 Rule 3: a screen that does not read never delays a scan: the engine writes only what the channel takes.
 """
 
@@ -35,7 +35,7 @@ T = TypeVar("T")
 
 
 class UpdateMessage(NamedTuple):
-    """A picture without the parts of its snapshot and without lines: those follow in slices.
+    """A picture without its ledger lines and the parts of its snapshot; lines and parts follow in slices.
 
     `parts`: for each kind, how many parts there are, and how many slices carry the changed parts.
     """
@@ -46,7 +46,7 @@ class UpdateMessage(NamedTuple):
 
 
 class UpdatePipe:
-    """The engine's end: it writes one picture at a time."""
+    """The engine's end of the pipe; it writes one picture at a time."""
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
@@ -61,7 +61,7 @@ class UpdatePipe:
         self._pickling = self._pickle_picture(picture)
 
     def advance(self, until: int) -> None:
-        """Pickle and write until the time is up, but at least one slice; stop when the channel is full."""
+        """Pickle and write up to the time `until`, at least one slice; stop when the channel is full."""
         while self._pickling is not None:
             message = next(self._pickling)
             if message:
@@ -73,7 +73,7 @@ class UpdatePipe:
             pass
 
     def finish(self) -> None:
-        """Write the rest of a begun message, however long the screen takes, so that another can follow."""
+        """Write the rest of a begun message, however long the screen takes; then the next can begin."""
         while self._unsent:
             self._unsent = self._unsent[os.write(self._channel.fileno(), self._unsent) :]
 
@@ -118,7 +118,7 @@ class UpdatePipe:
 
 
 class MessageReader:
-    """Complete messages of a channel, each of `most` bytes at most; reading one never waits."""
+    """Reads complete messages of at most `most` bytes from a channel; it never waits for bytes."""
 
     def __init__(self, channel: Channel, most: int) -> None:
         self._channel, self._most = channel, most
@@ -160,9 +160,9 @@ class MessageReader:
 
 
 class UpdateReader(MessageReader):
-    """The screen's end.
+    """The screen's end of the pipe.
 
-    The engine writes a picture in the gaps of several scans: a screen that waited for it would freeze.
+    The engine writes a picture in the gaps of several scans: a screen that waited for all would freeze.
     """
 
     def __init__(self, channel: Channel) -> None:
@@ -170,7 +170,7 @@ class UpdateReader(MessageReader):
         self._parts: Sequence[list[Any]] = [], [], []  # of the last picture
 
     def next(self) -> Any:
-        """Return the next message as `read_message` does, but decoded; a picture is put together."""
+        """Return the next message, decoded, as `read_message` does; a picture is made from its slices."""
         message = self.read_message()
         return None if message is None else self._load_message(message)
 

@@ -21,7 +21,7 @@ from trcvtui.plc.ledger import StatusEdge
 class CallOrder:
     """The instances in call order, each with the interval of its task; times in ns.
 
-    `connects` names all CONNECTs: one without instances can change, too (PLC STOP).
+    `connects` names all CONNECTs, as a CONNECT without instances can change, too (PLC STOP).
     `failed` is called for an instance that raised: it takes the instance out of service, and returns
     whether its outputs differ. `check` raises where a replay has a recorded exception.
     """
@@ -50,12 +50,12 @@ class CallOrder:
         self._awake_since = set(self._places)  # which CONNECTs have been awake since `take_awake`
 
     def wake_all(self) -> None:
-        """Have `call` include every instance when it is due next."""
+        """Wake every instance: `call` calls each one the next time that this instance is due."""
         self.awake.update(self._places)
         self._awake_since.update(self._places)
 
     def wake(self, connects: Iterable[str]) -> None:
-        """Have `call` include the instances on these CONNECTs when they are due next."""
+        """Wake the instances on these CONNECTs: `call` calls each one the next time that it is due."""
         self.awake.update(connects)
 
     def call(self, turn: int) -> list[StatusEdge]:

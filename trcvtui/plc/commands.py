@@ -10,7 +10,7 @@ from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl
 
 
 class SetInput(Struct, frozen=True):
-    """Write one input pin; it holds until changed. Ends a blink of that pin."""
+    """Write one input pin; the value holds until it is changed. A blink of that pin ends."""
 
     instance: str
     pin: str
@@ -64,7 +64,7 @@ class AddDeclaration(Struct, frozen=True):
 
 
 class ReplaceDeclaration(Struct, frozen=True):
-    """Another declaration of the same name: every instance that uses it begins anew; inputs stay."""
+    """Another declaration of the same name: each instance that uses it begins anew and keeps its inputs."""
 
     before: PartDecl | InstanceDecl
     decl: PartDecl | InstanceDecl
@@ -85,20 +85,20 @@ class DeleteInstance(Struct, frozen=True):
 class DownloadInstance(Struct, frozen=True):
     """Incremental download of a changed initial value: a new instance of the same name (7.15.1, notes).
 
-    Its inputs keep what the program writes to them, so CONT=1 counts as rising.
+    The inputs keep the values that the program writes, so CONT=1 counts as a rising edge.
     """
 
     instance: str
 
 
 class ResizeData(Struct, frozen=True):
-    """Another type for a global variable; bytes that both sizes have stay, new ones are 0."""
+    """Another type for a global variable; the bytes within both sizes stay, new bytes are 0."""
 
     decl: DataDecl
 
 
 class FeedBuffer(Struct, frozen=True):
-    """Bytes arrive on the simulated line of a ComBuffer; None: its cable is pulled."""
+    """Bytes arrive on the simulated line of a ComBuffer; None: the cable of this line is pulled."""
 
     buffer: str
     payload: bytes | None

@@ -2,7 +2,7 @@
 
 Rule 1: the exception is an entry of the journal. A replay takes the part out of service in that scan because
 the entry says so, whether or not the program still raises there.
-Rule 2: a UserError is passed on in a replay (it says where run and journal differ) and from a command.
+Rule 2: a UserError is passed on from a command, and in a replay, as it says where run and journal differ.
 Rule 3: with TRCVTUI_EXCEPTIONS=raise nothing is contained, as in the tests.
 """
 
@@ -25,7 +25,7 @@ RunPart = tuple[str, str]  # its kind and its name: ("instance", "TRCV_C_1")
 
 
 class ExceptionNote(NamedTuple):
-    """An exception and the name of its report; `in_connection`: it left a connection in unknown state."""
+    """An exception and the name of its report; `in_connection`: a connection is in an unknown state."""
 
     why: str
     in_connection: bool
@@ -76,7 +76,7 @@ class Containment:
         return ExceptionNote(*raised)
 
     def add_message(self, what: str) -> None:
-        """Keep a message about an internal error, at most MOST_REPORTED until `take_messages`."""
+        """Keep a message about an internal error; until `take_messages` at most MOST_REPORTED are kept."""
         if len(self._newest) < MOST_REPORTED:
             self._newest.append(f"an internal error of {what}")
 
@@ -90,7 +90,7 @@ class Containment:
         self._off_record(lambda: self.attempt(part, do))
 
     def attempt(self, part: RunPart, do: Callable[[], T]) -> T | None:
-        """Return what `do` returns; None where it raises, or where the journal says so (rule 1)."""
+        """Return what `do` returns; None if `do` raises, or the journal has an exception here (rule 1)."""
         try:
             self.raise_recorded(part)  # recorded before any call of `do`: it was not carried out
             answer = do()

@@ -58,7 +58,7 @@ class Instance:
         self._stream = stream
 
     def restart_block(self) -> None:
-        """Begin anew, as after STOP and RUN or a download; inputs and DATA keep their values."""
+        """Start the block anew, as after STOP and RUN or a download; inputs and DATA keep their values."""
         self._block: Block = new_block(self._row, self._bound)
         self._block_would_read: Callable[[Inputs, bool], bool] | None
         self._block_would_read = getattr(self._block, "would_read", None)  # of a block that receives
@@ -78,7 +78,7 @@ class Instance:
     # -- inputs ------------------------------------------------------------------------------------
 
     def set_input(self, pin: str, value: PinValue) -> None:
-        """Write one input; it holds until changed, so a blink or pulse of it ends."""
+        """Write one input; the value holds until it is changed, so a blink or pulse of this input ends."""
         for pins in (self._blinking, self._pulsed, self._fading):
             if pin in pins:
                 pins.remove(pin)
@@ -202,7 +202,7 @@ class Instance:
         return self.edge.outputs
 
     def get_edge(self, outcome: Outcome) -> StatusEdge:
-        """Return the edge of an outcome, made once for outcomes that recur."""
+        """Return the edge of an outcome; it is kept for the next time that this outcome occurs."""
         return self._known.get(outcome) or self._make_edge(outcome)
 
     def _make_edge(self, outcome: Outcome) -> StatusEdge:
@@ -233,7 +233,7 @@ class Instance:
         return framer_snapshot(self.block_name, bound, job, self.inputs)
 
     def snapshot(self) -> InstanceSnapshot:
-        """Return the instance as it is; the same object while nothing has changed."""
+        """Return a snapshot of the instance; it is the same object while nothing has changed."""
         job, edge, decl = self._block.job, self.edge, self.decl
         done_scan, rcvd_len = self.last_done or (None, None)
         error_scan, error_status = self.last_error or (None, None)

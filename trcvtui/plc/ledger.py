@@ -1,6 +1,6 @@
 """The ledger: what happened, in which scan, and why. Every view of the past is a view of this one list.
 
-Rule: events that a frame causes are NamedTuples: making one takes a quarter of a frozen dataclass's time.
+Rule: events that a frame causes are NamedTuples: a frozen dataclass takes four times as long to make.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ KEPT_LINES: Final = 20_000
 
 
 class Outputs(NamedTuple):
-    """The outputs of one instance after a scan. `status` is the WORD; `rcvd_len` in bytes, None: no pin.
+    """The outputs of one instance after a scan. `status` is the WORD; `rcvd_len`: bytes, None: no such pin.
 
-    For a block on a ComBuffer, `status` is its pin Error; it may also have the pin `rx_timeout` or `byte`.
+    For a block on a ComBuffer, `status` is its pin Error; the block may have `rx_timeout` or `byte`, too.
     """
 
     status: int
@@ -47,7 +47,7 @@ class Outputs(NamedTuple):
 
 
 class StatusEdge(Struct, frozen=True):
-    """The outputs of an instance, written when they differ from the scan before; `cause` says why."""
+    """The outputs of an instance, written after a scan that changed them; `cause` says why."""
 
     instance: str
     block: str
@@ -72,7 +72,7 @@ NO_END = "none:"  # in place of the local end: the remote one is the name of a l
 class PeerSent(NamedTuple):
     """A peer's message: its number (from 1), and where it lies in the peer's sent stream.
 
-    `ns`: when a captured packet came, in ns from the first one; -1: the time of its line counts.
+    `ns`: when a captured packet came, in ns from the first packet; -1: the time of the ledger line counts.
     """
 
     peer: str
@@ -128,7 +128,7 @@ StampedEvent = tuple[int, int, Event]  # scan, time in ns; cheaper than a line
 
 
 class Ledger:
-    """A bounded list of lines, the oldest dropped first. `scan` and `t_ns` stamp what is written."""
+    """A bounded list of lines, the oldest dropped first. `write` gives a line the newest `scan`, `t_ns`."""
 
     def __init__(self, keep: int = KEPT_LINES) -> None:
         self._ring: deque[StampedEvent] = deque(maxlen=keep)

@@ -70,7 +70,7 @@ LEAST_WSTRING_LEN: Final = 5
 
 
 def element_kind_of(type_: Type) -> ElementKind:
-    """Return the kind of a variable's type; a STRUCT is OTHER, whatever is in it."""
+    """Return the kind of a variable's elements; a STRUCT is OTHER, whatever its fields are."""
     while isinstance(type_, Array):
         type_ = type_.element
     if not isinstance(type_, Elementary):
@@ -81,7 +81,7 @@ def element_kind_of(type_: Type) -> ElementKind:
 
 
 def text_lens_of(type_: Type, size: int) -> LeastTextLens:
-    """Return the least LENs for a variable that is one text: `size` to send, a constant to receive."""
+    """Return the least LENs if a variable is one text: `size` for sending, a constant for receiving."""
     if not isinstance(type_, StringType):
         return NO_TEXT_LENS
     return LeastTextLens(sent=size, received=LEAST_WSTRING_LEN if type_.wide else LEAST_STRING_LEN)
@@ -185,7 +185,7 @@ class Runtime:
         self._commands.append(command)
 
     def use_kernel(self, kernel: ReadyKernel) -> None:
-        """Use this kernel, which wraps the one before; existing CONNECTs keep theirs."""
+        """Use this kernel, which wraps the one before; existing CONNECTs keep the kernel that they have."""
         self._kernel = kernel
 
     @property
@@ -198,7 +198,7 @@ class Runtime:
                 yield name, handle, use
 
     def listening_port(self, connect: str) -> int | None:
-        """Return the port that a CONNECT or a UDP_CONFIG listens on, None while it does not."""
+        """Return the port that a CONNECT or a UDP_CONFIG listens on, None while it does not listen."""
         if connect in self._ports:
             local = self._ports[connect].local
             return local.port if local else None
@@ -213,7 +213,7 @@ class Runtime:
         return 0 if connection is None else connection.since_scan
 
     def retry_now(self, connect: str) -> None:
-        """End the pause of a CONNECT before its next attempt."""
+        """Let a CONNECT try again at once: end the pause before its next attempt to connect."""
         connection = self._connections.get(connect)
         if connection is not None:
             connection.retry_at = None
@@ -240,11 +240,11 @@ class Runtime:
         return bytes(memoryview(data.content)[:most]) if data else b""
 
     def data_part(self, name: str, start: int, stop: int) -> bytes:
-        """Return a copy of some bytes of a global variable, as far as it goes."""
+        """Return a copy of the bytes `start` to `stop` of a global variable, as far as it has them."""
         return bytes(self._data[name].content[start:stop])
 
     def received_ring(self, name: str) -> ReceivedRing | None:
-        """Return the newest bytes that a link or ComBuffer received; `sent_ring_name` names those sent."""
+        """Return the newest bytes that a link or ComBuffer received, or sent (`sent_ring_name`)."""
         return self._resources.received.get(name)
 
     def job_bytes(self, instance: str) -> bytes:
@@ -264,7 +264,7 @@ class Runtime:
         return SentBytes(*ends, connection.bytes_sent, connection.unacknowledged())
 
     def quiet_until(self) -> int | None:
-        """Return when (ns) time alone causes the next change, if the scans change nothing; None: never.
+        """Return the time (ns) of the next change by time alone if the scans change nothing; None: none.
 
         The time of the last scan means: not known. A handle that becomes ready may change something earlier.
         """
@@ -282,7 +282,7 @@ class Runtime:
         return due
 
     def skip(self, scans: int) -> None:
-        """Count scans that change nothing, as if they had passed."""
+        """Count this many scans as passed without running them; they would change nothing."""
         self._env.scan += scans
 
     def sample_stack(self) -> None:
@@ -382,7 +382,7 @@ class Runtime:
         )
 
     def _stop_instance(self, instance: Instance, why: str, in_connection: bool = False) -> bool:
-        """Show ERROR, hold no lock; close the connection if `in_connection`, or if no other one uses it."""
+        """Show ERROR, unlock; close the connection if `in_connection`, or if no other instance uses it."""
         name, connect = instance.name, instance.decl.connect
         self._containment.clean_up(("instance", name), partial(instance.drop_job, INTERNAL_ERROR))
         is_changed = instance.fail(why)

@@ -1,8 +1,8 @@
 """The bytes of a ComBuffer: from and to a serial port, a TRCV_C or a TSEND_C, chunk by chunk.
 
-Rule 1: a new TRCV_C or TSEND_C takes over what a deleted one of its name knew of the connection.
+Rule 1: a new TRCV_C or TSEND_C takes over what a deleted instance of its name knew of the connection.
 Rule 2: a ComBuffer without room for a whole DATA holds the TRCV_C by calls with EN_R = 0: the bytes stay
-with the network, which slows the sender. While its job has bytes it is not held: the job would drop them.
+with the network, which slows the sender. A TRCV_C with bytes in its job is not held: the job drops them.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class PortExchange:
             self._port.line_errors()
 
     def receive(self, now: int) -> None:
-        """Take received bytes; those without room in the ComBuffer are lost, as on a real line."""
+        """Take received bytes; bytes without room in the ComBuffer are lost, as on a real line."""
         if not self._ensure_open(now):
             return
         got = self._port.read(MOST_READ_BYTES)
@@ -65,7 +65,7 @@ class PortExchange:
             self._rx.put(got)
 
     def send(self, most: int, now: int) -> None:
-        """Send waiting bytes, at most `most` (0: all); while the port is not there they wait."""
+        """Send waiting bytes, at most `most` (0: all); the bytes wait while the port is not there."""
         if self.tx is None or not self.is_open or not self.tx.count:
             return
         payload = self.tx.peek()
@@ -128,7 +128,7 @@ READY_TO_SEND: Final = (Condition.CONNECTED, Condition.SENT)  # the last call's,
 
 
 class StreamDrain:
-    """One ComBuffer in front of one TSEND_C; `per_call`: the most bytes of one REQ, 0: what DATA holds."""
+    """Sends a ComBuffer by a TSEND_C; `per_call`: the most bytes of one REQ, 0: the size of DATA."""
 
     keeps_awake = True  # bytes arrive without an event
 
@@ -174,7 +174,7 @@ class StreamDrain:
         """The TSEND_C is deleted; waiting bytes may still go over its connection."""
 
     def leave_connection(self) -> None:
-        """Rule 3: leave this connection; the bytes that waited for it are dropped."""
+        """Leave this connection; the bytes that waited for it are dropped."""
         if self._incarnation is not None:
             self._buffer.discard_all("connection closed")
             self._incarnation = None
@@ -194,7 +194,7 @@ class StreamDrain:
 
 
 class StreamFeed:
-    """One TRCV_C in front of one ComBuffer. Without `holds`, bytes that have no room are dropped."""
+    """Puts the bytes of a TRCV_C into a ComBuffer. Without `holds`, bytes that have no room are dropped."""
 
     def __init__(
         self,
@@ -233,7 +233,7 @@ class StreamFeed:
         return {"en_r": False} if self.is_held else {}
 
     def note_outcome(self, outcome: Outcome, asked: bool) -> None:
-        """Take the bytes of a DONE, and check that their connection is still the same."""
+        """Put the bytes of a DONE into the ComBuffer; end the stream if their connection is gone."""
         connection = self._connection
         if self._follows_en_r and self._was_asked and not asked:
             self._buffer.mark_end("EN_R fell")  # rules.part_follows_en_r
@@ -267,7 +267,7 @@ class StreamFeed:
             self._end_stream()
 
     def leave_connection(self) -> None:
-        """Leave this connection: its stream has ended."""
+        """Leave this connection: end the stream of its bytes."""
         if self._incarnation is not None:
             self._end_stream()
 

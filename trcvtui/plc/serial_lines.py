@@ -1,6 +1,6 @@
 """The ComBuffers of a PLC and their other ends: what SerialLineControl does in a TwinCAT program.
 
-Source of a ComBuffer: `sim` (bench commands), `serial` (PortExchange; simulated as `sim`), a TRCV_C
+Source of a ComBuffer: `sim` (bench commands), `serial` (PortExchange; if simulated, as `sim`), a TRCV_C
 (StreamFeed), or another ComBuffer: a cable.
 """
 
@@ -103,7 +103,7 @@ class SerialLines:
         return SerialBinding(env, self._buffers[decl.connect], bound, prefix, suffix, decl.name, priority)
 
     def attach(self, instance: Instance, connections: Mapping[str, Connection], rules: VendorRules) -> None:
-        """Let a TRCV_C feed, or a TSEND_C empty, the ComBuffer that names it."""
+        """Let a TRCV_C feed, or a TSEND_C empty, the ComBuffer that names this instance."""
         connection = connections.get(instance.decl.connect)
         for buffer in self._decls.values() if connection is not None else ():
             if instance.name in (buffer.source, buffer.line) and instance.name not in self._decls:
@@ -114,7 +114,7 @@ class SerialLines:
                 return
 
     def detach(self, name: str) -> None:
-        """An instance is deleted: the bytes in its ComBuffer still belong to its connection."""
+        """An instance is deleted: the bytes in its ComBuffer still belong to the instance's connection."""
         if name in self._streams:
             self._streams[name].note_deleted()
             self._orphans.add(name)
@@ -177,7 +177,7 @@ class SerialLines:
                     self._containment.clean_up(part, self._ports[name].close)
 
     def send_waiting(self, now: int) -> None:
-        """Send the bytes of each written ComBuffer, `per_cycle` of them a scan (0: all)."""
+        """Send bytes of each written ComBuffer, at most its `per_cycle` in a scan (0: all)."""
         if not self._decls:
             return
         receivers = {decl.source: name for name, decl in self._decls.items() if decl.source in self._buffers}

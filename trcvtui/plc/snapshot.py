@@ -24,7 +24,7 @@ from trcvtui.plc.ledger import Outputs
 class ConnectionSnapshot(Struct, frozen=True):
     """One CONNECT. `state` is closed, queued, created, establishing or connected; times in ns of the run.
 
-    With `udp` it is a UDP_CONFIG; its state created means ready.
+    With `udp` it is a UDP_CONFIG; then the state created means ready.
     """
 
     name: str
@@ -45,7 +45,7 @@ class ConnectionSnapshot(Struct, frozen=True):
 
 
 class SentBytes(Struct, frozen=True):
-    """What a CONNECT's present connection has sent; `unacknowledged` None: this system does not say."""
+    """What a CONNECT's present connection has sent; `unacknowledged` None: the system gives no number."""
 
     local: str
     remote: str
@@ -114,7 +114,7 @@ class InstanceSnapshot(Struct, frozen=True):
         return block_row(self.block).data_pin
 
     def pin(self, name: str) -> PinValue | None:
-        """Return the value of an input or output by its manual's name, None where it has none."""
+        """Return the value of the pin with this name in the manual, None if the block has no such pin."""
         for pin, value in self.inputs:
             if pin == name:
                 return value
@@ -125,7 +125,7 @@ class InstanceSnapshot(Struct, frozen=True):
 class DataSnapshot(Struct, frozen=True):
     """One global variable: its IEC type as text, its size in bytes, and how often it changed.
 
-    The newest change wrote `newest` bytes, the longest one `longest`.
+    The newest change wrote `newest` bytes, the longest change wrote `longest`.
     """
 
     name: str

@@ -144,7 +144,7 @@ def security_of(config: ConnectConfig | None) -> Security | None:
 
 
 def certificate_remarks(config: ConnectConfig) -> dict[str, str]:
-    """Return the files of the certificates, by the name of the field that refers to them."""
+    """Return, by the name of each field that refers to certificates, a remark with their files."""
     session = tls_credentials_of(config.session)
     if session is None:
         return {}
@@ -192,7 +192,7 @@ class DescriptionView(NamedTuple):
 def description_view(config: ConnectConfig, listens: str = "") -> DescriptionView | None:
     """Return the view of a CONNECT, None if it has no description.
 
-    `listens`: the end where it listens now, "" if it does not.
+    `listens`: the end where the CONNECT listens now, "" if it does not listen.
     """
     description = config.description
     if description is None:

@@ -1,7 +1,7 @@
 """A project in another dialect: the same program, wires and partners with the answers of another vendor.
 
 Rule: nothing is made up. What the other dialect does not have is left out, and a note says so; a CONNECT
-that it cannot describe is refused.
+that the other dialect cannot describe is refused.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def find_dialect(name: str) -> Dialect:
 
 
 def convert_project(project: Project, dialect: Dialect) -> Translation:
-    """Return the project in that dialect; raise UserError if it cannot describe a CONNECT."""
+    """Return the project in that dialect; raise UserError if that dialect cannot describe a CONNECT."""
     if dialect.name == project.dialect.name:
         return Translation(project, ())
     notes: list[str] = []
@@ -147,7 +147,7 @@ def _convert(
 
 
 def _convert_structure(config: ConnectConfig, dialect: Dialect, notes: list[str]) -> ConnectConfig:
-    """Return a CONNECT in a structure that the other dialect takes, or with a flaw if there is none."""
+    """Return a CONNECT in a structure that the other dialect takes, or with a flaw if it takes none."""
     description, taken = config.description, dialect.structures
     if description is None or not taken or description.structure.name in taken:
         return config

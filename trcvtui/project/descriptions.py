@@ -1,7 +1,7 @@
 """CONNECT and ADDR in a dialect with connection descriptions: read and written, by field or as bytes of a DB.
 
 Rule: only what fits no type is refused; what a CPU would find wrong is a `flaw`, which the block shows.
-The bench has further keys, which no CPU has: they set what this machine does.
+There are also keys of the bench, which no CPU has: these keys set what this machine does.
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ def resolve_tls(
     """Return the TLS settings: the active end trusts TLSServerCertRef and shows TLSClientCertRef.
 
     On the passive end it is the other way round. If the number of the trusted certificate is 0,
-    all certificates without a key are trusted; if the number of its own is 0, it shows none.
+    all certificates without a key are trusted; if the number of its own certificate is 0, it shows none.
     """
     server, client = description.number("TLSServerCertRef"), description.number("TLSClientCertRef")
     own, trusted = (client, server) if spec.is_active else (server, client)
@@ -216,7 +216,7 @@ def _authorities(known: Certificates, number: int) -> tuple[str, ...]:
 def tls_of_peer(
     values: Mapping[str, Any], table: Table, known: Certificates
 ) -> tuple[TlsSettings, tuple[tuple[str, bool | int | str], ...]]:
-    """Return the TLS of a peer's table: as settings, and as its keys."""
+    """Return the TLS of a peer's table twice: as settings, and as keys of the table."""
     own, authority = [_look_up(table, key, values[key], known) for key in ("certificate", "authority")]
     if own is not None and not own.key:
         table.report("certificate", f"{own.number}, which has no key", "one with a key")
@@ -467,7 +467,7 @@ def make_config_fields(
     certificates: Certificates,
     structures: tuple[str, ...],
 ) -> dict[str, Any]:
-    """Return a CONNECT's arguments without its name; `structures`: those the instructions take, (): all."""
+    """Return a CONNECT's arguments without its name; the instructions take `structures` only, (): all."""
     spec = read_spec(written.description)
     session = _make_session(written.description, spec, bench, rules, certificates)
     remote, name_flaw = _remote_address(written, spec, bench)
@@ -587,7 +587,7 @@ def iso_port_of(config: ConnectConfig) -> int | str | None:
 
 
 def listen_port_of(config: ConnectConfig) -> int | None:
-    """Return ListenPort, None if the CONNECT listens on the port of its description, IsoPort or none."""
+    """Return ListenPort, None if the CONNECT listens nowhere, or by its description or IsoPort."""
     spec, port = read_spec(_require_description(config)), config.local.port
     if spec.protocol is Transport.ISO or config.active:
         return None

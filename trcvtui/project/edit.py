@@ -63,7 +63,7 @@ class AddField(Struct, frozen=True):
 
 
 class LineKeys(NamedTuple):
-    """Keys of a kind. `bare`: a line has the value without the key; `quoted`: the text may have blanks."""
+    """Keys of a kind. `bare`: a command line has the value alone; `quoted`: the text may have blanks."""
 
     bare: frozenset[str]
     quoted: frozenset[str]
@@ -78,7 +78,7 @@ def keys_of_line(kind: str, project: Project) -> LineKeys:
 
 
 def fields_of(kind: str, project: Project, block: str = "", to_change: bool = False) -> tuple[AddField, ...]:
-    """Return the fields of a kind without its name; those of an instance depend on its block."""
+    """Return the form fields of a kind except the name; for an instance the fields depend on its block."""
     row, chosen = table_row(kind, project.dialect), block or default_block(project)
     fields = {
         key.name: _field(key.name, key.ask, project, chosen)
@@ -120,8 +120,8 @@ def read_entry(
 ) -> Declaration:
     """Return the declaration of one table; raise UserError with all of its mistakes.
 
-    `content` has TOML values, or texts as SetOverride with the key as its path. `number` is its place among
-    its kind from 1 on, 0: after the last one.
+    `content` has TOML values, or texts as SetOverride with the key as its path. `number`: the place of
+    the entry among its kind, from 1 on; 0: after the last entry.
     """
     problems: list[Problem] = []
     table = Table(content, where, problems)
@@ -200,7 +200,7 @@ def apply_edits(project: Project, edits: Edits) -> Project:
 
 
 def types_of_project(project: Project) -> TypeSet:
-    """Return the types of the project's UDT files; raise UserError if a file declares none."""
+    """Return the types of the project's UDT files; raise UserError if a file declares no types."""
     constants, has_system_types = tuple(project.constants.items()), project.dialect.describes_connects
     return types_of_udts(project.udts, project.base, constants, has_system_types)
 

@@ -49,7 +49,7 @@ BUFFER_ENDS: Final = (
 
 
 def find_duplicates(kinds: Iterable[tuple[str, Sequence[Table]]], reserved: Iterable[str] = ()) -> None:
-    """Report every name that an earlier table of these kinds has, or that is reserved."""
+    """Report every name that is reserved, or that an earlier table of these kinds already has."""
     seen = dict.fromkeys(reserved, "a word of the bench commands")
     for kind, tables in kinds:
         for table in tables:
@@ -72,7 +72,7 @@ def all_names(
 
     `blocks`: names of instances with their blocks. `ports`: ComBuffers with a port. Uses: `stream_in`,
     `stream_out`: instances that can feed or empty a ComBuffer; `port`; `udp_end`: what may receive datagrams,
-    also a CONNECT if `describes`: a description can be one of UDP.
+    also a CONNECT if `describes`, as a description can be for UDP.
     """
     builders = [(name, row) for name, block in blocks if (row := block_row(block)).owns_link]
     found = {
@@ -101,7 +101,7 @@ def check_names(kind: str, table: Table, names: NamesByKind, around: Context) ->
 
 
 def find_shared_ends(tables: Sequence[Table]) -> None:
-    """Report each source, line and port of an earlier ComBuffer, and each source ComBuffer with a line."""
+    """Report a source, line or port that an earlier ComBuffer has, or a source ComBuffer with a line."""
     for key, has, expected in BUFFER_ENDS:
         seen: dict[str, str] = {}
         for table in tables:
@@ -138,7 +138,7 @@ SET_FORM: Final = "PATH=VALUE such as connect.C1.LocalPort=2000 or options.retry
 def apply_overrides(
     document: Mapping[str, Any], overrides: Iterable[str], problems: list[Problem]
 ) -> dict[str, Any]:
-    """Return a copy of the document with every `PATH=VALUE`; of two for a path the last one counts."""
+    """Return a copy of the document with every `PATH=VALUE`; the last value for a path counts."""
     changed = {key: _copy_part(value) for key, value in document.items()}
     for override in overrides:
         path, equals, text = override.partition("=")
@@ -202,7 +202,7 @@ DOCUMENT_KEYS: Final = (
 def load_project(path: Path | str, overrides: Iterable[str] = ()) -> Project:
     """Return the project of a file with `PATH=VALUE` overrides; raise UserError with all problems.
 
-    For a scenario file that is the project that the scenario runs on.
+    For a scenario file, return the project that the scenario runs on.
     """
     path = Path(path)
     document = read_toml(path)
@@ -267,7 +267,7 @@ def read_project(
 
 
 class DocumentReader:
-    """Reads one document; each method collects its problems and returns a harmless value in their place."""
+    """Reads one document; each method collects problems and returns a harmless value for a wrong one."""
 
     def __init__(self, document: dict[str, Any], where: str, base: Path, problems: list[Problem]) -> None:
         self.document = document
@@ -423,13 +423,13 @@ def _label(entry: Mapping[str, Any], number: int) -> str:
 def types_of_udts(
     udts: tuple[UdtFile, ...], base: Path, constants: tuple[tuple[str, int], ...], has_system_types: bool
 ) -> TypeSet:
-    """Return the UDTs of these contents; no file is read. Raise UserError for one that declares no types."""
+    """Return the UDTs of these contents; no file is read. Raise UserError for a file without types."""
     contents = {base / each.name: each.content for each in udts}
     return read_files(contents, dict(constants), has_system_types, contents)
 
 
 def reread_udts(project: Project) -> tuple[UdtFile, ...]:
-    """Return the UDT files as they are now, also those that were added to the project file by hand."""
+    """Return the UDT files as they are now, also files that were added to the project file by hand."""
     document: Mapping[str, Any] = {}
     try:
         document = read_toml(project.path)

@@ -46,7 +46,7 @@ def context_of(project: Project) -> Context:
 
 
 class TableValues(dict[str, Any]):
-    """The values of one table by key, None for a missing or wrong one; `number`: its place from 1."""
+    """The values of one table by key, None if missing or wrong; `number`: the table's place from 1."""
 
     def __init__(self, table: Table, around: Context, number: int) -> None:
         super().__init__()
@@ -70,7 +70,7 @@ def offer_fixed(*texts: str) -> Offer:
 class Hint(Struct, frozen=True):
     """What a form and completion offer: hint, known values, and the value that is filled in at first.
 
-    `where`: whether it is asked, by project and block. `is_bare`: a line has the value without its key.
+    `where`: whether a form asks for it, by project and block. `is_bare`: a line has the value alone.
     `is_quoted`: its text may have blanks. `is_of_change`: only the form that changes an entry asks for it.
     """
 
@@ -84,7 +84,7 @@ class Hint(Struct, frozen=True):
 
 
 class NameUse(NamedTuple):
-    """The kinds of names that a key takes (`file.NamesByKind`); `by_at`: as `@NAME`.
+    """The kinds of names that a key takes (`file.NamesByKind`); `by_at`: written as `@NAME`.
 
     `words`: other values that it takes; `or_none`: it also takes "". `what`: the names in messages.
     """
@@ -104,10 +104,10 @@ class Key(Struct, frozen=True):
     """One key. Without a `kind` it is read together with another one.
 
     `of`: where the declaration keeps the value, as `local.port`. `writes`: returns the value to write
-    instead, None: the key is left out. `default`: the value of a missing key. `is_said`: it is written
-    even if it is the default. `only`: whether the table may have it, or why not. `reads`: reads it together
+    instead, None: the key is left out. `default`: the value of a missing key. `is_said`: a default value is
+    written, too. `only`: whether the table may have the key, or why not. `reads`: reads the key together
     with other keys. `is_played`: a replay with another value gives a true answer (replay/partners.py):
-    it changes what the PLC does with its input, not the input. `help`: one sentence.
+    the key changes what the PLC does with its input, not the input. `help`: one sentence.
     """
 
     name: str
@@ -215,7 +215,7 @@ PART_CLASSES: Final[dict[str, Callable[..., Any]]] = {
 
 
 def _arguments(values: TableValues) -> dict[str, Any]:
-    """Return the arguments of the class; those such as `local.port` are put into a part, `local`."""
+    """Return the arguments of the class; the value of a path such as `local.port` goes into `local`."""
     arguments: dict[str, Any] = {}
     parts: dict[str, dict[str, Any]] = {}
     for key, value in values.by_row:

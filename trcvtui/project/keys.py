@@ -1,7 +1,7 @@
 """Every key of a project file is one row here: how it is read and written, what a form asks, what it means.
 
 To add a key, add its value to the declaration (`project.py`) and its row to the table.
-Rule 1: a row checks its own table alone; whether a name exists is checked with all tables (`file.py`).
+Rule 1: a row checks its own table alone; `file.py` checks with all tables whether a name exists.
 Rule 2: a key that has its default value is not written, unless a reader of the file looks for it.
 """
 
@@ -167,7 +167,7 @@ def _references(*kinds: str) -> Offer:
 
 
 def _propose_last(offer: Offer) -> Callable[[Project, str], str]:
-    """Return a function that proposes the last name of `offer`, "" if it has none."""
+    """Return a function that proposes the last name that `offer` returns, "" if it returns none."""
     return lambda project, block: next(reversed(offer(project, block)), "")
 
 
@@ -640,7 +640,7 @@ def _is_tcp(table: Table, around: Context) -> bool:
 
 
 def _is_active(table: Table) -> bool:
-    """Return whether a peer connects: `active`; without that key, whether it has a `remote`."""
+    """Return whether a peer connects: the value of `active`; without that key, whether it has `remote`."""
     return table.is_true("active", table.has("remote"))
 
 
@@ -673,7 +673,7 @@ def _tls_writer(name: str) -> Callable[[PeerDecl], Any]:
 
 
 def _describes_connects(project: Project, block: str) -> bool:
-    """Return whether the PLC speaks more than plain TCP, so that a peer may, too."""
+    """Return whether the PLC can speak more than plain TCP, so that a peer can speak more, too."""
     return project.dialect.describes_connects
 
 
@@ -903,7 +903,7 @@ OFFERED_KINDS: Final = (
 
 
 def table_row(kind: str, dialect: Dialect) -> TableRow:
-    """Return the row of a kind in a dialect; one with connection descriptions has its own rows."""
+    """Return the row of a kind in a dialect; a dialect with connection descriptions has its own rows."""
     return (DESCRIBED_TABLES if dialect.describes_connects else {}).get(kind, TABLES[kind])
 
 
@@ -945,7 +945,7 @@ def kind_name(decl: Declaration) -> str:
 
 
 def keys_of(decl: Declaration) -> KeyPairs:
-    """Return the keys without the name, and their TOML values."""
+    """Return the keys of a declaration except the name, with their TOML values."""
     kind = kind_name(decl)
     is_described = getattr(decl, "description", None) is not None
     return (DESCRIBED_TABLES if is_described else TABLES)[kind].toml_keys(decl)

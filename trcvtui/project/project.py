@@ -44,8 +44,8 @@ class Task(Struct, frozen=True):
 class DataDecl(Struct, frozen=True, eq=False):
     """One global variable: its type as written and as laid out; size in bytes.
 
-    `optimized`: it is in a data block whose order the PLC chooses, so that instructions take it as a whole.
-    `choice`: its own layout; a field that is None means: as the PLC does it.
+    `optimized`: the variable is in a data block that the PLC arranges, so instructions take it as a whole.
+    `choice`: the layout of the variable alone; for a field that is None the PLC's layout counts.
     """
 
     name: str
@@ -79,8 +79,8 @@ class ComBufferDecl(Struct, frozen=True):
     """One ComBuffer. `source`: `sim`, `serial`, an instance of TRCV_C, or another ComBuffer, as over a cable.
 
     `serial`: the port of the source `serial`; in a simulated network bench commands feed it, as with `sim`.
-    `line`: what sends the bytes written into it: a ComBuffer with a port, or an instance of TSEND_C.
-    `size` in bytes, 0: by the source. `per_cycle`: how many written bytes leave in a scan, 0: all.
+    `line`: what sends the bytes written into this one: a ComBuffer with a port, or an instance of TSEND_C.
+    `size` in bytes, 0: the source sets it. `per_cycle`: how many written bytes leave in a scan, 0: all.
     `is_written`: a send block fills it; `is_fed`: a TRCV_C fills it. `history`: how many bytes are kept.
     """
 
@@ -159,7 +159,7 @@ class TapDecl(Struct, frozen=True):
 
 
 class SimDecl(Struct, frozen=True):
-    """The simulated network: addresses of the PLC besides loopback, which of them are no Ethernet ports.
+    """The simulated network: the PLC's addresses besides loopback, and which ones are no Ethernet ports.
 
     `names`: the names that its DNS server knows, with their addresses; None: there is no such server.
     """
@@ -212,7 +212,7 @@ Declaration = (
 
 
 class Edit(Struct, frozen=True, eq=False):
-    """One entry before and after; None: there is none. `place` is its index among its kind."""
+    """One entry before and after the edit; None: no entry. `place`: the entry's index among its kind."""
 
     kind: str
     before: Declaration | None

@@ -1,6 +1,6 @@
 """An instance as Structured Text: its call as in the manual's examples, and the variables that it needs.
 
-Inputs are their present values as literals, so that the pasted call does what the bench does. In-outs
+Inputs have their present values as literals, so that the pasted call does what the bench does. In-outs
 (COM_RST) and outputs are bound to variables such as `TSEND_C_1_DONE`.
 """
 
@@ -42,8 +42,8 @@ def st_text(
 ) -> str:
     """Return the variables of these instances as a comment, then their calls; raise UserError.
 
-    `inputs` maps an instance to its present inputs, such as `dict(snapshot.inputs)`; a pin or instance that
-    is not in it has its initial value.
+    `inputs` maps an instance to its present inputs, such as `dict(snapshot.inputs)`; pins and instances
+    that are not in `inputs` have their initial values.
     """
     if form.is_multi and not project.dialect.describes_connects:
         raise mistake("trcvtui st --multi", project.dialect.name, "a dialect whose language is SCL")
@@ -69,7 +69,7 @@ def _has_db(project: Project, form: CallForm) -> bool:
 
 
 def _pins(project: Project, decl: InstanceDecl, values: Inputs, form: CallForm) -> list[Pin]:
-    """Return the pins of a call; a short one has inputs that are not 0, in-outs (CODESYS), CONT (TIA)."""
+    """Return the pins of a call; a short call has inputs that are not 0, in-outs (CODESYS), CONT (TIA)."""
     pins = project.pins(decl.block)
     in_outs = {pin.name for pin in _filter(pins, Direction.IN_OUT)}
     kept = {"CONT"} if project.dialect.describes_connects else in_outs
@@ -168,7 +168,7 @@ def _filter(pins: Iterable[Pin], direction: Direction) -> list[Pin]:
 
 
 def _pin_name(pin: Pin) -> str:
-    """Return a pin's name in a call: the first word of its label, so `DONE` of `DONE (NDR)`."""
+    """Return a pin's name in a call: the first word of its label, such as `DONE` for `DONE (NDR)`."""
     return pin.label.partition(" ")[0] or pin.name
 
 

@@ -94,7 +94,7 @@ MOST_DOTS: Final = 100  # in a key: tomllib's time grows with their square, whic
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
-    """Return the document of a TOML text; raise UserError when it is none."""
+    """Return the document of a TOML text; raise UserError when the text is no TOML."""
     import tomllib
 
     for token in _TOKEN.finditer(text) if text.count(".") > MOST_DOTS else ():
@@ -150,7 +150,7 @@ class SetOverride(Struct, frozen=True):
 
 
 class Kind(Struct, Generic[T], frozen=True):
-    """The values that a key may have. Both readers return None for any other value.
+    """The values that a key may have. `read` and `from_text` return None for any other value.
 
     `instead`: what to write in place of a refused text, "" if `expected` says it.
     `write`: the value as TOML has it.
@@ -189,7 +189,7 @@ def integer(least: int, most: int) -> Kind[int]:
 
 
 def number_choice_kind(*numbers: int) -> Kind[int]:
-    """Return the kind of just these whole numbers."""
+    """Return a kind that has only these whole numbers as values."""
     near = integer(min(numbers), max(numbers))
     return Kind(
         " or ".join(map(str, numbers)),
@@ -212,7 +212,7 @@ def _duration_parser(least: int) -> Callable[[str], int | None]:
 
 
 def _milliseconds(text: str) -> int | None:
-    """Return the ms of a TIME, None if they are no whole number below 2^32, as in TwinCAT."""
+    """Return a TIME in ms, None if that is no whole number below 2^32; TwinCAT has this limit."""
     is_count = text.isascii() and text.isdigit() and len(text) < 11
     ns = int(text) * 1_000_000 if is_count else parse_duration(text)
     return None if ns is None or ns % 1_000_000 or not 0 <= ns < 1_000_000 << 32 else ns // 1_000_000
@@ -428,7 +428,7 @@ class Table:
         self.problems.append(Problem(self.place(key), found, expected, kind))
 
     def add_unknown_name(self, key: str, name: str, known: Iterable[str], what: str) -> None:
-        """Report that the name at a key is none of the known ones; `what` says what they are."""
+        """Report that the name at a key is unknown; `what` says what the known names are."""
         self.report(key, quote(name), expected_name(name, known, what), "unknown")
 
     def place(self, key: str) -> str:

@@ -28,7 +28,7 @@ FILE_KEYS: Final = {"udt": ("file",), "certificate": ("file", "key")}  # keys th
 
 
 def append_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
-    """Return the text with these entries added; raise UserError if they cannot be."""
+    """Return the text with these entries added; raise UserError if they cannot be added."""
     wanted = parse_toml(text, where)
     for decl in decls:
         entries = wanted.setdefault(kind_name(decl), [])

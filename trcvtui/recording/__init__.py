@@ -1,1 +1,1 @@
-"""A run on record: what it begins with, and what writes it."""
+"""The recording of a run: its first entry, its writers, and its replay."""

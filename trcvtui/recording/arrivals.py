@@ -1,7 +1,7 @@
-"""Notes of unread bytes at a recorded PLC: after its blocks have read, and before a handle is closed.
+"""Notes on bytes that a recorded PLC has not read, made after its blocks have read and before a close.
 
 Rule 1: bytes that a block reads are in the entry of that read; the notes have only the unread ones.
-Rule 2: unread bytes came before a scan's reads; after (LATE) if one emptied the handle or it was unready.
+Rule 2: unread bytes came before the scan's reads; after them (LATE) if the handle was emptied or not ready.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ class ArrivalRecorder:
         self._log_arrival(BYTES_ARRIVED, handle, (handle, whole, found.size, flags), found.data)
 
     def _note_message(self, handle: Handle, source: Endpoint, data: bytes, whole: int, flags: int) -> None:
-        """Note a message; note a datagram at the wire, too: there a session has other bytes."""
+        """Note a message; note a datagram at the wire, too: a session has other bytes at the wire."""
         if self._queues[handle].is_udp:
             self._log.note_wire(self._get_owner(handle), MESSAGE, handle, (source, whole), None, data)
         self._log_arrival(MESSAGE, handle, (handle, source, whole, flags), data)

@@ -208,7 +208,7 @@ class BlackBox:
 
     @property
     def status_text(self) -> str:
-        """Return the name of the file under way and its size, or how the last one has ended."""
+        """Return the name of the file under way and its size, or how the last file has ended."""
         writer = self._recording
         if writer is None:
             return self._end_text if clock.now_ns() < self._ended_at + END_SHOWN_NS else ""

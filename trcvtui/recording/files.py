@@ -1,4 +1,4 @@
-"""Where a recording is written: one file, or numbered ones: split, in a ring, or one for each trigger.
+"""Where a recording is written: one file, or numbered files (split, in a ring, or one for each trigger).
 
 Rule 1: a name is never used again; only files of this run are removed.
 Rule 2: each file begins with `RunHeader`. If scans are missing after it, `LostEntries` is next: such a file
@@ -85,7 +85,7 @@ class NumberedFile(FileSink, Protocol):
 
 
 class OldBlock(NamedTuple):
-    """An encoded block of older entries, with how many entries and scans it has."""
+    """An encoded block of older entries, and how many entries and scans are in it."""
 
     entries: int
     scans: int
@@ -93,7 +93,7 @@ class OldBlock(NamedTuple):
 
 
 class FileLimits(NamedTuple):
-    """Bytes of a file and of all of them, 0: no limit; ns before and after a trigger, -1: all is kept."""
+    """Bytes of one file and of all files, 0: no limit; ns before and after a trigger, -1: all is kept."""
 
     split: int
     ring: int
@@ -102,7 +102,7 @@ class FileLimits(NamedTuple):
 
 
 class NumberedFiles:
-    """A sink that opens and ends files at the beginning of a scan; `new` makes the writer of one."""
+    """A sink that opens and ends files at the beginning of a scan; `new` makes the writer of a file."""
 
     trouble = ""  # errors are raised
     is_followed, lack = False, ""
@@ -314,12 +314,12 @@ class RecordTarget:
         return files
 
     def make_sink(self, file: Path) -> EntrySink:
-        """Return what writes in this process; raise UserError if a file is refused."""
+        """Return the sink that writes in this process; raise UserError if a file is refused."""
         sink = self.make_file_sink(file)
         return sink if self.follow is None else self.follow(sink, str(file))
 
     def make_file_sink(self, file: Path) -> FileSink:
-        """Return what writes, without the replay that makes keyframes."""
+        """Return the sink that writes, without the replay that makes keyframes."""
         from trcvtui.recording.recording import RecordingWriter
         from trcvtui.recording.run_packets import RunPackets
 

@@ -66,7 +66,7 @@ class DeferredWork(NamedTuple):
 class RunHeader(NamedTuple):
     """The first entry of a journal: what is needed to run again, without a disk.
 
-    `path` and `options` (`PATH=VALUE` of `--set`) are those of the command line; `wall_ns`: UTC of time 0
+    `path` and `options` (`PATH=VALUE` of `--set`) come from the command line; `wall_ns`: UTC of time 0
     of the run, ns from 1970. `files`: names as they were requested, and contents; relative ones begin in
     `folder`. `digests` has the SHA-256 of certificates and keys.
     """
@@ -87,7 +87,7 @@ ENDED_HERE: Final = "the recording was ended here"
 
 
 class LostEntries(NamedTuple):
-    """A gap in the journal: so many entries were not written, and why."""
+    """A gap in the journal: `number` entries were not written; `why` is the reason."""
 
     number: int
     why: str
@@ -99,7 +99,7 @@ class LostEntries(NamedTuple):
 class WireCall(NamedTuple):
     """A call of the PLC at the wire; packets are made from it. It is no part of the journal.
 
-    `at`: ns of the run; `args`: those after the handle; `data`: the bytes that came, or were taken.
+    `at`: ns of the run; `args`: arguments after the handle; `data`: the bytes that came, or were taken.
     """
 
     at: int
@@ -123,7 +123,7 @@ class Secrets(NamedTuple):
 class Keyframe(NamedTuple):
     """The state of a run after a scan, compressed, in the form of the program that made it (state.py).
 
-    `steps`: scans that have begun in the file by then; `beyond`: entries since the newest of these.
+    `steps`: scans that have begun in the file by then; `beyond`: entries since the newest scan.
     """
 
     program: str
@@ -139,7 +139,7 @@ class Keyframe(NamedTuple):
         return Keyframe(__version__, scan, ns, steps, beyond, len(state), zlib.compress(state, 1))
 
     def decompress_state(self, where: str) -> bytes:
-        """Return the state; raise UserError."""
+        """Return the state; raise UserError for a state of another version, or damaged content."""
         where = f"{where}: keyframe of scan {self.scan}"
         if self.program != __version__:
             raise mistake(where, f"a state of trcvtui {self.program}", f"one of {__version__}")
@@ -285,7 +285,7 @@ def encode_value(value: object) -> bytes:
 
 
 class PacketRuns(NamedTuple):
-    """Byte runs in packets before their block: for each its first packet, bytes to skip there, its size."""
+    """Byte runs in the packets before a block: for each run: first packet, bytes to skip there, size."""
 
     runs: tuple[tuple[int, int, int], ...]
 
@@ -487,7 +487,7 @@ class BlockWriter:
         return _REPEATED_HEAD.pack(_REPEATED_CALL, first) + encode_value(entry.answer)
 
     def encode(self, packets: int | None = None) -> bytes:
-        """Return its bytes; `packets`: the CRC-32 of its packets in the file; None: without a check."""
+        """Return the block's bytes; `packets`: the CRC-32 of its packets in the file, None: no check."""
         order = self._order[:]
         if sys.byteorder == "big":
             order.byteswap()

@@ -1,6 +1,6 @@
 """The recorder of a running bench: its seam, its first entry, and the sinks of its entries.
 
-Rule: a scan only appends to a list; in the gap after it the list is handed over.
+Rule: a scan only appends to a list; in the gap after the scan the sinks get the list.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class RunRecorder:
         self.seam = SeamRecorder(self._entries.append)
 
     def add_sink(self, other: EntrySink) -> None:
-        """Also give all entries to another sink after each scan; its `trouble` is not checked."""
+        """Also give all entries to another sink after each scan; `trouble` of that sink is not checked."""
         self._other, self._least = other, 1
 
     def __enter__(self) -> RunRecorder:
@@ -231,7 +231,7 @@ class RunRecorder:
 
 
 def attach_black_box(recorder: RunRecorder | None, reads: FilesRead) -> tuple[RunRecorder, BlackBox]:
-    """Return the recorder, by default a new one with `reads`, and a black box that gets its entries."""
+    """Return the recorder, if None a new one with `reads`, and a black box that gets all its entries."""
     from trcvtui.recording.black_box import BlackBox
 
     box = BlackBox()
@@ -244,7 +244,7 @@ def attach_black_box(recorder: RunRecorder | None, reads: FilesRead) -> tuple[Ru
 
 
 def make_recorder(record: RecordTarget, file: Path, waits: bool) -> RunRecorder:
-    """Return a recorder into a file; this process writes it if the run `waits`, else another one."""
+    """Return a recorder into a file; if the run `waits`, this process writes the file, else another."""
 
     def make_sink() -> EntrySink:
         if waits:

@@ -60,7 +60,7 @@ AT_DATA: Final = 28  # of a block with a packet
 
 
 class BlockPlace(NamedTuple):
-    """Where a block of the journal is; `scans`: how many began before it; `ns`: time of the run then."""
+    """Where a block of the journal is; `scans` began before it, when the run's time was `ns`."""
 
     packets_at: int
     journal_at: int
@@ -138,7 +138,7 @@ class RecordingWriter:
         self._scans += 1
 
     def flush(self) -> None:
-        """Write what has come; a block of the journal ends with it."""
+        """Write the entries that have come; this ends a block of the journal."""
         if not len(self._block):
             return
         check, written = 0, [pcap.secrets_block(self._secrets)] if self._secrets else []
@@ -433,7 +433,7 @@ def _add_checksum(magic: bytes, content: bytes) -> bytes:
 
 
 def _verify_content(magic: bytes, block: bytes, where: str) -> bytes:
-    """Return the content of a keyframe or an index; raise UserError where it was changed."""
+    """Return the content of a keyframe or an index; raise UserError if the content was changed."""
     content = block[len(magic) + _LENGTH.size :]
     if _add_checksum(magic, content) != block:
         raise mistake(where, "another checksum", "that of the content")
@@ -481,7 +481,7 @@ def _read_written_index(file: IO[bytes]) -> list[BlockPlace]:
 
 
 def _parse_index(block: bytes, at: int, where: str) -> list[BlockPlace]:
-    """Return the rows of an index; [] if it is not where it was written. Raise UserError."""
+    """Return the rows of an index; [] if it is for another place. Raise UserError if it is damaged."""
     content = _verify_content(INDEX_MAGIC, block, f"{where}: index")
     if len(content) % _ROW.size:
         raise mistake(f"{where}: index", f"{len(content)} bytes", f"rows of {_ROW.size} bytes")

@@ -57,7 +57,7 @@ class ReplaySeam:
             self.front = next(entries, None)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return the state for a keyframe: no file name, no entries, as the keyframe has its position."""
+        """Return the state for a keyframe: no file name, no entries: the keyframe has their position."""
         return self.__dict__ | {"entries": None, "where": ""}
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
@@ -83,7 +83,7 @@ class ReplaySeam:
     def bind_call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
     ) -> Callable[..., T]:
-        """Return a function for this call: it answers at once if the next entry fits, else by `ask`."""
+        """Return a function for this call: it answers from the next entry if this fits, else by `ask`."""
         nothing = cast(Callable[[], T], None)
 
         def answer_call(handle: Handle, *args: object) -> T:
@@ -136,7 +136,7 @@ class ReplaySeam:
             self._known[owner, "path", args] = answer
 
     def _answer_in_gap(self, owner: str, call: str, args: tuple[object, ...]) -> object:
-        """Return the answer in this gap, else the newest one of an earlier gap, None if there is none."""
+        """Return the answer from this gap, else the newest answer from an earlier gap, else None."""
         while isinstance(self.front, CallRecord) and self.front.call.startswith(IN_GAP):
             found = self.front[:3] == (owner, IN_GAP + call, args)
             self._skip_entry(self.front)
@@ -179,7 +179,7 @@ class ReplaySeam:
         return isinstance(self.front, LostEntries) and self.front.why == ENDED_HERE
 
     def count_scans_left(self) -> int:
-        """Return how many scans come after a gap and cannot run; this reads the entries to their end."""
+        """Return how many scans come after a gap and cannot run; this reads all entries that are left."""
         return sum([type(entry) is CallRecord and entry.call == STEP for entry in self.entries])
 
     def check_end(self) -> None:

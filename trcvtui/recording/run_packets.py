@@ -1,8 +1,8 @@
 """The packets of a run, made entry by entry: packets of the present block, pointers to them, and comments.
 
-Rule 1: an entry points to packets of its own block that have the same bytes; else it keeps its bytes.
-Rule 2: the end of a job is a comment at the packet with the last byte of the job. If that packet is not in
-this block, the comment is at the newest packet of the connection here, or at the block itself, and says so.
+Rule 1: an entry points to packets of its block that have its bytes; if there are none, it keeps the bytes.
+Rule 2: the end of a job is a comment at the packet with the last byte of the job. If this block does not
+have that packet, the comment says so. It is then at the connection's newest packet here, or at the block.
 Rule 3: files of a run share one RunPackets, so that open connections keep their sequence numbers, ports
 and unread bytes in the next file.
 """
@@ -126,7 +126,7 @@ class RunPackets:
             flow.is_part = not is_whole
 
     def _handle_probe(self, entry: CallRecord) -> None:
-        """Treat a failed probe as a failed `shutdown`: the partner's RST was quicker than ours."""
+        """Treat a failed probe as a failed `shutdown`: the partner's RST came before our end."""
         call = WireCall(self._now, entry.owner, "shutdown", _get_handle(entry), (), entry.answer, b"")
         self._add_packets(self.wire.make_packets(call) if isinstance(entry.answer, Fault) else iter(()))
 
@@ -201,7 +201,7 @@ class RunPackets:
     # -- the next file ----------------------------------------------------------------------------------
 
     def skip_entries(self, entries: Iterable[Entry]) -> None:
-        """Follow connections through entries that no file gets, so that the next file can continue them."""
+        """Follow connections through entries that no file gets: the next file continues the connections."""
         for entry in entries:
             if isinstance(entry, CallRecord):
                 self.replace_bytes(entry)
@@ -210,7 +210,7 @@ class RunPackets:
         self.begin_block()
 
     def begin_file(self) -> list[CallRecord]:
-        """Begin a file while connections are open; return entries for their unread bytes."""
+        """Begin a file; return entries for the unread bytes of the connections that are open now."""
         self.begin_block()
         self._add_packets(self.wire.begin_file(self._now))
         notes: list[CallRecord] = []

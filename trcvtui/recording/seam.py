@@ -1,7 +1,7 @@
-"""The seam of a bench: the calls that leave it, and a recorder that makes them and keeps their answers.
+"""The seam: the calls that leave a bench, and a recorder that makes these calls and keeps the answers.
 
 Rule 1: a bench reaches kernel, serial ports, the bound of work and commands through its seam alone.
-Rule 2: if a layer calls the network inside a call, that inner call is not kept, but its ledger notes are.
+Rule 2: if a layer calls the network inside a call, the inner call is not kept; its ledger notes are kept.
 Rule 3: calls at the PLC's wire are kept as well, for the packets of a recording (wire.py).
 """
 
@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 
 class Seam(Protocol):
-    """Where calls leave a bench: a recorder makes them and keeps answers, a replay returns kept answers."""
+    """Where calls leave a bench. A recorder makes the calls and keeps answers; a replay returns these."""
 
     @property
     def has_answers(self) -> bool:
@@ -39,7 +39,7 @@ class Seam(Protocol):
     def bind_call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
     ) -> Callable[..., T]:
-        """Return a function that makes a kernel call; its arguments, a handle and values, are kept."""
+        """Return a function for a kernel call; its arguments are a handle and values, which are kept."""
 
     def handle_ledger_note(self, note: LedgerNote) -> None:
         """Take what has just been written into the ledger."""
@@ -54,7 +54,7 @@ _NEW_TUPLE: Final = tuple.__new__  # makes a NamedTuple faster than its own `__n
 
 
 class SeamRecorder:
-    """Makes each call and hands its entry to `keep`; a live run has a `clock`, in ns."""
+    """Makes each call and passes the call's entry to `keep`; a live run sets `clock`, which returns ns."""
 
     has_answers = False
     is_busy = True
@@ -117,7 +117,7 @@ class SeamRecorder:
         self._keep(WireCall(at, owner, call, handle, args, answer, data))
 
     def handle_ledger_note(self, note: LedgerNote) -> None:
-        """Keep a note from inside a call; a replay makes all others of the PLC and the bench again."""
+        """Keep a note from inside a call; a replay makes all other notes of the PLC and the bench again."""
         if self._is_inside and not self.is_off:
             self._keep(note)
 
@@ -147,7 +147,7 @@ PLAIN_CALLS: Final = (  # calls whose arguments and answers are kept as they are
 
 
 class _SeamKernel:
-    """A kernel that passes calls to its seam: a recorder makes them with `inner`, a replay has none."""
+    """A kernel that passes calls to its seam. `inner` makes the calls; in a replay there is no `inner`."""
 
     def __init__(self, seam: Seam, label: str, inner: Kernel | None) -> None:
         self._seam, self._label = seam, label
@@ -272,7 +272,7 @@ _datagram_buffer: Final = memoryview(bytearray(1 << 16))  # no datagram is large
 
 
 class _RecordedKernel(_SeamKernel):
-    """The kernel of a recorded PLC: its unread bytes are noted, too."""
+    """The kernel of a recorded PLC: it also notes the bytes that the PLC has not read yet."""
 
     def __init__(self, seam: SeamRecorder, label: str, inner: Kernel) -> None:
         super().__init__(seam, label, inner)
@@ -370,10 +370,7 @@ class SeamKernel(ReadyKernel, Protocol):
 
 
 def wrap_kernel(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
-    """Return a kernel at the seam; `make` makes the inner kernel to be recorded; a replay does not call it.
-
-    `is_noted`: it is the kernel of a PLC, whose unread bytes are noted in the recording.
-    """
+    """Return a kernel at the seam; `make` makes the kernel inside it. A replay does not call `make`."""
     if is_noted and isinstance(seam, SeamRecorder):
         return cast(SeamKernel, _RecordedKernel(seam, label, make()))
     return cast(SeamKernel, _SeamKernel(seam, label, _make_unless_replay(make, seam.has_answers)))
@@ -439,10 +436,7 @@ WIRE_CALLS: Final = (  # calls of which packets are made
 
 
 class _WireKernel:
-    """A kernel around another: it notes each call at the wire at its seam, and passes all calls on.
-
-    `is_next`: no layer is between it and the seam. Then the bytes of a read are in the next entry alone.
-    """
+    """A kernel around `inner`: it passes all calls to `inner`, and notes calls at the wire at the seam."""
 
     def __init__(self, seam: Seam, inner: Kernel, is_next: bool) -> None:
         self._seam, self._inner, self._is_next = seam, inner, is_next
@@ -491,5 +485,5 @@ class _WireKernel:
 
 
 def make_wire_kernel(seam: Seam, kernel: Kernel, is_next: bool) -> ReadyKernel:
-    """Return a kernel that notes calls at the wire; `is_next`: no layer is between it and the seam."""
+    """Return a kernel that notes calls at the wire; `is_next`: no layer is between kernel and seam."""
     return cast(ReadyKernel, _WireKernel(seam, kernel, is_next))

@@ -1,4 +1,4 @@
-"""The state of a run as bytes, and back: objects, what they hold, which of them are the same.
+"""The state of a run as bytes, and back: objects, their contents, and which objects are the same one.
 
 Rule 1: what both sides have (SharedObjects: project, beginning; constants of modules) is named, not written.
 Rule 2: nothing is unpickled. A class, function or constant comes from the modules of MAY_HOLD alone, by name.
@@ -52,7 +52,7 @@ def is_allowed_module(module: str) -> bool:
 
 
 class SharedObjects:
-    """Objects that both sides have, by number: all that `roots` hold when this is made."""
+    """Objects that writer and reader both have, by number: all that `roots` hold at the beginning."""
 
     def __init__(self, roots: Iterable[object]) -> None:
         self.objects: list[object] = []
@@ -246,7 +246,7 @@ def encode_state(one: object, shared: SharedObjects) -> bytes:
 
 
 class _StateDecoder:
-    """Makes the objects of one state: first empty ones, then their content, as they may form circles."""
+    """Makes the objects of one state, first without content, because objects may refer to each other."""
 
     def __init__(self, content: bytes, shared: SharedObjects, where: str, instead: StandIns) -> None:
         self._content, self._shared, self._where = content, shared.objects, where

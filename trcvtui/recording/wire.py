@@ -38,11 +38,7 @@ _PACK_SERIAL: Final = struct.Struct(">IIBBH").pack
 
 
 class WirePacket(NamedTuple):
-    """One packet; `line` is the ComBuffer of a serial one, "" for IP. `payload`: bytes at its end.
-
-    `owners`: its CONNECT or ComBuffer; two, if CONNECTs of the PLC talk with each other: then the PLC
-    has both sent and received it. `sent`: True by the PLC, False to it, None: both, or a serial line.
-    """
+    """One packet. `line`: the ComBuffer of a serial packet, "" for IP; `payload`: bytes at the end."""
 
     owners: tuple[str, ...]
     line: str
@@ -56,7 +52,7 @@ class WirePacket(NamedTuple):
 
 
 class Flow:
-    """One direction of a connection, a UDP socket or a serial line; places are bytes from its beginning.
+    """One direction of a connection, a UDP socket or a serial line; places count bytes from the beginning.
 
     A datagram counts one byte more, so that an empty one has a place, too.
     """
@@ -81,7 +77,7 @@ class Flow:
         del self.tail[: max(0, len(self.tail) - MOST_TAIL_BYTES)]
 
     def find_job_end(self, scan: int, expected: int, is_sent: bool) -> int:
-        """Return where the job that shows DONE in `scan` has ended, 0 if that is not known."""
+        """Return the place where the job with DONE in `scan` ended; 0 if this place is not known."""
         places = [place for since, place in self.ends if since <= scan]
         if not places:
             return 0
@@ -89,7 +85,7 @@ class Flow:
         return self.job
 
     def find_failed_job_end(self, scan: int) -> int:
-        """Return the end of the bytes that a job with ERROR took in this scan or the one before, or 0."""
+        """Return the end of the bytes that a job with ERROR took in this or the last scan; 0: none."""
         since, place = self.ends[-1] if self.ends else (-9, self.job)
         self._end_job(place)
         return place if since >= scan - 1 else 0
@@ -102,7 +98,7 @@ class Flow:
         del self.tail[: max(0, len(self.tail) - (self.in_packets - self.job))]
 
     def find_tsdu_end(self) -> int:
-        """Return where the next message of ISO-on-TCP ends, after the last one that was read."""
+        """Return the end of the ISO-on-TCP message that follows the last message that was read."""
         begin = self.ends[-1][1] if self.ends else self.job
         first = self.in_packets - len(self.tail)
         at, is_last = begin - first, False
@@ -281,7 +277,7 @@ class WirePackets:
             yield from self._note_partner_end(call, stream, ACK | (RST if call.args[0] == "rst" else FIN))
 
     def _add_partner_bytes(self, call: WireCall, stream: _TcpStream, at: int) -> Iterator[WirePacket]:
-        """Yield packets of the partner's new bytes (`call.data` begins at `at`); its FIN or RST, if due."""
+        """Yield packets of the partner's new bytes, then a due FIN or RST; `call.data` begins at `at`."""
         flow = stream.flows[1]
         new = call.data[max(0, flow.in_packets - at) :] if call.data else b""
         if new:
@@ -324,7 +320,7 @@ class WirePackets:
             yield from self._handle_fault(call, stream, call.answer)
 
     def _handle_close(self, call: WireCall) -> Iterator[WirePacket]:
-        """Yield our end: RST if the stack or we count unread bytes (RFC 1122, 4.2.2.13), else FIN."""
+        """Yield RST if the stack or our count has unread bytes (RFC 1122, 4.2.2.13), else FIN."""
         flow = self.flows.get(call.handle, NO_FLOWS)[1]
         unread = call.args[0] if call.args else flow.whole - flow.taken
         yield from self._end_stream(call, (RST if unread else FIN) | ACK)
@@ -380,7 +376,7 @@ class WirePackets:
         at: int = -1,
         remark: str = "",
     ) -> WirePacket:
-        """Return one segment of a side, 0 is the PLC; its payload begins at `at`."""
+        """Return one segment that a side sends; side 0 is the PLC; the payload begins at place `at`."""
         source, target = stream.ends[side], stream.ends[1 - side]
         flow, other = stream.flows[side], stream.flows[1 - side]
         at = flow.in_packets if at < 0 else at
@@ -402,13 +398,13 @@ class WirePackets:
     # -- the next file ----------------------------------------------------------------------------------
 
     def list_open_streams(self) -> Iterator[tuple[str, int, Flow, int]]:
-        """Yield owner, handle, flow to the PLC and the partner's end, if any, of each open stream."""
+        """Yield of each open stream: owner, handle, flow to the PLC, the partner's FIN or RST (0: none)."""
         for handle, stream in self._streams.items():
             if stream.is_open:
                 yield stream.owners[0], handle, stream.flows[1], stream.coming_end & (FIN | RST)
 
     def begin_file(self, now: int) -> Iterator[WirePacket]:
-        """Yield what a new file repeats of open streams: the bytes of unfinished jobs."""
+        """Yield the packets that a new file repeats: for each open stream, the bytes of unfinished jobs."""
         for stream in self._streams.values():
             if not stream.is_open:
                 continue
@@ -465,7 +461,7 @@ class WirePackets:
     def _make_ip_packet(
         self, protocol: int, source: Endpoint, target: Endpoint, head: bytes, sum_at: int, payload: bytes
     ) -> bytes:
-        """Return an IP packet; `sum_at`: where `head` gets its checksum."""
+        """Return an IP packet; `sum_at`: the offset in `head` at which the checksum is put."""
         ends = _pack_address(source.address) + _pack_address(target.address)
         size = len(head) + len(payload)
         inner = checksum(ends + bytes((0, protocol)) + size.to_bytes(2, "big") + head + payload)

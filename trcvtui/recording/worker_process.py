@@ -1,4 +1,4 @@
-"""A process that writes one answer into a file; while it runs, the first line there is its progress."""
+"""A process that writes one answer into a file; while it runs, the file's first line shows its progress."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class PendingAnswer:
         self.process = WriterProcess(path, RecordTarget(path), waits=False, main=main)
 
     def advance(self) -> bytes | None:
-        """Send what waits; return the answer when the process is over, None before."""
+        """Send waiting bytes to the process; return the answer when the process is over, None before."""
         self.process.advance()
         if not (self.process.is_over or self.process.trouble):
             line, line_end, _ = os.pread(self._file, 1024, 0).partition(b"\n")

@@ -1,9 +1,9 @@
-"""The writer of a recording is another process: fed through a pipe in the gaps, so that no scan waits for it.
+"""The writer of a recording is another process. It gets entries by a pipe, between scans: no scan waits.
 
-Rule 1: what the pipe does not take waits. While more than MOST_WAITING_BYTES wait (for whole blocks: more
-than twice that), new entries are left out, and the journal counts them (`LostEntries`).
+Rule 1: bytes that the pipe does not take wait. New entries are left out while more than MOST_WAITING_BYTES
+wait, new whole blocks while more than twice that wait. The journal counts what is lost (`LostEntries`).
 Rule 2: without the writer the bench continues; `trouble` says in one line why nothing is recorded any more.
-Rule 3: the writer ends with its pipe, even if the run was killed: it writes what it has and ends the file.
+Rule 3: when its pipe ends, even by a kill of the run, the writer writes what it has and ends the file.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ WRITER_MAIN, STATE_MAIN = ("follower", "writer_main"), ("follower", "state_main"
 
 
 class WriterProcess:
-    """The sink of a run that must not wait; `waits`: wait at the start, raise UserError if refused."""
+    """The sink of a run that must not wait. `waits`: only begin if the writer can write, else UserError."""
 
     def __init__(
         self, path: Path, record: RecordTarget, waits: bool = True, main: tuple[str, str] = WRITER_MAIN
@@ -217,7 +217,7 @@ def _parse_refusal(line: bytes, path: Path) -> UserError:
 
 
 class BlockSink(Protocol):
-    """A sink of whole blocks, with work of its own while nothing comes."""
+    """A sink of whole blocks; while no block comes, `advance` does other work of the sink."""
 
     def add_block(self, block: bytes) -> None: ...
 
@@ -228,7 +228,7 @@ class BlockSink(Protocol):
 
 
 def run_writer(settings: str, sink: Callable[[RecordTarget], BlockSink], path: str) -> None:
-    """Write what stdin brings until its end; answer on stdout what is wrong, or an empty line."""
+    """Write the blocks from stdin until stdin ends; write to stdout what is wrong, or an empty line."""
     ignore_signals(GROUP_SIGNALS)  # Rule 3: they end the run, and its pipe ends us
     target, overwrite, has_secrets, limits = json.loads(settings)
     with suppress(AttributeError, OSError):
@@ -280,7 +280,7 @@ def _write_answer(line: str) -> None:
 
 
 def _read_messages(idle: Callable[[int], bool]) -> Iterator[bytes]:
-    """Yield messages; while none comes, call `idle` with the time until which it may work."""
+    """Yield messages; while no message comes, call `idle` with the time until which `idle` may work."""
     waiting = bytearray()
     while read := _read_input(idle):
         waiting += read

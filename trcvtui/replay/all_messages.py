@@ -1,4 +1,4 @@
-"""The messages of a whole recording: it runs once more, in slices, from its first scan to its last.
+"""The messages of a whole recording: the recording runs again, in slices, from first to last scan.
 
 Rule: rows that were read keep their values and numbers, whichever scan the replay shows.
 """
@@ -18,10 +18,7 @@ from trcvtui.replay.survey import Survey
 
 
 class AllMessages:
-    """Runs up to the last scan that the survey knows; on its way it keeps keyframes for the replay.
-
-    `path`: a file whose packets have the times of the messages.
-    """
+    """Runs a recording up to the last scan that the survey knows, and keeps keyframes for the replay."""
 
     def __init__(self, keyframes: Keyframes, survey: Survey, path: str = "") -> None:
         self._keyframes, self._survey = keyframes, survey
@@ -65,7 +62,7 @@ class AllMessages:
 
 
 class TimedRows:
-    """Rows that are known already; their scan numbers come from the replay, by their times."""
+    """Rows that are known already; the replay finds the scan number of a row by the time of the row."""
 
     def __init__(self, rows: NewestRows, survey: Survey) -> None:
         self._rows, self._survey = rows, survey

@@ -19,7 +19,7 @@ EXIT_DIFFERS: Final = 1
 
 
 def check_replay(run: ReplayRun) -> str:
-    """Run to the end; return what is different, or ""."""
+    """Run to the end; return a text on the first difference from the recording, or ""."""
     try:
         while run.scan():
             pass
@@ -76,7 +76,7 @@ def run_what_if(
 
 
 def replay_file(path: Path, is_check: bool, form: str | None) -> int:
-    """Run a recording again; return 0: it is the same; 1: it differs, or an expectation of it failed."""
+    """Run a recording again; return 0: it is the same; 1: it differs, or its scenario has failed."""
     from trcvtui.recording.recording import Recording
 
     if not is_check and form is None:

@@ -27,7 +27,7 @@ PLAY_POLL_S: Final = 0.02  # between two frames while it plays
 
 
 def make_replay_driver(path: Path, at: str | None) -> ProcessDriver:
-    """Return the replay of a recording; it opens at `at`, None: at the first event."""
+    """Return the replay of a recording; `at`: the place that it shows first, None: the first event."""
     if at is not None:
         parse_place(at, "--at")  # refused here, before there is a screen
     return ProcessDriver(replay_main, path, at)
@@ -71,7 +71,7 @@ def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:
 
 
 def serve_until_gone(channel: Channel, run: Callable[[], None]) -> None:
-    """Run until the screen is gone; send it an error."""
+    """Call `run`; if it fails with an error, send the error to the screen; return if the screen is gone."""
     gc.freeze()  # what was imported stays: no collection has to look at it
     ignore_signals(TERMINAL_SIGNALS)  # they belong to the screen
     try:
@@ -90,14 +90,14 @@ def serve_until_gone(channel: Channel, run: Callable[[], None]) -> None:
 
 
 class ScreenChannel:
-    """The channel to a screen: its lines come in, the pictures that it requests go out."""
+    """The channel to a screen: the screen sends lines and requests; pictures go to the screen."""
 
     def __init__(self, channel: Channel) -> None:
         self._channel, self.pipe = channel, UpdatePipe(channel)
         self._request: UpdateRequest | None = None
 
     def handle_messages(self, take: Callable[[int, str], object], waits: float | None = 0.0) -> None:
-        """Take all messages; wait `waits` seconds for the first, None: without end."""
+        """Take all messages; wait `waits` seconds for the first one; None: wait without a limit."""
         while self._channel.poll(waits):
             message, waits = decode_request(self._channel.recv_bytes()), 0.0
             if isinstance(message, UpdateRequest):
@@ -106,7 +106,7 @@ class ScreenChannel:
                 take(*message)
 
     def send(self, picture: Callable[[UpdateRequest], BenchUpdate]) -> None:
-        """Begin the requested picture, if the one before has been sent."""
+        """Begin to send the requested picture, if the previous picture has been sent."""
         if self._request is not None and not self.pipe.is_busy():
             self.pipe.begin(picture(self._request))
             self._request = None

@@ -68,7 +68,7 @@ TROUBLE_ROWS: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
 
 
 class _StackWaits:
-    """Bytes that wait in the stack of each CONNECT: the least of each second, from the entries in gaps."""
+    """Bytes that wait in the stack of each CONNECT: the smallest count in each second of the run."""
 
     def __init__(self, run: ReplayRun) -> None:
         self._run = run
@@ -111,7 +111,7 @@ class _StackWaits:
             self._paths[connect] = [each for each in paths if each[0] >= second]
 
     def find_floods(self) -> Iterator[tuple[str, int, int]]:
-        """Yield each CONNECT with more unread bytes each second although jobs run: since when, how long."""
+        """Yield each CONNECT on which unread bytes grow although jobs read: from when, for how many s."""
         for connect, least in self._least.items():
             read = self._read.get(connect, set())
             since, run = 0, 0
@@ -154,7 +154,7 @@ def _find_long_run(seconds: Sequence[int]) -> Iterator[tuple[int, int]]:
 def collect_recorded_facts(
     path: str, sets: Sequence[str] = (), is_running: bool = False, tell: ReportScan | None = None
 ) -> RecordedFacts | None:
-    """Return the facts of a recording of ours; None: it is no recording of ours, or cannot run.
+    """Return the facts of a recording; None: the file is no recording of trcvtui, or cannot run again.
 
     `sets`: other parameters, as `instance.TRCV_C_1.LEN=20`; raise UserError for a wrong one. While the run
     continues, the present pins count: a remedy that was applied is no fault any more. `tell` is called for
@@ -219,8 +219,8 @@ def _collect(
 class _RunFacts:
     """Facts of a run that its packets do not show, collected while it runs again.
 
-    `by_ends`: its CONNECTs by the ends of their sockets, as in KnownEnds. `harms`: for each CONNECT,
-    when (UTC) a block on it showed an ERROR, or lost a job.
+    `by_ends`: CONNECTs by the ends of their sockets, as in KnownEnds. `harms`: for each CONNECT, the times
+    (UTC) at which a block of this CONNECT showed an ERROR or lost a job.
     """
 
     def __init__(self, run: ReplayRun, bench: Bench, project: Project) -> None:
@@ -293,7 +293,7 @@ class _RunFacts:
             self.harms.setdefault(event.connection, []).append(self.wall_ns + t_ns)
 
     def _add_ends(self, connect: str, local: str, peer: str) -> None:
-        """Take the ends of a socket, "" where one is not known."""
+        """Take the two ends of a socket; an end that is not known is ""."""
         port = int(local.rpartition(":")[2] or 0)
         for pair in ((port, peer), (port, ""), (0, peer)):
             if pair != (0, ""):
@@ -353,7 +353,7 @@ class _RunFacts:
         return cause in ("flood", "plc-not-reading") and self.symptoms.refuses_jobs(instance)
 
     def find_troubles(self, is_running: bool) -> tuple[Finding, ...]:
-        """Return what the program did wrong, and what the stack of a CONNECT shows for long.
+        """Return faults of the program, and faults that the stack of a CONNECT shows for several seconds.
 
         While the run continues, two good jobs end a trouble, and only the last RECENT_S seconds count.
         """

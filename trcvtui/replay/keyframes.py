@@ -1,4 +1,4 @@
-"""Keyframes of a run: its whole state at some scans, and the run from there.
+"""Keyframes of a run: the run's whole state at some scans, from which the run can continue.
 
 Rule: an object of the program or the project is the same object in a restored run (SharedObjects).
 """
@@ -25,7 +25,7 @@ MOST_KEYFRAME_BYTES: Final = 96 << 20  # of all keyframes; beyond that every sec
 
 
 class Journal(Protocol):
-    """What a run is made of: its entries from a block on, and where its blocks are."""
+    """The source of a run: the entries from a block on, the places of the blocks, and keyframes."""
 
     def read_entries(self, first: int = 0) -> Iterator[Entry]: ...
 
@@ -37,7 +37,7 @@ class Journal(Protocol):
 
 
 class JournalPosition:
-    """How many scans have begun, and how many entries came since: from there a keyframe continues."""
+    """How many scans have begun, and how many entries came since then; a keyframe has such a position."""
 
     def __init__(self) -> None:
         self.steps = self.beyond = 0
@@ -75,7 +75,7 @@ class PositionedEntries(JournalPosition):
 
 
 class Keyframes:
-    """Where a run can continue: the keyframes of its journal, and those that were kept here."""
+    """The keyframes from which a run can continue: those in the journal, and those kept in memory."""
 
     def __init__(self, journal: Journal, where: str, project: Project | None = None) -> None:
         self._journal, self._where = journal, where
@@ -101,7 +101,7 @@ class Keyframes:
         return self.run_at(self.first)
 
     def start_other_run(self, kind: type[OtherRun], seam: ReplaySeam) -> OtherRun:
-        """Return the run at the first keyframe, as a `kind` that uses `seam`; raise UserError."""
+        """Return the run at the first keyframe: an object of `kind` with this seam; raise UserError."""
         frame = self._journal.read_keyframe(self._places[0])
         instead: StandIns = {ReplayRun: lambda: kind.__new__(kind), ReplaySeam: lambda: seam}
         return cast(OtherRun, _decode_run(frame, self._shared, self._where, instead))
@@ -140,7 +140,7 @@ class Keyframes:
         return max(self.first, *near)
 
     def run_at(self, scan: int) -> ReplayRun:
-        """Return the run at a scan that has a keyframe, or at an earlier one, if that keyframe does not fit.
+        """Return the run at a scan with a keyframe; if that keyframe does not fit, at an earlier scan.
 
         Raise UserError if no keyframe fits.
         """

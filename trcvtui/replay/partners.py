@@ -1,8 +1,8 @@
-"""Partners of a recorded run: they repeat their acts for a bench that makes other calls than that run.
+"""Partners of a recorded run: they repeat their acts for a bench whose calls differ from the recorded ones.
 
-Rule 1: a partner does not react. From the scan in which it would see other acts of us, or see them at
-another time, the answer is a guess: `guess_from` (docs/recording.md, "What if").
-Rule 2: a scan gets what the recorded run got in it: bytes that had come, an end, a client, a refusal.
+Rule 1: a partner does not react. If a partner would see other acts of the PLC, or see acts at another time,
+the answer is a guess from that scan on: `guess_from` (docs/recording.md, "What if").
+Rule 2: a scan gets the same as this scan of the recorded run: arrived bytes, an end, a client, a refusal.
 """
 
 from __future__ import annotations
@@ -66,10 +66,10 @@ class _Socket:
 class ReplayedPartners(ReplaySeam):
     """A seam on which partners repeat their acts; `peers`: the names of the bench's own peers.
 
-    `recorded` advances with the recorded run, which runs first. `intervals_ns`: those of the bench that
-    asks and of the recorded run, if they differ. Then each scan runs at a multiple of the asking bench's
-    interval, after the recorded run has done its scans up to that time and one more.
-    `guess_from`: the first scan of the recorded run from which on the answer is a guess, None: none.
+    `recorded` advances with the recorded run, which runs first. `intervals_ns`: the scan intervals of the
+    asking bench and of the recorded run, if they differ. Then each scan runs at a multiple of the asking
+    bench's interval, after the recorded run has done its scans up to that time and one more scan.
+    `guess_from`: from this scan of the recorded run on, the answer is a guess; None: it is no guess.
     """
 
     def __init__(self, recorded: RecordedRun, peers: Collection[str]) -> None:
@@ -127,7 +127,7 @@ class ReplayedPartners(ReplaySeam):
 
     @contextmanager
     def pause_partners(self) -> Iterator[None]:
-        """Pass over scans that the recorded run counted but did not run: partners do nothing in them."""
+        """Let scans pass that the recorded run only counted: in this context partners do nothing."""
         self._is_between, self._calls = True, LAST_CALL
         try:
             yield
@@ -181,7 +181,7 @@ class ReplayedPartners(ReplaySeam):
             self.note_guess(GuessReason.TIME)  # something came between two recorded scans
 
     def compare_scan(self) -> None:
-        """Find out, after a scan, whether partners see other acts of us than in the recorded run."""
+        """Find out, after a scan, whether partners see other acts of the PLC than the recorded ones."""
         recorded, before = self._recorded, self.scan
         for socket in self._sockets.values():
             partner = socket.partner
@@ -220,7 +220,7 @@ class ReplayedPartners(ReplaySeam):
             self.note_guess(GuessReason.PARTNER)
 
     def _match(self, acts: deque[PlcAct], what: tuple[object, ...], is_deaf: bool = False) -> PlcAct | None:
-        """Remove and return the next recorded act if it is `what` in this scan, else None."""
+        """If the next recorded act is in this scan and equals `what`, remove and return it; else None."""
         if acts and acts[0].scan == self.scan and acts[0].what == what and self._is_on_time:
             return acts.popleft()
         if not is_deaf:
@@ -343,7 +343,7 @@ class ReplayedPartners(ReplaySeam):
         return self._arrivals(socket) > socket.read or self._peek(socket) is not None or self._is_over(socket)
 
     def _arrivals(self, socket: _Socket) -> int:
-        """Return how many bytes have come in all, known ones or not."""
+        """Return how many bytes have come in all, whether their contents are known or not."""
         return (
             socket.partner.advance_to(CallPlace(self.scan, self._calls)) if socket.partner is not None else 0
         )

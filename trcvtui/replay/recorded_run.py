@@ -1,8 +1,8 @@
-"""What a recorded run received, out of its journal, scan by scan: acts of each partner, and other answers.
+"""All that a recorded run received, read from its journal: acts of each partner, and other answers.
 
 Rule 1: a place is a scan and a call in it, so that a run that makes the same calls gets the same answers.
-Rule 2: what came counts from its arrival on, not from the call that read it (arrivals.py).
-Bound: MOST_PARTNER_BYTES of all partners wait for the run that asks; further ones are only counted.
+Rule 2: bytes and ends count from their arrival on, not from the call that read them (arrivals.py).
+Bound: MOST_PARTNER_BYTES of all partners wait for the asking run; further bytes are only counted.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ DatedMessage = tuple[CallPlace, Datagram | Fault, bytes]
 
 
 class PlcAct(NamedTuple):
-    """One act of this end that a partner sees: it sent bytes, or ended; `what` is compared."""
+    """One act of the PLC that a partner sees: bytes sent, or an end; `what`: the part that is compared."""
 
     scan: int
     what: tuple[object, ...]
@@ -51,7 +51,7 @@ class PlcAct(NamedTuple):
 
 
 class Partner:
-    """One connection of a recorded run, as the PLC saw it; positions count from its start or the file's."""
+    """One connection of a recorded run; positions count from the start of the connection or of the file."""
 
     def __init__(self, end: Endpoint, since: CallPlace, is_known: bool = True) -> None:
         self.end, self.since, self.accepted = end, since, since
@@ -78,7 +78,7 @@ class Partner:
 
     @property
     def ended_in_fault(self) -> bool:
-        """Return whether the connection ended with an error: the partner sees no more of this end."""
+        """Return whether the connection ended with an error; then the partner sees no further PLC acts."""
         return self.fault is not None
 
     def note_bytes(self, at: CallPlace, whole: int) -> None:
@@ -92,7 +92,7 @@ class Partner:
         self.ended = min(self.ended, at)
 
     def advance_to(self, place: CallPlace) -> int:
-        """Return how many bytes came in all up to a place, known ones or not; places only increase."""
+        """Return how many bytes, known or not, came up to a place; places must not decrease."""
         while self._arrived and self._arrived[0][0] <= place:
             self._come = self._arrived.popleft()[1]
         return self._come
@@ -108,7 +108,7 @@ class Partner:
 
 
 class DialledAttempt:
-    """One call of an active CONNECT. `answer`: None if it connected; `gone`: when it was given up."""
+    """One attempt of an active CONNECT. `answer`: None if it connected; `gone`: when it was given up."""
 
     def __init__(self, began: int) -> None:
         self.began = began  # in which scan
@@ -135,7 +135,7 @@ class InheritedSocket(NamedTuple):
 class RecordedRun:
     """All that a recorded run received so far: partners, attempts, answers by owner and call.
 
-    `first`: the last scan before these entries; `standing`: the sockets of that moment.
+    `first`: the last scan before these entries; `standing`: the sockets that are open after that scan.
     """
 
     def __init__(
@@ -180,7 +180,7 @@ class RecordedRun:
             self._add_inherited(one)
 
     def advance_time_to(self, scan: int) -> int:
-        """Return when a scan began; forget the times of all scans earlier than the one before it."""
+        """Return when a scan began; forget the times of scans that are earlier than the previous scan."""
         while len(self._times) > self.scan - scan + 2:
             self._times.popleft()
         return self._times[scan - self.scan - 1]
@@ -206,7 +206,7 @@ class RecordedRun:
             known.append((self.scan, now))
 
     def listens(self, owner: str, scan: int) -> bool:
-        """Return whether a CONNECT listens at the end of a scan: of the newest scan or the one before."""
+        """Return whether a CONNECT listens at the end of a scan: only of the two newest scans."""
         known = self.listening.get(owner, ())
         return bool(next((handles for since, handles in reversed(known) if since <= scan), ()))
 
@@ -466,7 +466,7 @@ class RecordedRun:
         (self.hearing.add if is_hearing else self.hearing.discard)(handle)
 
     def knows_earlier_messages(self, owner: str, partner: Partner | None) -> bool:
-        """Return whether the unread messages are known; messages that came before the file are not."""
+        """Return whether unread messages are known; messages from before the file are not known."""
         return owner not in self._unknown if partner is None else partner.is_known
 
     def _note_send(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:

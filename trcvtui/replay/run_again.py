@@ -46,7 +46,7 @@ def roots_of(begins: RunHeader, files: FilesRead, sets: Sequence[str] = ()) -> R
 
 @contextmanager
 def guard_state(is_restored: bool, where: str) -> Iterator[None]:
-    """Turn any exception of a run restored from a keyframe into UserError: the run was made from a file."""
+    """Turn exceptions of a run restored from a keyframe into UserError: the file may cause all of them."""
     try:
         yield
     except (UserError, OSError):
@@ -58,7 +58,7 @@ def guard_state(is_restored: bool, where: str) -> Iterator[None]:
 
 
 class ReplayRun:
-    """The bench of a recorded run. `scenario` None: it had no scenario; `is_whole`: it is at its end."""
+    """The bench of a recorded run. `scenario` None: the run had none; `is_whole`: the run is at its end."""
 
     def __init__(
         self,
@@ -125,7 +125,7 @@ class ReplayRun:
         return False
 
     def _skip(self, scans: int) -> bool:
-        """Count skipped scans, up to `limit`; return whether all of them have passed."""
+        """Count skipped scans up to scan `limit`; return whether all have passed before this scan."""
         runtime = self.bench.runtime
         room = self.limit - runtime.scans
         if room < scans - self._skipped:

@@ -49,7 +49,7 @@ def parse_place(text: str, where: str) -> int | Search:
 class Survey:
     """The journal read once, in slices: the time of each scan, where STATUS changes, where ERRORs come.
 
-    `first`: the last scan that cannot run again; `offset`: the last scan before the journal. 0: none.
+    `first`: the last scan that cannot run again, 0: none; `offset`: the last scan before the journal, or 0.
     """
 
     def __init__(self, entries: Iterator[Entry], where: str, first: int = 0, offset: int = 0) -> None:
@@ -83,7 +83,7 @@ class Survey:
         return ns + (scan - before) * took // scans
 
     def scan_at(self, ns: int) -> int:
-        """Return the first scan at this time or later; if all known scans are earlier, the next one."""
+        """Return the first scan at this time or later; if there is none, the one after the last scan."""
         at = bisect_left(self.times, ns)
         if at == len(self.times):
             return self.last_scan + 1
@@ -91,7 +91,7 @@ class Survey:
         return before + scans if scans == 1 or not took else before - (began - ns) * scans // took
 
     def _get_stretch(self, at: int) -> tuple[int, int, int, int]:
-        """Return the scan before the one at index `at`, its time, and the scans and ns between both."""
+        """Return the scan at the index before `at`, its time, and scans and ns from there to index `at`."""
         scan, ns = (self._scans[at - 1], self.times[at - 1]) if at else (self.first, 0)
         return scan, ns, self._scans[at] - scan, self.times[at] - ns
 
@@ -158,7 +158,7 @@ class Survey:
         self.trouble, self.is_over = why, True
 
     def find_scan(self, search: Search, start: int) -> int | None:
-        """Return the scan of a search from `start`; END: there is none; None: not known yet."""
+        """Return the scan that a search from `start` finds; END: no scan is found; None: not known yet."""
         kind, step, name = search
         if kind == "time":
             scan = self.scan_at(step)

@@ -1,8 +1,8 @@
-"""A recording on the screen: a bench at one of its scans. Command lines move it, not the clock.
+"""A recording on the screen: a bench at a scan of the recording. Commands, not the clock, choose the scan.
 
 Rule 1: a shown scan is replayed from the recording: from a keyframe well before it, or from scan 1.
-Rule 2: all work is done in slices; between two of them the newest line says where to go.
-Rule 3: nothing here changes a bench: a command that would is refused.
+Rule 2: all work is done in slices; between two slices the newest command line says where to go.
+Rule 3: nothing here changes a bench: a command that would change it is refused.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ class ReplayController(Controller):
         return (*waves, *(other for other in others if other is not None))
 
     def _message_news(self, request: UpdateRequest, scan: int) -> MessagesDelta | None:
-        """Return rows of the whole recording, at whichever scan it is."""
+        """Return rows of the whole recording, whichever scan the replay shows."""
         if request.messages is None or self.messages is None:
             return None
         return self.messages.make_delta(*request.messages[:2])
@@ -161,10 +161,7 @@ class ReplayController(Controller):
 
 
 class CaptureRun(NamedTuple):
-    """A run made from a capture: instances that only observe, UTC of its first packet in ns, remarks.
-
-    `rows`: the messages, if the shadows do not know where a message ends.
-    """
+    """A run made from a capture. `shadows`: instances that only observe; `first_ns`: UTC of packet 1."""
 
     project: Project
     shadows: frozenset[str]

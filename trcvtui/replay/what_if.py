@@ -1,7 +1,7 @@
-"""What-if: a recorded run and the same run with other parameters; where they begin to differ; the results.
+"""What-if: a recorded run, the same run with other parameters, their first difference, and their results.
 
 Rule 1: partners do what they did, when they did it (replay/partners.py).
-Rule 2: only keys that are declared replayable may change: a recording cannot answer for the others.
+Rule 2: only keys that are declared replayable may change: for other keys a recording has no answer.
 Rule 3: commands act in their recorded scans; commands that write a held pin are left out and counted.
 Rule 4: with another interval both runs advance by time, and the recorded run is a scan ahead.
 """
@@ -60,7 +60,7 @@ class ValueDifference(NamedTuple):
 
 
 class _HeldPins:
-    """Pins that keep their values; `skipped` counts commands that would have written them."""
+    """Pins that keep their values; `skipped` counts the commands that would have written such a pin."""
 
     def __init__(self, pins: frozenset[tuple[str, str]]) -> None:
         self._pins = pins
@@ -130,7 +130,7 @@ class _ChangedRun(ReplayRun):
 
 
 class WhatIf:
-    """Both runs, scan by scan; `recorded` and `what_if` are their benches.
+    """Both runs, scan by scan; the benches of the two runs are `recorded` and `what_if`.
 
     `change` makes the project with other parameters, if the run was made from a capture.
     """
@@ -232,7 +232,7 @@ class WhatIf:
         return self._what_if.bench
 
     def scan(self) -> bool:
-        """Let one scan pass in both runs, or in one of them; return False if both have ended."""
+        """Let one scan pass in both runs, or in one run; return False if both runs have ended."""
         if not (self._scan_in_step() if self._partners.intervals_ns is None else self._scan_in_time()):
             return False
         if self.parts_at is not None and self.what_if.plan.active:

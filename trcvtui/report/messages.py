@@ -118,7 +118,7 @@ class _FilteredRows:
         self.begun_ns = 0
 
     def begin_table(self, project: Project | None, begun_ns: int) -> None:
-        """Begin the table for a project's instances; without one, for both directions of a capture."""
+        """Begin the table for a project's instances, or (None) for both directions of a capture."""
         asked, self.project, self.begun_ns = self.asked, project, begun_ns
         if project is None and asked.instance is not None:
             raise mistake("--instance", "a capture without instances", "--project beside it, or a recording")
@@ -266,7 +266,7 @@ def _replay_recording(rows: _FilteredRows, path: str) -> None:
 
 
 def _zero_ns(paths: Sequence[str], first_ns: int) -> int:
-    """Return the time at which t_s is 0: the beginning of a run of ours, else the first packet."""
+    """Return the time at which t_s is 0: the beginning of a recorded run, in a capture the first packet."""
     begins = read_run_header(paths[0])
     return first_ns if begins is None else begins.wall_ns
 
@@ -275,7 +275,7 @@ class _NoLines:
     first_ns = 0
 
     def scan(self, *_: object) -> None:
-        """Do nothing: the ledger already has all of it."""
+        """Do nothing: the ledger already has everything that a line would show."""
 
     note = scan
 
@@ -316,7 +316,7 @@ def _warn_about_capture(found: Conversations, troubles: Sequence[Problem]) -> No
 
 
 class _CaptureMessages:
-    """Cuts both directions of each conversation; only messages to the PLC have the type."""
+    """Cuts both directions of each conversation into messages; only those to the PLC have the type."""
 
     def __init__(self, rows: _FilteredRows) -> None:
         self._found, self._rows, self._zero_ns = Conversations(self._add_event), rows, 0

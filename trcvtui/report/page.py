@@ -62,10 +62,10 @@ LANE_SHAPES: Final = (  # what a column has seen, its class, its top and height:
 
 
 class ReportSource(NamedTuple):
-    """The origin of a report. `seen`: how the whole run was replayed, or `stopped`: why the replay ended.
+    """The origin of a report. `seen`: how the run was replayed as a whole; else `stopped`: why it was not.
 
-    `files` (name, bytes, SHA-256) and `conversations` (by the titles in the template) are rows of tables.
-    `findings` are the doctor's, the surest first.
+    `files` (name, bytes, SHA-256) and `conversations` (columns as in the template) are rows of tables.
+    `findings`: what the doctor found, the surest finding first.
     """
 
     title: str
@@ -260,7 +260,7 @@ class _PageParts:
         return str(note.at.scan), stamp_text(note.at.t_ns), status, shown.lit_lamp.upper(), size, why
 
     def frames(self, name: str) -> Iterator[_FrameView | tuple[str]]:
-        """Yield the frames, and between them tuples of one text: how many are left out."""
+        """Yield the frames; where frames are left out, yield a tuple of one text that says how many."""
         decl = self._project.instance(name)
         data = self._project.data_decl(decl.data) if decl is not None and decl.data else None
         frames = self.notes.instances[name].frames

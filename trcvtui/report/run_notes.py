@@ -1,7 +1,7 @@
 """The notes of a run for a report, taken scan by scan from a bench; each list is bounded.
 
-Rule: a run may have any length. Lists keep the first and the last entries, and more of the ERRORs. Whenever
-the time line is full, its columns get twice the width.
+Rule: a run may have any length. Lists keep the first and the last entries; the list of ERRORs keeps more.
+Whenever the time line is full, its columns get twice the width.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class EdgeNote(NamedTuple):
 
 
 class FrameNote(NamedTuple):
-    """The first bytes of a job or a frame; `reason`: why they were not delivered or sent, else ""."""
+    """The first bytes of a job or a frame; `reason`: why the bytes were not delivered or sent, or ""."""
 
     at: ScanStamp
     is_sent: bool
@@ -100,7 +100,7 @@ class FrameNote(NamedTuple):
 
 
 class EventNote(NamedTuple):
-    """An event outside the blocks; if `subject` is "", a command after this scan."""
+    """An event outside the blocks; if `subject` is "", the event is a command after this scan."""
 
     at: ScanStamp
     subject: str
@@ -109,7 +109,7 @@ class EventNote(NamedTuple):
 
 
 class CauseNote(NamedTuple):
-    """A cause of an ERROR, or a remark on a frame: its first edge and advice, how often, the last scan."""
+    """A cause of ERRORs, or a remark on frames: first edge, advice, how often it came, the last scan."""
 
     first: EdgeNote
     advice: Advice

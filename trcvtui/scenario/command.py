@@ -42,7 +42,7 @@ class LivePace:
 
 
 class RecordedPace:
-    """Scans at the pace of `inner`; each is recorded."""
+    """Scans at the pace of `inner`; each scan is recorded."""
 
     def __init__(self, inner: Pace, recorder: RunRecorder) -> None:
         self._inner, self._recorder = inner, recorder
@@ -65,7 +65,7 @@ def run_files(
     record: RecordTarget | None = None,
     dialects: Sequence[str] = (),
 ) -> int:
-    """Run scenario files; return 0 all held, 1 an expectation failed, 2 a file is wrong (the worst wins).
+    """Run scenario files; return the worst result: 0 all held, 1 an expectation failed, 2 a file is wrong.
 
     With `netns` each file runs in a new network of this process, with `dialects` in each of these dialects.
     """

@@ -1,8 +1,8 @@
-"""One scenario in several dialects: their STATUS walks side by side, and where they differ.
+"""One scenario in several dialects: the STATUS walks side by side, and where the walks differ.
 
 Rule 1: each dialect runs the whole scenario alone, as `trcvtui scenario` does, with its own verdict.
 Rule 2: nothing is aligned. A row is one scan; if a dialect is later, its rows show that.
-Rule 3: a partner sends the same bytes as in the scenario's own dialect, whatever the layout of the other.
+Rule 3: a partner sends the same bytes as in the scenario's own dialect, also if the layout is another.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def _convert_steps(steps: Iterable[words.Step], project: Project, lacks: list[st
 
 
 class DialectRun:
-    """The run in one dialect; `changes`: outputs by instance and first scan, None: the run has ended."""
+    """The run in one dialect; `changes`: outputs by instance and first scan; None marks the run's end."""
 
     def __init__(self, scenario: Scenario) -> None:
         self.dialect = scenario.project.dialect.name
@@ -89,7 +89,7 @@ class DialectRun:
 
 
 class DialectReport(JsonLines):
-    """The report of files that run in all dialects, with a comparison after each."""
+    """The report of files that run in all dialects; after each file comes a comparison."""
 
     def __init__(self, write: Write, form: str, dialects: int) -> None:
         if form not in FORMAT_NAMES:

@@ -32,7 +32,7 @@ JUDGED_COMMANDS: Final = (words.Wait, words.Expect, words.ExpectTrace, words.Try
 
 
 class Player:
-    """One scenario on one bench; `is_to_end`: each step begins by itself after the one before."""
+    """One scenario on one bench; `is_to_end`: after each step the next step begins by itself."""
 
     def __init__(self, path: str, scenario: Scenario, bench: Bench) -> None:
         self.is_to_end = False

@@ -1,11 +1,11 @@
 """Keeps the commands and the STATUS of a session on a bench, and writes them as a scenario file that runs.
 
 Rule 1: only commands that were carried out are kept, each with the number of scans that had passed before it.
-Rule 2: a mark begins the expectations anew; the commands before it stay, as they led to the state there.
-Rule 3: a command before the first scan comes after those of the project's `start`, which are not kept.
-Rule 4: on real sockets peers and scans act by two clocks: there, a scenario expects that jobs are done
-between two events, but not how many.
-Bounds: MOST_COMMANDS commands of MOST_CHARACTERS characters; of each trace its first and its newest runs.
+Rule 2: a mark begins the expectations anew; earlier commands stay, as they led to the state at the mark.
+Rule 3: commands before the first scan follow the commands of the project's `start`, which are not kept.
+Rule 4: on real sockets peers and scans act by two clocks: then a scenario expects that jobs end with DONE
+between two events, but does not count these jobs.
+Bounds: MOST_COMMANDS commands of MOST_CHARACTERS characters; each trace keeps its first and newest runs.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ def _loosen_turns(atoms: list[Atom], by_turns: Collection[int], done: Collection
 
 
 class ExternalPartners(Struct, frozen=True):
-    """Partners that are no peers of the bench, and the CONNECTs that they used: they cannot be replayed."""
+    """Partners outside the bench, which cannot be replayed, and the CONNECTs that these partners used."""
 
     partners: tuple[str, ...] = ()
     connects: frozenset[str] = frozenset()
@@ -158,10 +158,7 @@ class ExternalPartners(Struct, frozen=True):
 
 
 class SessionEntry(Struct, frozen=True):
-    """One line, and how many scans had passed before it. `traced`: the instance whose trace it expects.
-
-    `is_frame`: it expects the outputs or DATA of a frame in this very scan.
-    """
+    """A line, and how many scans passed before it. `traced`: the line expects the trace of this instance."""
 
     scans: int
     line: str
@@ -172,7 +169,7 @@ class SessionEntry(Struct, frozen=True):
 class _Trace:
     """The trace of one instance: `status` since its last edge, `next_call`: the scan of its next call.
 
-    `changes_read`: how many changes of its pins are read.
+    `changes_read`: how many changes of the instance's pins are read.
     """
 
     __slots__ = ("changes_read", "interval", "is_lost", "next_call", "pattern", "status")
@@ -186,7 +183,7 @@ class _Trace:
 
 
 class RecordedSession:
-    """One bench from its first scan on: `note` keeps its commands, the ledger gives what it showed."""
+    """One bench from its first scan on: `note` keeps commands; outputs are read from the ledger."""
 
     def __init__(self, bench: Bench, reader: LedgerReader, waves: WaveformRecorder) -> None:
         self._bench = bench
@@ -429,8 +426,8 @@ FAR_FOLDER: Final = os.path.join(os.pardir, os.pardir, os.pardir)
 def scenario_text(session: RecordedSession, bench: Bench, path: Path, before: str | None = None) -> str:
     """Return the text of a scenario file for `path`.
 
-    `before` is the project at the beginning of the session, if its file has changed since. It is put into the
-    scenario, and so is a project that comes with the program: no file names a path of the installation.
+    `before`: the project's text at the start of the session, if its file has changed since. This text goes
+    into the scenario. So does a project of the installation: no file names a path of the installation.
     """
     old, new = bench.project.base, path.parent
     lines = [_rebase_step(line, old, new) for line in session.steps()]
@@ -487,7 +484,7 @@ def parse_toml_path(name: str, where: str) -> Path:
 
 
 def write_new(path: Path, text: str, ours: Iterable[str], where: str) -> str:
-    """Write a new file, or one of `ours` again; return its real path; raise UserError for any other."""
+    """Write a new file, or a file of `ours` again; return the real path; UserError for any other file."""
     whole = os.path.realpath(path)
     is_own = whole in ours
     write_file(path, text, where, is_own=is_own, is_new=not is_own)

@@ -60,7 +60,7 @@ class JunitSuite(Struct, frozen=True):
 
 
 class Report:
-    """The report of one command; its methods are called for the files in order. The base writes nothing."""
+    """The report of one command. Its methods are called file by file; this base class writes nothing."""
 
     def __init__(self, write: Write) -> None:
         self._write = write
@@ -77,7 +77,7 @@ class Report:
         """Write the result of a scenario."""
 
     def write_error(self, path: Path, error: UserError) -> None:
-        """Write that a file could not be run, or not to its end; stderr has the mistakes too."""
+        """Write that a file could not run, or could not run to its end; stderr shows the mistakes, too."""
 
     def end(self) -> None:
         """End the report: no file follows."""
@@ -135,7 +135,7 @@ def _make_skipped_cases(steps: Iterable[Step]) -> Iterator[JunitCase]:
 
 
 def _add_rest_case(cases: tuple[JunitCase, ...], verdict: Verdict) -> tuple[JunitCase, ...]:
-    """Return the cases, and one more for time that belongs to no case, or if there are no cases."""
+    """Return the cases; add a case for time outside all cases, or if there is no case."""
     whole = verdict.taken[-1].until_ns if verdict.taken else 0
     rest = whole - sum(case.ns for case in cases)
     return (*cases, JunitCase(WHOLE_CASE_NAME, rest)) if rest or not cases else cases
@@ -211,7 +211,7 @@ class JsonLines(Report):
         self._interval_ns, self._bench = bench.runtime.interval_ns, bench
 
     def write_error(self, path: Path, error: UserError) -> None:
-        """Write the verdict on a file with errors outside its steps; their step is 0."""
+        """Write the verdict on a file with errors outside its steps; such an error has step 0."""
         failures = tuple(Failure(0, "", line) for line in error.lines())
         self.write_verdict(Verdict(str(path), 0, failures, (), ()))
 

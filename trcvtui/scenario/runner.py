@@ -26,7 +26,7 @@ NEWEST_ERRORS: Final = 5
 
 
 class ErrorSummary(Struct, frozen=True):
-    """One cause of ERROR at one instance: its STATUS, its first and last scan, and how often it came."""
+    """One cause of ERROR at one instance: STATUS, first and last scan, and how often the ERROR came."""
 
     instance: str
     status: int
@@ -68,7 +68,7 @@ class ErrorSummaries:
 
 
 def cause_record(cause: Cause, block: str) -> dict[str, object]:
-    """Return a cause as an object of JSON; a part that it does not have is null."""
+    """Return a cause as an object of JSON; a part that the cause does not have is null."""
     return {
         "text": _explain(cause, block),
         "call": cause.underlying_call or None,
@@ -81,8 +81,8 @@ def cause_record(cause: Cause, block: str) -> dict[str, object]:
 class SentCounts(NamedTuple):
     """Counts of bytes sent on a CONNECT's present connection since it began.
 
-    `accepted` by the local stack; of these `unacknowledged` by the partner's stack (None: this system does
-    not know); `read_by_peer`: by the partner's program (None: the partner is no peer of this bench).
+    `accepted`: by the local stack; `unacknowledged`: accepted, but not acknowledged by the partner's stack
+    (None: not known); `read_by_peer`: by the partner's program (None: it is no peer of this bench).
     """
 
     accepted: int
@@ -130,7 +130,7 @@ class StepResult(Struct, frozen=True):
 class Verdict(Struct, frozen=True):
     """How one scenario ended. `traces` are the STATUS runs of each instance over the whole scenario.
 
-    `taken` are the steps in order; a failed `wait` is the last one. `errors`: oldest first.
+    `taken`: the steps that were carried out; after a failed `wait` no step follows. `errors`: oldest first.
     """
 
     scenario: str

@@ -1,4 +1,4 @@
-"""A scenario file: a project (its own or that of another file) and `[scenario]`; the list of such files."""
+"""A scenario file: `[scenario]` and a project, in this file or in another one; the list of such files."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _check_commands(project: Project, problems: list[Problem]) -> tuple[Step, ..
 
 
 def load_bench(path: Path, overrides: Sequence[str] = ()) -> Project:
-    """Return the project of a file; raise UserError for its mistakes, also those in its bench commands."""
+    """Return the project of a file; raise UserError for mistakes in the project or its bench commands."""
     project = load_project(path, overrides)
     check_bench(project)
     return project
@@ -92,7 +92,7 @@ def check_bench(project: Project) -> None:
 
 
 def start_steps(project: Project) -> tuple[Step, ...]:
-    """Return the commands of `start`, all as step 0; they come before scan 1; none may let a scan pass."""
+    """Return the commands of `start`, all as step 0; they run before scan 1; none may let a scan pass."""
     where = f"{project.path}: start"
     steps = tuple(parse_script(project.start, project, where))
     waiting = [step for step in steps if _lets_scans_pass(step.command)]
@@ -133,7 +133,7 @@ class ScriptLine(Struct, frozen=True):
 class ScenarioFile(Struct, frozen=True):
     """A scenario file as a list shows it; `problem` is its first mistake, in one line.
 
-    `blocks`, each once, and `dialect` are those of its project, if there is no mistake.
+    `blocks` (each once) and `dialect`: of the project in the file, "" or none if the file has a mistake.
     """
 
     path: Path
@@ -149,7 +149,7 @@ class ScenarioFile(Struct, frozen=True):
 
 
 class ScenarioFiles(Struct, frozen=True):
-    """TOML files in reading order, each once; `is_cut`: there are more."""
+    """TOML files in reading order, each once; `is_cut`: more files exist than are listed."""
 
     paths: tuple[Path, ...]
     is_cut: bool
@@ -255,7 +255,7 @@ def _project_fields(path: Path) -> dict[str, Any]:
 
 
 def _script_lines(steps: str, file: list[str]) -> Iterator[ScriptLine]:
-    """Yield the steps with their line numbers in the file; if they are not found there, numbered from 1."""
+    """Yield the steps with their line numbers in the file; steps that are not found count from 1."""
     lines = steps.rstrip().split("\n")
     head = next((at for at, line in enumerate(file) if _STEPS_PATTERN.fullmatch(line)), -1) + 1
     first = head + 1 if head and file[head : head + len(lines)] == lines else 1

@@ -1,9 +1,4 @@
-"""The scenarios that come with the source, and the STATUS codes that each of them shows, by block.
-
-The codes are read from its `wait` and `expect` lines, which are only split into words here, with the parser
-of trace patterns: loading the projects of all files would take a quarter of a second. An installed program
-has no configs/, and so no scenarios.
-"""
+"""The scenarios that come with the source, and the STATUS codes that each scenario shows, by block."""
 
 from __future__ import annotations
 
@@ -27,7 +22,7 @@ def find_scenarios(
     """Return the files of a folder that show a code at a block; paths start at the source's root.
 
     With `codes` only files that contain the digits of a code are parsed: to parse all would take 60 ms.
-    `wanted` chooses by the file's name.
+    `wanted`: returns whether to read a file of this name.
     """
     showing: dict[ShownCode, list[str]] = {}
     for path in sorted((SOURCE_ROOT / "configs" / "scenarios" / folder).glob("*.toml")):

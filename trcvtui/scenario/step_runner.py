@@ -1,7 +1,7 @@
-"""Runs a step on a bench: carries out its command, checks its expectation, keeps the STATUS of every scan.
+"""Runs a step on a bench: carries out its command or checks its expectation; keeps each scan's STATUS.
 
-Rule: a step lets no scan pass by itself. It asks for each one, so that a runner can let it pass at once or at
-the clock's pace, and an engine can serve its screen between two scans.
+Rule: a step lets no scan pass by itself. It asks for each scan: so a runner can let the scan pass at once
+or at the clock's pace, and an engine can serve its screen between two scans.
 Bounds of an instance's trace: MOST_NEWEST_RUNS runs of the newest scans (64 bytes each, 6.4 MB),
 MOST_FIRST_RUNS runs of the oldest. A run is any number of equal scans: an instance that waits needs one run.
 """
@@ -102,7 +102,7 @@ class Failure(Struct, frozen=True):
 
 
 class StepRunner:
-    """Steps on one bench; `failure`, `answer` (doctor's): of the last one; `is_over`: a `wait` failed."""
+    """Steps on one bench; `failure` and doctor's `answer`: of the last step; `is_over`: a `wait` failed."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -147,7 +147,7 @@ class StepRunner:
 
     @property
     def elapsed_ns(self) -> int:
-        """Return the end of the last scan's interval: virtual time, or the clock's on a live bench."""
+        """Return the end of the last scan's interval: in virtual time, on a live bench in real time."""
         runtime = self.bench.runtime
         return self.bench.now + runtime.interval_ns if runtime.scans else 0
 

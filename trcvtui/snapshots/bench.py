@@ -43,7 +43,7 @@ class TriggerEvent(Struct, frozen=True):
 
 
 class ReplySnapshot(Struct, frozen=True):
-    """A reply rule as in `replies` of a project; `missed`: hits without an answer, because too many came."""
+    """A reply rule as in `replies` of a project; `missed`: hits without a reply: too many had come."""
 
     rule: str
     hits: int
@@ -65,7 +65,7 @@ class TrafficTally(Struct, frozen=True):
 
 
 class TrafficSnapshot(Struct, frozen=True):
-    """Self-checking traffic: frames sent, the tally of frames in DATA, that of frames that came back."""
+    """Self-checking traffic: frames sent; `data`: tally of frames in DATA; `echo`: of returned frames."""
 
     sent: int
     data: TrafficTally | None

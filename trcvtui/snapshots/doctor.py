@@ -34,10 +34,10 @@ class Ends(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Finding(Struct, frozen=True, forbid_unknown_fields=True):
-    """One cause: its confidence (0 to 1), evidence, place and remedies; `mend` (): the remedies of `cause`.
+    """One cause: confidence (0 to 1), evidence, place, remedies; empty `mend`: the usual ones of `cause`.
 
-    `way` is to-plc, from-plc, or "": both; `at` is UTC in ns, byte of the direction, size, packet; `instance`
-    and `connect` "": it belongs to no single one. A fact is proved by the protocol; a remark is no fault.
+    `way`: to-plc, from-plc, or "": both; `at`: UTC in ns, byte of the direction, size, packet; `instance`
+    and `connect`: "" if several or none are meant. The protocol proves a fact; a remark is no fault.
     `packets` are numbers in the capture, `filter` is for Wireshark; `status`: STATUS words in hex that the
     cause leads to; `explains`: symptoms of blocks. `t_s` is in the capture, `t_ns` and `scan` in the run.
     """
@@ -70,7 +70,7 @@ class Finding(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class DoctorSnapshot(Struct, frozen=True):
-    """The doctor's findings, the surest first; it has checked `looks` times, the last time up to `scan`."""
+    """The findings, the surest first. The doctor has checked `looks` times, the last time up to `scan`."""
 
     looks: int = 0
     scan: int = 0

@@ -14,8 +14,8 @@ class ReplayPosition(Struct, frozen=True):
     """The position of a replay. `last_scan` and `last_t_ns` may grow until the recording `is_read`.
 
     `wanted` is the scan that the replay goes to; times are ns of the run; `marks` has a byte for each piece
-    of the run: 1 with an ERROR, else 0. `what_if`: lines about a run with another parameter; from scan
-    `parts_at` on it differs from the recorded run; 0: not yet.
+    of the run: 1 with an ERROR, else 0. `what_if`: lines about a run with another parameter; `parts_at`:
+    from this scan on, that run differs from the recorded run; 0: no difference yet.
     """
 
     scan: int

@@ -37,7 +37,7 @@ class PlayerSnapshot(Struct, frozen=True):
 
 
 class SplitRow(Struct, frozen=True):
-    """The result of the cuts after byte `first` to `last` (0: uncut); `same`: the same frames as uncut.
+    """The result of cuts after byte `first` to `last` (0: no cut); `same`: the same frames as without cut.
 
     `walk` is the STATUS walk in the notation of a trace, `lengths` the RCVD_LEN of each DONE.
     """

@@ -64,7 +64,7 @@ def may_open(screen: object) -> bool:
 
 
 class BenchApp(TerminalApp):
-    """Show the newest picture and ask for the next one: 20 times a second, 8 times while the bench rests."""
+    """Shows the newest picture and asks for the next: 20 times a second, 8 times while the bench rests."""
 
     BINDINGS: ClassVar = [
         Binding("P", "picture", show=False, id="picture"),
@@ -208,7 +208,7 @@ class BenchApp(TerminalApp):
                 self.main.show()
 
     def submit(self, line: str) -> None:
-        """Carry out a line of this screen, or send a bench command to the engine if it runs."""
+        """Carry out a line of this screen, or send a bench command to the engine if the engine runs."""
         if self.only_looks and not reads_only(line):
             self.main.prompt.show_result(line, "", READ_ONLY)
             return
@@ -228,14 +228,14 @@ class BenchApp(TerminalApp):
             self.main.prompt.show_sent_line(line, number)
 
     def push_screen(self, screen: Any, *how: Any, **more: Any) -> Any:
-        """Open a screen; read-only refuses most screens, a replay those that change the bench."""
+        """Open a screen; a read-only app refuses most screens, a replay screens that change the bench."""
         if (self.only_looks and not may_open(screen)) or (self._is_replay and not _is_for_replay(screen)):
             self._refuse()
             return AwaitMount(self.screen, [])
         return super().push_screen(screen, *how, **more)
 
     def refuses(self) -> bool:
-        """Return whether this screen is read-only; if it is, say that the action is refused."""
+        """Return whether this app is read-only; if so, show that the action is refused."""
         if self.only_looks:
             self._refuse()
         return self.only_looks
@@ -430,7 +430,7 @@ class BenchApp(TerminalApp):
                 self._addition, self._keeps_keys = (kind, name, monotonic() + MOST_ADD_WAIT_S), True
 
     def _select_addition(self) -> None:
-        """Select the part that the form has added, once it exists; keys wait MOST_ADD_WAIT_S at most."""
+        """Select the added part as soon as the part exists; keys wait for it MOST_ADD_WAIT_S at most."""
         if self._addition is None:
             return
         view, (kind, name, until) = self.view_model, self._addition
@@ -470,7 +470,7 @@ class BenchApp(TerminalApp):
             self.exit()
 
     def _is_confirmed(self, what: object, text: str) -> bool:
-        """Return whether the key before this one caused the same warning; else show the warning."""
+        """Return whether the previous key caused the same warning; if it did not, show the warning."""
         is_meant, self._warned = self._warned == (self._keys - 1, what), (self._keys, what)
         if not is_meant:
             (self.main.prompt.show_error if self.screen is self.main else self._notify)(text)

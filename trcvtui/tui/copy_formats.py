@@ -1,4 +1,4 @@
-"""Formats in which you can yank what a pane shows, and the menu of them."""
+"""Formats in which you can yank the contents of a pane, and the menu of these formats."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def make_copy_source(
 
 @dataclass(frozen=True, slots=True)
 class CopyFormat:
-    """One format; `letter` chooses it in the menu, its file gets `suffix`."""
+    """One format; `letter` chooses it in the menu, a file in this format gets `suffix`."""
 
     letter: str
     name: str

@@ -45,7 +45,7 @@ class TimeWindow:
         return end - span, end
 
     def zoom(self, by: float) -> None:
-        """Multiply the time in view; its middle stays, or its end while the view follows new messages."""
+        """Multiply the time in view; the middle stays, but the end if the view follows new messages."""
         begin, end = self.bounds
         span = max(SHORTEST_WINDOW_NS, int((end - begin) * by))
         is_whole = span >= self.whole[1] - self.whole[0]
@@ -67,7 +67,7 @@ class MemberTrace(NamedTuple):
 
 
 class CurveView(TextView, inherit_bindings=False):
-    """`path` is the member, `other` the second one; both are looked up again when the type has changed."""
+    """`path`: the first member, `other`: the second. If the type has changed, both are looked up again."""
 
     BINDINGS: ClassVar = hidden_keys({
         "plus": "zoom(0.5)", "minus": "zoom(2)", "left": "step(-1)", "right": "step(1)",

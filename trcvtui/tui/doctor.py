@@ -27,7 +27,7 @@ class DoctorTarget(NamedTuple):
 
 
 class FindingList(CardText):
-    """The findings, then evidence, place and remedy of the one under the cursor."""
+    """The findings, then evidence, place and remedy of the finding under the cursor."""
 
     def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="doctor")
@@ -135,7 +135,7 @@ class FindingList(CardText):
         return next(iter(on_it), self._view_model.selected)
 
     def place(self, of_byte: bool = False) -> DoctorTarget | None:
-        """Return the place of the chosen finding: its scan, or its byte in the stream; None if unknown."""
+        """Return the chosen finding's scan, with `of_byte` its byte in the stream; None: unknown."""
         one, snapshot = self.chosen_finding, self._view_model.snapshot
         if one is None or snapshot is None:
             return None
@@ -153,7 +153,7 @@ class FindingList(CardText):
         return None if scan is None else DoctorTarget(instance=self._finding_instance, scan=scan)
 
     def remedy_line(self) -> str:
-        """Return the line that applies the remedy: a bench command, in a recording a what-if; "" for none."""
+        """Return the line that applies the remedy: a bench command, in a recording an `if`; "": none."""
         one, picture = self.chosen_finding, self._view_model.live
         if one is None or picture is None:
             return ""

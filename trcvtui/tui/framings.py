@@ -33,7 +33,7 @@ def buffer_for(view_model: ViewModel) -> str:
 
 
 def find_framed_block(buffer: str, view_model: ViewModel) -> str:
-    """Return the selected instance if it cuts this ComBuffer's bytes, else the first one that does."""
+    """Return the first instance that cuts this ComBuffer's bytes, but prefer the selected one."""
     readers = [
         i.name for i in view_model.project.instances if i.connect == buffer and block_row(i.block).affix_pins
     ]
@@ -57,7 +57,7 @@ class FramingList(CardText):
         return proposals[self.cursor] if self.cursor < len(proposals) else None
 
     def lines(self) -> tuple[str, ...]:
-        """Return the bench lines for the chosen proposal; raise UserError if the block cannot apply it."""
+        """Return the chosen proposal's lines; raise UserError if the block cannot apply the proposal."""
         chosen = self.chosen_proposal
         return make_commands(chosen, self._project(), self._instance) if chosen is not None else ()
 
@@ -83,7 +83,7 @@ class FramingList(CardText):
         return row(*parts, style="cursor" if chosen else "")
 
     def _describe_alike(self, number: int, proposal: Proposal) -> str:
-        """Name an earlier proposal that gives the same cuts, by its number in `framing RD apply 1`."""
+        """Return ` · same cuts as N` if an earlier proposal N has the same cuts, else ""."""
         proposals = self.advice.proposals if self.advice is not None else ()
         first = next(n for n, each in enumerate(proposals) if each.rank == proposal.rank)
         return f" · same cuts as {first + 1}" if first != number else ""

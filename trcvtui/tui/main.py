@@ -252,7 +252,7 @@ class MainScreen(FullScreen[None]):
         self._show_keys()
 
     def show_soon(self) -> None:
-        """Draw what is below a dialog twice a second: each time Textual paints both screens completely."""
+        """Draw the panes below a dialog twice a second only: each time Textual paints both screens."""
         self.prompt.show_answers(self._view_model.answers)
         self.peer.show_trial()
         if self._owed is None:
@@ -344,7 +344,7 @@ class MainScreen(FullScreen[None]):
         self.received.show()
 
     def on_message_chosen(self, message: messages.MessageChosen) -> None:
-        """Show the scan of a message in STATUS, history and timing; None: go back to now."""
+        """Show the scan of a message in STATUS, history and timing; without a message, go back to now."""
         if message.row is None:
             self.timing.action_now()
         else:
@@ -458,7 +458,7 @@ class MainScreen(FullScreen[None]):
         return next((pair for pair in (*PANE_PAIRS, {3, 7}) if self._pane in pair), {self._pane})
 
     def action_zoom(self) -> None:
-        """Give the whole screen to the pane, or to the list of instances if it is long; or undo that."""
+        """Give the whole screen to the open pane, or to a focused, long list of instances; or undo that."""
         long_list = self.focused is self.instances and self.instances.show_vertical_scrollbar
         zoomed = next((each for each in (ZOOM, LIST) if self.has_class(each)), LIST if long_list else ZOOM)
         self.toggle_class(zoomed)
@@ -486,7 +486,7 @@ class MainScreen(FullScreen[None]):
         self.table.show()
 
     def action_theirs(self) -> None:
-        """View DATA in the layout that fits the received bytes, or in the PLC's own layout again."""
+        """View DATA in the layout that fits the received bytes; without one, in the PLC's own layout."""
         from trcvtui.diagnosis.data_view import make_view_command  # read when first asked for
 
         decl, offer = self._view_model.declaration, self.status.offer()
@@ -598,7 +598,7 @@ class MainScreen(FullScreen[None]):
             self._submit(line)
 
     def remove_part(self, part: ProjectPart) -> None:
-        """Open the prompt with the line that removes a part: you see its effect before you send it."""
+        """Open the prompt with the line that removes a part: you see the effect before sending it."""
         if not self._is_refused():
             self.action_prompt(f"remove {part.kind} {part.name}")
 

@@ -41,7 +41,7 @@ class PastSelected(Message):
 
 @dataclass
 class MessageChosen(Message):
-    """A row of the table of messages was chosen; None: follow the newest."""
+    """A row of the table of messages was chosen; `row` None: the table follows the newest message."""
 
     row: MessageRow | None
 
@@ -55,7 +55,7 @@ class FieldSelected(Message):
 
 @dataclass
 class CurveWanted(Message):
-    """Draw the member of this path over time."""
+    """Request to draw the member with this path over time."""
 
     path: str
 

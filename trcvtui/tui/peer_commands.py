@@ -80,7 +80,7 @@ def buttons_for(faults: bool, peer: PeerSnapshot | None = None) -> tuple[Button,
 
 
 def make_try_line(peer: str, mode: str, payload: str, instance: str, gap: str) -> str:
-    """Return the bench command that tries every split of a payload; it takes only the first pause."""
+    """Return the bench command that tries every split of a payload, with the first pause of `gap` only."""
     options = f" gap={gap.split(',')[0].strip()}" if gap.strip() else ""
     message = _quote(payload) if mode == TEXT else payload.strip()
     return f"peer {peer} try-splits {mode} {message} on {instance}{options} differ=any"

@@ -38,7 +38,7 @@ class EchoLine(LineView, can_focus=False):
     def show_answer(
         self, line: str, error: str = "", waits: bool = False, text: str = "", stays: bool = False
     ) -> None:
-        """Show a command and its answer for MESSAGE_TIME_S; with `waits` or `stays`: until the next one."""
+        """Show a command and its answer for MESSAGE_TIME_S; `waits` or `stays`: until the next answer."""
         if self._end is not None:
             self._end.stop()
         expires = bool(line or error or text) and not (waits or stays)
@@ -111,7 +111,7 @@ class PromptInput(TypedField):
 
 
 class Prompt(Vertical):
-    """Echo line and, while open, the input; it keeps a history of lines, and lines that are sent later."""
+    """Echo line and, while open, the input; keeps the history of lines, and the lines to send next."""
 
     DEFAULT_CSS = "Prompt { height: auto; background: $background; }"
 

@@ -74,7 +74,7 @@ def position_bar(position: ReplayPosition, width: int) -> str:
 
 
 class PositionLine(LineView, inherit_bindings=False):
-    """The position of the replay in words and as a bar over the whole width; a click goes to that scan."""
+    """The replay's position in words and as a bar over the whole width; a click chooses the scan there."""
 
     DEFAULT_CSS = f"PositionLine {{ height: {POSITION_ROWS}; background: $background; padding: 0 1; }}"
 

@@ -151,7 +151,7 @@ async def application(
 
     class LoopbackServer(Server):
         async def _process_messages(self, websocket: web.WebSocketResponse, app_service: AppService) -> None:
-            """Pass on what the page sends; textual-serve's method ends with a traceback on others."""
+            """Pass on what the page sends; textual-serve's method fails on unknown messages."""
             run, loop = app_service._task, asyncio.get_running_loop()
             if run is not None:  # close the page when the process of its tab has ended
                 run.add_done_callback(lambda _: loop.create_task(websocket.close()))

@@ -2,7 +2,7 @@
 
 config.toml: theme = "dark" | "light" | "ansi" | one of Textual's, such as "nord"
 (without it the terminal's colours decide). keys.toml: action = "key", or a list of keys. Lower-case
-letters belong to pins and panes: an action may only have one that it has by default.
+letters belong to pins and panes: an action may only have a lower-case letter that is its default key.
 """
 
 from __future__ import annotations

@@ -141,7 +141,7 @@ class Declarations(NamedTuple):
 
 
 def strip_places(part: Any) -> Any:
-    """Return a part of a declaration as a value to compare: without places in files and letter case."""
+    """Return a part of a declaration as a value to compare, without places in files, in lower case."""
     if isinstance(part, tuple):
         names = getattr(part, "_fields", ())
         kept = [each for at, each in enumerate(part) if names[at : at + 1] != ("where",)]

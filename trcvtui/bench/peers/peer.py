@@ -149,7 +149,7 @@ def next_due(planned: int, every_ns: int, now: int) -> int:
 
 
 class AutomaticPeer:
-    """A peer and its routine; its `step` is called before the peer's own."""
+    """A peer and its routine; `AutomaticPeer.step` is called before `Peer.step`."""
 
     def __init__(self, peer: Peer, routine: PeerRoutine) -> None:
         self._peer = peer
@@ -159,7 +159,7 @@ class AutomaticPeer:
         self._next_attempt = 0
 
     def due_at(self, now: int) -> int | None:
-        """Return when it acts next; None: only an event makes it act."""
+        """Return when the peer acts next; None: only an event makes the peer act."""
         peer, routine = self._peer, self._routine
         if peer.can_send:
             return self._next_word if routine.says and not peer.unsent else None

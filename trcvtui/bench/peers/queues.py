@@ -143,7 +143,7 @@ class Outbox:
     def put(self, send: PeerSend, now: int, number: int = 0, pause_ns: int = 0) -> None:
         """Queue one send command; its first chunk is due `pause_ns` from now, or after the sends before it.
 
-        `number`: the number of its first message, which the fills use.
+        `number`: the number of the first message of this send; the fills use it.
         """
         self._sendings.append(_SendProgress(send, now, number, pause_ns))
 
@@ -153,7 +153,7 @@ class Outbox:
         return max(0, MOST_WAITING_ANSWERS - len(self._sendings))
 
     def next_due(self, now: int) -> int | None:
-        """Return when a chunk is due next; None: none waits, or one is due and the stack is full."""
+        """Return when a chunk is due next; None: no chunk waits, or a due one waits for the stack."""
         return self._sendings[0].due if self._sendings and self._sendings[0].due > now else None
 
     def due_bytes(self, now: int) -> memoryview | None:
@@ -164,7 +164,7 @@ class Outbox:
 
     @property
     def message_start(self) -> tuple[int, bytes]:
-        """Return size and beginning of the message that begins with the due bytes; size 0: none begins."""
+        """Return size and beginning of the message that the due bytes begin; size 0: they begin none."""
         first = self._sendings[0]
         return (len(first.send.payload), first.first_bytes) if first.is_fresh else (0, b"")
 
@@ -351,7 +351,7 @@ class PeerQueues:
                 self.outbox.put(send, now, number)
 
     def note_sent(self, count: int, local: str, remote: str, offset: int) -> None:
-        """Count bytes of the due chunk as sent; if they begin a message, record it with its `offset`."""
+        """Count bytes of the due chunk as sent; if a message begins with them, record it with `offset`."""
         size, begin = self.outbox.message_start
         if size:
             self.messages += 1

@@ -25,7 +25,7 @@ LARGEST_BYTES: Final = 65507  # payload of an IPv4 datagram: 65535 without its I
 
 
 class _Transport:
-    """Common to both transports: the peer's queues, and one local end for all sockets of the peer."""
+    """What both transports have: the peer's queues, and one local end for all sockets of the peer."""
 
     broadcasts = False  # whether datagrams to a broadcast address are sent and received
 
@@ -278,7 +278,7 @@ class StreamTransport(_Transport):
             self._handle_partner_end(handle)
 
     def _read(self, handle: Handle, lost: Fault | None = None) -> None:
-        """Read what has arrived; `lost`: the error of a send, handled after these bytes."""
+        """Read what has arrived; `lost`: the error of a send; it is handled after these bytes."""
         for _ in range(MOST_READS):
             got = self._kernel.recv(handle, self._queues.landing)
             if lost is not None and not (isinstance(got, int) and got):

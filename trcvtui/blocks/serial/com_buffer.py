@@ -23,7 +23,7 @@ MOST_RECORDED_CHUNKS: Final = 8192
 
 
 class LineChunk(NamedTuple):
-    """Bytes that came in one scan, at `t_ns` of the run. `begins`: they are the first of a connection."""
+    """Bytes that came in one scan, at `t_ns` of the run. `begins`: a connection begins with them."""
 
     t_ns: int
     payload: bytes
@@ -84,14 +84,14 @@ class LineRecorder:
             self._drop_oldest()
 
     def end_connection(self) -> None:
-        """The next bytes are of another connection."""
+        """Note that the next bytes are of another connection."""
         self._is_new = True
 
     def make_recording(self, source: str, until: int, tick: int) -> LineRecording:
         return LineRecording(source, tuple(self._chunks), until, tick, self._dropped)
 
     def _drop_oldest(self) -> None:
-        """Drop the oldest chunk whole, so that the rest begins with a chunk; cut it if it is alone."""
+        """Drop the whole oldest chunk, so that the rest begins with a chunk; cut the only chunk instead."""
         if len(self._chunks) == 1:
             (last,) = self._chunks
             over = self._size - MOST_RECORDED_BYTES
@@ -110,7 +110,7 @@ MOST_CONNECTION_ENDS: Final = 64  # a partner may connect and leave any number o
 
 
 class ComBuffer:
-    """One ComBuffer. `head` and `tail`: how many bytes in all have left it and entered it.
+    """One ComBuffer. `head`: how many bytes in all have left it; `tail`: how many have entered it.
 
     `recorded`: the bytes of the line, with times by `now` (ns).
     """

@@ -245,7 +245,7 @@ class ReceiveString(JobBlock):
 
 
 class ReceiveString255(ReceiveString):
-    """One ReceiveString255 instance: only the length differs."""
+    """One ReceiveString255 instance: only its length differs from ReceiveString."""
 
     longest = 255
 

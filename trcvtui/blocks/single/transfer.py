@@ -88,7 +88,7 @@ class SingleTrcv(JobBlock):
         return self._fault_filter.filter_outcome(shown, inputs)
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
-        """Return whether its next call would receive on the connection; plc/instance.py gets it by name."""
+        """Return whether the block's next call would receive; plc/instance.py finds this method by name."""
         return self.job.would_read(inputs, waits)
 
     def _receive(self, inputs: Inputs) -> Outcome:

@@ -46,7 +46,7 @@ class TrcvC(JobBlock):
         return self._answer_connected(inputs)
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
-        """Return whether its next call would receive on the connection; plc/instance.py gets it by name."""
+        """Return whether the block's next call would receive; plc/instance.py finds this method by name."""
         return (inputs.cont or self._course.request_connects) and self.job.would_read(inputs, waits)
 
     def _should_receive(self, inputs: Inputs) -> bool:
@@ -189,7 +189,7 @@ class TsendC(JobBlock):
         return not_connected("REQ", "REQ rose without a connection", self._connection)
 
     def _keep_request(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
-        """Keep a REQ that stays 1: it sends once the connection is up; if REQ falls before, it is lost.
+        """Keep a REQ that stays 1, to send once the connection is up; a REQ that falls before is lost.
 
         An edge that connects is kept even if REQ falls.
         """
@@ -202,7 +202,7 @@ class TsendC(JobBlock):
         return outcome
 
     def _may_show_not_connected(self, outcome: Outcome) -> bool:
-        """Return whether 80A1 may replace this code: a 7002 after the first one, or the first 7004.
+        """Return whether 80A1 may replace this code: any 7002 but the first, or the first 7004.
 
         Each edge shows its 80A1 (7.15.2), so the 7004 may come one scan later.
         """

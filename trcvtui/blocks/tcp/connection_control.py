@@ -26,7 +26,7 @@ from trcvtui.net.results import Fault
 
 
 class ConnectionReasons(Struct, frozen=True):
-    """Why a connection begins and why it ends, and the outcome while there is none."""
+    """Why a connection begins and why it ends, and the outcome without a connection."""
 
     asked: Cause
     ended: Cause
@@ -53,7 +53,7 @@ BY_EN_R: Final = ConnectionReasons(
 
 
 class ConnectionDemand:
-    """Whether one instance wants a connection. `reasons` None: while CONT is 1 (cont_mode level)."""
+    """Whether one instance wants a connection. `reasons` None: wanted while CONT is 1 (cont_mode level)."""
 
     def __init__(self, reasons: ConnectionReasons | None) -> None:
         self.begins, self.ends_by = CONT_ROSE, CONT_FELL
@@ -66,7 +66,7 @@ class ConnectionDemand:
     def update(self, cont: bool, asks: bool, is_closing: bool) -> bool:
         """Return whether the connection is wanted.
 
-        `asks`: a request waits for it, or a job runs on it; `is_closing`: a close has codes left to show.
+        `asks`: a request waits for the connection, or a job runs; `is_closing`: a close has codes to show.
         """
         if self._reasons is None:
             return cont
@@ -330,7 +330,7 @@ class ConnectionControl:
         return Outcome(begins or Condition.CONNECTED, cause)
 
     def first_scan_outcome(self, begun: Outcome, reserved: bool) -> Outcome:
-        """Return what the first scan of a connection shows: `begun` if a job is `reserved`, else no job."""
+        """Return what a connection shows first: `begun` if a job is `reserved`, else `established`."""
         if reserved:
             return begun
         return replace(begun, condition=self._course.established or Condition.CONNECTED)
@@ -366,7 +366,7 @@ class ConnectionControl:
     # -- the connection is gone -----------------------------------------------------------------
 
     def start_reconnecting(self, shown: Iterable[Outcome], reason: str) -> Outcome:
-        """Show these outcomes, one a scan, then connecting; without any, connecting at once."""
+        """Show these outcomes, one a scan, then connecting; without outcomes, only connecting."""
         self._script = deque(shown)
         if not self._script:
             return self.begin_waiting(reason)

@@ -62,7 +62,7 @@ def can_start(env: Environment, data: DataArea | None, request: JobRequest) -> b
 def reserve(
     env: Environment, data: DataArea | None, request: JobRequest, direction: DirectionClaims, claim: Claim
 ) -> bool:
-    """Claim the direction for a job that starts in the next call; False: that call would refuse it."""
+    """Claim the direction for a job that starts in the next call; False: that call would refuse the job."""
     if not can_start(env, data, request) or env.resources.buffers.is_full:
         return False
     return direction.try_take(claim) is None
@@ -209,5 +209,5 @@ class RepeatedFaultFilter:
         return Outcome(outcome.condition, outcome.cause) if outcome.error else outcome  # not stable
 
     def forget(self) -> None:
-        """EN_R is 0, or the connection has changed: the next error is a new one."""
+        """Treat the next error as new, because EN_R is 0 or the connection has changed."""
         self._last_fault = None

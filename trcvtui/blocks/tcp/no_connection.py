@@ -106,7 +106,7 @@ class StandingRequest:
         self._armed = False
 
     def consume(self) -> bool:
-        """Return whether this free scan shows 80A1; PULSE shows it once per edge (7.15.1, 80A1)."""
+        """Return whether 80A1 shows in this scan; PULSE shows it once per edge (7.15.1, 80A1)."""
         shows = self._en_r and (
             self._rule is NotConnectedRule.HOLD or (self._rule is NotConnectedRule.PULSE and self._armed)
         )
@@ -132,7 +132,7 @@ class KnownIncarnation:
         return self._connection.find_loss(self._incarnation, claim) if self._incarnation else None
 
     def adopt_new(self, claim: Claim) -> bool:
-        """Adopt a connection that is up and new to this block; return whether there is one."""
+        """Adopt a connection that is up and new to this block; return whether it did so."""
         if self._incarnation == self._connection.incarnation or not self._connection.is_up_for(claim):
             return False
         self._incarnation = self._connection.incarnation

@@ -2,7 +2,7 @@
 
 Rule 1: LEN and the size of DATA are latched when a job starts; a job reads at most its own length. ADHOC acts
 on the job that runs (7.15.1, ADHOC mode: "sets the current reception function"), or is latched too (rules).
-Rule 2: DATA changes only at DONE; until then the bytes are the job's.
+Rule 2: DATA changes only at DONE; until then the bytes stay in the job's buffer.
 Rule 3: at least one scan of "receiving" shows before each DONE.
 """
 
@@ -89,7 +89,7 @@ class ReceiveJob(IncomingJob):
         return JobRequest(length, adhoc=adhoc, most=self._limit, least=least, rival=rival)
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
-        """Return whether EN_R asks for a job that can start, now or once another reader frees its lock.
+        """Return whether EN_R asks for a job that can start, now or once another reader frees the lock.
 
         `waits` False: return False also if the owner of that lock has asked for a job and was refused.
         """
@@ -101,7 +101,7 @@ class ReceiveJob(IncomingJob):
         )
 
     def reserve(self, inputs: Inputs) -> bool:
-        """Keep the receive side for the job that begins in the next call; False: it would be refused."""
+        """Keep the receive side for the job that the next call begins; False: the job would be refused."""
         request, receiving = self._make_request(inputs.len, inputs.adhoc), self.connection.receiving
         taken = self._unfit is None and reserve(self._env, self.data, request, receiving, self.claim)
         self.claim.is_refused = not taken

@@ -1,7 +1,7 @@
 """The send job: what TSEND does between a rising edge of REQ and DONE.
 
 Rule 1: DATA is copied at the edge, at most LEN bytes; no edge is seen until the job has ended (7.15.2).
-Rule 2: a loss is looked for before each send and before DONE: never DONE after a FIN.
+Rule 2: the job looks for a loss before each send and before DONE: never DONE after a FIN.
 Rule 3: the REQ scan shows "sending" even when the stack took everything; DONE means that the local
 stack has every byte, not that the partner has.
 """
@@ -84,7 +84,7 @@ class SendJob(OutgoingJob):
         return JobRequest(length, most=self._limit, least=least, rival=rival, needs_len=self._needs_len)
 
     def reserve(self, inputs: Inputs) -> bool:
-        """Keep the send side for the job that begins in the next call; False: it would be refused."""
+        """Keep the send side for the job that begins in the next call; False: the job would be refused."""
         request = self._make_request(inputs.len)
         return self._find_target_error() is None and reserve(
             self._env, self.data, request, self._direction, self.claim

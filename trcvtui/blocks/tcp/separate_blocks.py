@@ -97,7 +97,7 @@ class Tdiscon(ScriptBlock):
 
 
 def add_lamps(outcomes: list[Outcome], script: deque[Outcome]) -> Outcome:
-    """Return the first outcome and put the others into the script; the last has DONE, all before BUSY."""
+    """Return the first outcome and put the others into the script; the last has DONE, all others BUSY."""
     if len(outcomes) == 1:
         return outcomes[0]  # a failed call shows nothing else
     lamps = [Lamp.BUSY] * (len(outcomes) - 1) + [Lamp.DONE]
@@ -110,7 +110,7 @@ IDLE = Outcome(Condition.NOT_CALLED, Cause(CauseKind.WAITING, "REQ has not risen
 
 
 class TReset(ScriptBlock):
-    """One T_RESET instance. It rebuilds the connection that it has reset (7.15.7), as other blocks may."""
+    """One T_RESET instance. It rebuilds the connection that it has reset (7.15.7); so may other blocks."""
 
     def __init__(self, bound: ConnectBinding) -> None:
         super().__init__()
@@ -211,7 +211,7 @@ class Trcv(JobBlock):
         return self._not_connected_outcome()
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
-        """Return whether its next call would receive on the connection; plc/instance.py gets it by name."""
+        """Return whether the block's next call would receive; plc/instance.py finds this method by name."""
         return self.job.would_read(inputs, waits)
 
     def _not_connected_outcome(self) -> Outcome:

@@ -250,7 +250,7 @@ def _known_start(start: bytes) -> bytes:
 
 
 def _cut(recording: LineRecording, plain: LineRecording, guess: Guess, most: int = 0) -> Cut:
-    """Cut a recording; `plain` is the same without times, for framings without a timeout."""
+    """Cut a recording; `plain` is the same recording without times, for framings without a timeout."""
     if guess.field is not None:
         return cut_by_length(plain, guess.field, LONGEST_FRAME, most)
     return cut(recording if guess.framing.timeout_ns else plain, guess.framing, most)
@@ -259,7 +259,7 @@ def _cut(recording: LineRecording, plain: LineRecording, guess: Guess, most: int
 def _try(
     recording: LineRecording, plain: LineRecording, guess: Guess, scale: Scale, *, is_noise: bool = False
 ) -> FramingTrial | None:
-    """Try a guess. `is_noise`: other evidence shows noise before a prefix, which then costs nothing."""
+    """Try a guess. `is_noise`: other evidence shows noise before a prefix; this noise costs nothing."""
     made = _cut(recording, plain, guess, MOST_TRIED)
     good = made.good
     explained = sum([len(frame.content) for frame in good])

@@ -35,8 +35,8 @@ PAUSE_RATIO: Final = 3  # times the longest pause in a burst
 class Bursts:
     """A recording split at its pauses. `pauses`: places after a pause, or where a connection begins.
 
-    `within` and `between` are the longest pause in bursts and the shortest between them, in ns; `is_clear`:
-    the two kinds differ clearly.
+    `within` is the longest pause inside a burst, `between` the shortest pause between two bursts, in ns.
+    `is_clear`: the two kinds of pauses differ clearly.
     """
 
     pauses: tuple[int, ...]
@@ -332,9 +332,9 @@ def _commonest(values: Sequence[bytes]) -> int:
 
 
 def is_begin_and_end_mark(mark: bytes, stream: bytes) -> bool:
-    """Return whether a mark may both begin and end frames: some directly follow another one.
+    """Return whether a mark may both begin and end frames: it sometimes occurs twice without bytes between.
 
-    The trial then shows whether all of them are borders of frames that are not empty.
+    A trial then shows whether all its places are borders of frames that are not empty.
     """
     places = find_places(mark, stream)
     joined = sum([b - a == len(mark) for a, b in pairwise(places)])

@@ -1,6 +1,6 @@
 """The members of messages of one size, from their bytes alone: counters, REALs, whole numbers, constants.
 
-Rule: each member has its proof, in how many of all messages it holds; other bytes stay bytes.
+Rule: each member has a proof: how many of all messages agree with the member. Other bytes stay bytes.
 """
 
 from __future__ import annotations

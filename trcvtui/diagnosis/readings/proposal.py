@@ -44,8 +44,8 @@ class PreviewFrame:
 class Proposal:
     """One way to cut the recording.
 
-    `rank` counts from 1; proposals that cut alike share one. `framing` is the setting of ReceiveData; None:
-    there is none (`field` describes the length, `instead` the way to do it). `frames` of `of_frames`
+    `rank` counts from 1; proposals that cut alike share a rank. `framing`: setting of ReceiveData; None:
+    it has none for this cut (`field` describes the length, `instead` another way). `frames` of `of_frames`
     ended as they should and have `explained` of `total` bytes; `noise`, `left` and `broken` are the rest.
     `longest` is the size of the longest frame.
     """
@@ -177,7 +177,7 @@ def _else(mark: bytes, elsewhere: int) -> str:
 
 
 def _count_chunk_borders(made: Cut, recording: LineRecording) -> tuple[int, int] | None:
-    """Return how many chunks begin where a frame begins or ends, and how many there are; None: too few."""
+    """Return how many chunks begin at a border of frames, and how many chunks there are; None: too few."""
     starts, at = [], 0
     for chunk in recording.chunks:
         if at >= made.total:

@@ -173,7 +173,7 @@ def _whole_messages(line: LineFacts, content: bytes) -> list[LineMessage]:
 
 
 def _contradiction(line: LineFacts, suffix: bytes) -> str:
-    """Return that bytes before pauses lack a suffix; "": most have it, or there are too few pauses."""
+    """Return a text if bytes before pauses lack a suffix; "" if most have it, or pauses are too few."""
     content, messages = bytes(line.to_plc.content), line.messages
     ends = [
         before.at + before.size

@@ -51,8 +51,8 @@ class LengthField:
 class Cut:
     """A recording cut by the framer; with `gaps` a frame that a gap ended is good.
 
-    `noise` bytes before a prefix in `noise_runs` pieces, `broken` in frames whose connection ended, `left` in
-    the frame without an end.
+    `noise`: bytes before a prefix, in `noise_runs` pieces; `broken`: bytes in frames that a disconnect cut;
+    `left`: bytes in the frame without an end.
     """
 
     frames: tuple[LocatedFrame, ...]
@@ -65,7 +65,7 @@ class Cut:
 
     @cached_property
     def good(self) -> list[LocatedFrame]:
-        """Return the frames with an end of the framing."""
+        """Return the frames that ended as the framing says; with `gaps` also those that a gap ended."""
         endings = GOOD_ENDINGS | {FrameEnding.GAP} if self.gaps else GOOD_ENDINGS
         return [frame for frame in self.frames if frame.ending in endings]
 
@@ -76,12 +76,12 @@ class Cut:
 
 
 def cut(recording: LineRecording, framing: Framing, most: int = 0) -> Cut:
-    """Return the frames of a recording, at most so many (0: all); without a suffix a gap is a good end."""
+    """Cut a recording into at most `most` frames (0: all); without a suffix a gap is a good end."""
     return _TrialRun(recording, framing, most).run()
 
 
 def cut_by_length(recording: LineRecording, field: LengthField, longest: int, most: int = 0) -> Cut:
-    """Return the frames of a length field: a job for the head, then one for the rest."""
+    """Cut a recording by a length field: one job takes the head of a frame, the next job takes the rest."""
     return _TrialRun(recording, Framing(field.head), most, (field, longest)).run()
 
 

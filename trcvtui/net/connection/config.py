@@ -46,7 +46,7 @@ LONGEST_KEEP_ALIVE_S: Final = 32767  # what a stack takes (Linux, MAX_TCP_KEEPID
 class ConnectConfig(Struct, frozen=True):
     """One CONNECT. Addresses are dotted IPv4 text; ports 0..65535, or `@NAME` for RemotePort.
 
-    `description`: its bytes, as an engineer has written them; `flaw`: what a CPU finds wrong with them.
+    `description`: the description's bytes, as an engineer wrote them; `flaw`: the flaw a CPU finds in them.
     `remote_name`: the partner's name, resolved at each attempt; "": `remote_address` is used.
     `any_local`: the system's routing chooses the local address of an active end.
     `is_datagram`: UDP; the partner of each datagram is in an ADDR. `history`: bytes kept in each direction.
@@ -111,7 +111,7 @@ class UdpConfig(Struct, frozen=True):
 class AddrParam(Struct, frozen=True):
     """One ADDR_PARAM as it is in the file; `@NAME` for RemotePort, resolved at each send.
 
-    `description`: the bytes of a TADDR_Param, or of a structure in its place; None: there is only an end.
+    `description`: the bytes of a TADDR_Param or other structure; None: the file has only address and port.
     """
 
     name: str
@@ -131,7 +131,7 @@ class AddrParam(Struct, frozen=True):
 class RemoteAddress:
     """One ADDR_PARAM at run time: USEND_C reads it, URECV_C writes the source of a datagram into it.
 
-    `generation` counts the changes.
+    `generation` counts the changes of the address or port.
     """
 
     def __init__(self, param: AddrParam) -> None:

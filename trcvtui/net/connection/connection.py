@@ -1,7 +1,7 @@
 """One connection: what TCON, TRCV, TDISCON and T_RESET do, at most one set-up step a scan.
 
-Rule 1: `step` takes at most one step a scan, for the first block that calls; others get the same result.
-Rule 2: a loss is found once, stored under its incarnation, and given to every block that asks (5.3 e).
+Rule 1: `step` takes at most one step a scan, for the first block that calls; other blocks get its result.
+Rule 2: a loss is found once and stored with its incarnation; every block that asks gets the loss (5.3 e).
 Rule 3: a FIN never overtakes bytes: while a block receives, or would receive (`readers`), the incarnation
 ends after the last byte. A sender that finds the loss first gets it at once; the loss is then pending until
 the receiver has read all bytes.
@@ -76,7 +76,7 @@ class ConnectionLoss(Struct, frozen=True):
 
 
 def classify_loss(fault: Fault | None, peer: str, may_refuse: bool = False) -> ConnectionLoss:
-    """Return the loss that follows from the Fault of a call; None: the partner's FIN.
+    """Return the loss that follows from the Fault of a call; `fault` None: the partner sent FIN.
 
     `may_refuse`: we are the active end and have received no data, so a TLS alert is a refusal.
     """
@@ -137,7 +137,7 @@ class DeadLinkWatch:
         self._set_limit(handle, closed_window=False)
 
     def check(self, handle: Handle) -> SentState:
-        """Return the state of the sent bytes; to be called in each scan while some are under way."""
+        """Return the state of the sent bytes; call it in each scan while sent bytes are under way."""
         path = self._kernel.path(handle)
         if path is None or not (path.unacked or path.unsent):
             self._set_limit(handle, closed_window=False)
@@ -199,7 +199,7 @@ class Connection:
 
     @property
     def is_up(self) -> bool:
-        """Return whether it is connected, and no loss is known."""
+        """Return whether this CONNECT is connected, and no loss is known."""
         return self.state is State.CONNECTED and self.pending_loss is None
 
     @property
@@ -213,7 +213,7 @@ class Connection:
                 yield handle, SocketUse.DATAGRAMS if self.config.is_datagram else use
 
     def is_up_for(self, claim: Claim) -> bool:
-        """Return whether it is up for this instance; for a reader it is up until the last byte (Rule 3)."""
+        """Return whether the connection is up for a claim: for a reader, until the last byte (Rule 3)."""
         return self.is_up or (self.state is State.CONNECTED and self._is_reader(claim))
 
     def _is_reader(self, claim: Claim | None) -> bool:
@@ -245,7 +245,7 @@ class Connection:
     # -- set-up: TCON ------------------------------------------------------------------------
 
     def open(self, now: int, has_addr: bool = True) -> Fault | None:
-        """Queue the set-up job; its steps follow, one a scan. `has_addr`: for UDP, the block has an ADDR."""
+        """Queue the set-up job; its steps follow, one a scan. `has_addr` (UDP): the block has an ADDR."""
         fault = self._resources.queue.put(self.config.name)
         if fault is not None:
             return fault
@@ -262,7 +262,7 @@ class Connection:
         return [(State.CREATED, None), (State.ESTABLISHING, self._prepare(now))]
 
     def _note_early_faults(self) -> None:
-        """Note the faults of early steps that were never shown, because the set-up was ended before."""
+        """Note the faults of early steps that no block was shown, because the set-up was ended first."""
         for _, failed in self._early:
             if failed is not None:
                 self._note(EventKind.ATTEMPT_FAILED, self.set_up.remote, failed.detail, failed.fault)
@@ -411,7 +411,7 @@ class Connection:
         return WOULD_BLOCK  # HELD_BACK, or a planned EAGAIN
 
     def _end_after_last_byte(self, loss: ConnectionLoss) -> WouldBlock | ConnectionLoss:
-        """Release the connection, or wait until a block has shown a whole frame that it has read."""
+        """Release the connection; while a block has a whole frame that is not shown yet, wait."""
         if not self.receiving.has_frame():
             return self._release_lost(loss)
         self.pending_loss = loss
@@ -434,7 +434,7 @@ class Connection:
         return WOULD_BLOCK if loss is None else self._end_after_last_byte(loss)
 
     def _note_received(self, content: memoryview, instance: str, cut: int = 0) -> None:
-        """Note the bytes of one receive call; `cut`: so many bytes of a datagram had no room."""
+        """Note the bytes of one receive call; `cut`: how many bytes of a datagram had no room."""
         self.recvs += 1
         offset, size = self.bytes_received, len(content) + cut
         self.bytes_received = offset + size
@@ -513,7 +513,7 @@ class Connection:
         return self._look_for_loss(self.handle)  # after the partner's FIN the stack would still take bytes
 
     def send(self, data: memoryview, instance: str = "") -> int | WouldBlock | Fault | ConnectionLoss:
-        """Give bytes to the local stack; return how many it took. Its only Fault is a planned EAGAIN."""
+        """Give bytes to the local stack; return how many it took. The only Fault is a planned EAGAIN."""
         assert self.handle is not None
         got = self._kernel.send(self.handle, data)
         if isinstance(got, int):
@@ -553,7 +553,7 @@ class Connection:
         return self._resources.queue.put(self.config.name)
 
     def disconnect(self) -> Fault | None:
-        """Close the connection and the listener (TDISCON); return the first Fault. All is freed either way.
+        """Close and free connection and listener (TDISCON), also after a Fault; return the first Fault.
 
         ENOTCONN of shutdown means that the partner's RST came first (80A2).
         """
@@ -590,7 +590,7 @@ class Connection:
         self.set_up.forget_port()
 
     def abandon(self) -> None:
-        """Close and forget everything, whatever state an exception has left behind."""
+        """Close and forget everything, in any state that an exception can leave."""
         with suppress(Exception):  # the kernel's answers do not count: a replay has none recorded here
             self.set_up.free()
         with suppress(Exception):

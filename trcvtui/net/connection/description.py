@@ -25,7 +25,7 @@ FieldValue = int | bool | str | bytes
 
 
 class Description(Struct, frozen=True):
-    """A structure and the bytes of one description, which may be more or fewer than the structure has."""
+    """A structure and the bytes of one description; the bytes may be too few for it, or too many."""
 
     structure: Structure
     data: bytes
@@ -122,7 +122,7 @@ class DescriptionRow(NamedTuple):
 def rows(description: Description, remarks: Mapping[str, str]) -> tuple[DescriptionRow, ...]:
     """Return the description field by field, with the bytes between and after the fields.
 
-    `remarks`: by the name of the field; "": the remark on the whole description.
+    `remarks`: the remark on each field, by the field's name; the name "": on the whole description.
     """
     found: list[DescriptionRow] = []
     at = 0
@@ -143,7 +143,7 @@ def selector_hex(data: bytes) -> str:
 
 
 def format_selector(data: bytes) -> str:
-    """Return the bytes of a T-selector, after its text if it is text: `TCP-1 (54 43 50 2D 31)`, `E0 02`."""
+    """Return a T-selector in hex, after its text if it has one: `TCP-1 (54 43 50 2D 31)`, `E0 02`."""
     is_text = len(data) > 1 and all(0x20 < byte < 0x7F for byte in data)
     return f"{data.decode('ascii')} ({selector_hex(data)})" if is_text else selector_hex(data)
 

@@ -116,7 +116,7 @@ def field_name(description: Description, name: str) -> str:
 
 
 def connection_types_of(structure: str) -> tuple[int, ...]:
-    """Return the numbers that ConnectionType may have, the usual one first."""
+    """Return the numbers that ConnectionType may have, the usual number first."""
     return tuple(_CONNECTION_TYPES[structure])
 
 
@@ -162,10 +162,10 @@ def _read_param_meaning(description: Description) -> LinkSpec:
 
 
 class DescribedConnect(Struct, frozen=True):
-    """A description, and what else the project file says about its CONNECT.
+    """A description, and the other facts in the project file about its CONNECT.
 
     `own_address` is the address of InterfaceId. `takes_free_port`: LocalPort 0 is no flaw; `remote_is_known`:
-    `@NAME` in the file says where the partner listens. `structures`: the ones that the instructions accept;
+    `@NAME` in the file names the partner's port. `structures`: the structures that the instructions accept;
     (): they accept all. `narrow_tsaps`: the CPU is an S7-1200.
     """
 
@@ -281,7 +281,7 @@ def _first_bytes(connect: DescribedConnect) -> bytes:
 
 
 def check_narrow_tsap(local: bytes) -> DescriptionFlaw | None:
-    """Return the flaw of a local T-selector that only an S7-1200 reports (S7-1200 System Manual)."""
+    """Return a flaw of the local T-selector; only an S7-1200 reports this flaw (S7-1200 System Manual)."""
     text = ""
     if len(local) >= 2 and local[0] in TSAP_FIRST_BYTES and local[1] > 1:
         text = f"after {local[0]:02X} 00 or 01, not {local[1]:02X}"

@@ -64,7 +64,7 @@ class BudgetShare:
 
     @property
     def units_left(self) -> int:
-        """Return how many units it may still use in this scan; 0 or less: it has to wait."""
+        """Return how many units the party may still use in this scan; 0 or less: the party has to wait."""
         if self._granted_in != self.work.scan:
             self._granted_in, self._left = self.work.scan, self.work.grant(self)
         return self._left
@@ -79,9 +79,9 @@ class BudgetShare:
 
 
 class ScanBudget:
-    """The work of one PLC's scans. `clock` returns ns; a simulated one does not move within a scan.
+    """The work of one PLC's scans. `clock` returns ns; a simulated clock does not move within a scan.
 
-    `report_wait` is called at the first wait of each episode. Call begin_scan() once a scan.
+    `report_wait` is called at the first wait of each episode of waits. Call begin_scan() once a scan.
     """
 
     def __init__(self, clock: Callable[[], int] = int, interval_ns: int = DEFAULT_INTERVAL_NS) -> None:
@@ -103,7 +103,7 @@ class ScanBudget:
         self.units = max(LEAST_UNITS, interval_ns // NS_PER_UNIT)
 
     def begin_scan(self, now: int) -> None:
-        """Begin a scan: reserve shares for the parties that had to wait in the last one."""
+        """Begin a scan: reserve shares for the parties that had to wait in the last scan."""
         self.scan += 1
         self._now = now
         self._handshake_ns = self._steps = 0
@@ -129,12 +129,12 @@ class ScanBudget:
         return (self._rest + 1) // 2 if share is None else share
 
     def count_spent(self, party: BudgetShare, units: int) -> None:
-        """Take units from the rest, unless the party has a reserved share."""
+        """Take units from what is not reserved, unless the party has a reserved share."""
         if party not in self._reserved:
             self._rest = max(0, self._rest - units)
 
     def note_waiting(self, party: BudgetShare, partner: str, what: EventKind) -> None:
-        """Reserve a share of the next scan for a party; report it when an episode begins."""
+        """Reserve a share of the next scan for a party; report the party's wait when an episode begins."""
         self._waiting[party] = None
         self._report_once(party.owner, what, partner, OVER_BUDGET_TEXT)
 
@@ -177,8 +177,8 @@ class ScanBudget:
 class Claim:
     """The claim of one instance; `priority`: the priority of its task; None: claims lock across all tasks.
 
-    `has_frame`: the job has read all that it needs, and shows it in the next call. `is_refused`: the
-    instance's last call could start no job: the instance reads nothing, but keeps others out.
+    `has_frame`: the job has read a whole frame, and shows it in the next call. `is_refused`: the
+    instance's last call could start no job: the instance reads nothing, but keeps other instances out.
     """
 
     __slots__ = ("has_frame", "instance", "is_orphan", "is_refused", "priority")
@@ -190,7 +190,7 @@ class Claim:
 
 
 class DirectionClaims:
-    """The claims on one direction of one connection: at most one claim of each priority takes it."""
+    """The claims on one direction of one connection: `try_take` allows one claim of each priority."""
 
     def __init__(self) -> None:
         self._claims: list[Claim] = []
@@ -205,7 +205,7 @@ class DirectionClaims:
         return None
 
     def hold(self, claim: Claim) -> None:
-        """Add a claim without keeping out others of its priority: several blocks may build a connection."""
+        """Add a claim, also beside other claims of its priority: several blocks may build a connection."""
         if claim not in self._claims:
             self._claims.append(claim)
 
@@ -222,7 +222,7 @@ class DirectionClaims:
         self._claims = [held for held in self._claims if held.instance != instance]
 
     def is_used_by_others(self, claim: Claim | None) -> bool:
-        """Return whether another instance works here; orphans do not count."""
+        """Return whether this direction has another claim; orphans do not count."""
         # Two refused claims do not count for each other: else each would wait for the other.
         only_at_work = self.holds_refused(claim)
         return any(
@@ -239,7 +239,7 @@ class DirectionClaims:
         return any(held.has_frame for held in self._claims)
 
     def is_barred(self, claim: Claim, waits: bool) -> bool:
-        """Return whether an orphan keeps this claim out; if not `waits`, a refused claim does, too."""
+        """Return whether an orphan (with `waits` False also a refused claim) keeps this claim out."""
         return any(
             held.priority == claim.priority
             and held is not claim

@@ -1,6 +1,6 @@
 """How a connection is set up: from socket to the first partner (TCON), one call at a time.
 
-Every failure names its SetUpStage, because each vendor has a code for each stage; no code is known here.
+Every failure names its SetUpStage: each vendor has a code for each stage. This module knows no codes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Endpoint, Fault, Would
 
 
 def find_address_error(address: str, own: tuple[LocalAddress, ...], strict: bool) -> str:
-    """Return why the address cannot be used, "" if it can; `strict` refuses loopback, too.
+    """Return why the address cannot be used, "" if it can; `strict`: loopback is an error, too.
 
     An empty `own`: the system could not list its addresses; then bind decides.
     """

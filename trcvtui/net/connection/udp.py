@@ -1,7 +1,7 @@
-"""A UDP endpoint: a socket that is up as soon as it is bound; an ADDR has each datagram's target or source.
+"""A UDP endpoint: its socket is up as soon as it is bound. An ADDR has the target or source of a datagram.
 
 Rule 1: no partner can end it. A receive call that fails ends the socket of a CONNECT, which is then set up
-again; for a UDP_CONFIG the block gets the fault, and the socket stays.
+again. With a UDP_CONFIG the block gets the fault, and the socket stays.
 Rule 2: `incarnation` counts the sockets; so a block whose socket is gone sees another number.
 """
 
@@ -87,8 +87,8 @@ class UdpSetUp(SetUp):
 class UdpEndpoint(Connection):
     """One CONNECT of UDP, or one UDP_CONFIG, at run time; `peer` is the other end of the last datagram.
 
-    `is_config`: the first block that needs the socket opens it, at once and without a job; the first block
-    that ends closes it. All bytes of a datagram then count, also bytes that had no room.
+    `is_config` (a UDP_CONFIG): the first block that needs the socket opens it, at once and without a job.
+    The first block that ends closes the socket. All bytes of a datagram count, also bytes without room.
     """
 
     SET_UP = UdpSetUp
@@ -190,7 +190,7 @@ class UdpEndpoint(Connection):
         return got
 
     def describe_target(self, to: RemoteAddress) -> str:
-        """Return where a datagram to this ADDR goes; while that is unknown, return the text of the ADDR."""
+        """Return where a datagram to this ADDR goes, the text of the ADDR while the target is unknown."""
         end = to.resolve_target(self._resolve)
         return str(end if isinstance(end, Endpoint) else to)
 

@@ -1,6 +1,6 @@
 """One ISO-on-TCP connection over a stream of bytes: handshake, size, messages; no sockets (RFC 1006).
 
-Rule 1: bytes in, bytes out: `feed` takes what came, `take_output` gives what must be sent.
+Rule 1: bytes in, bytes out: `feed` takes received bytes, `take_output` returns bytes to send.
 Rule 2: at most one message is put together, up to `cap` bytes; its bytes beyond the cap are only counted.
 Complete messages wait; once MOST_WAITING_MESSAGES or `cap` bytes wait, no more may be fed (`wants_more`). A
 message longer than MOST_CAPS caps ends the connection; so does a message in more pieces than the cap
@@ -64,7 +64,7 @@ class _Parameter(IntEnum):
 class ConnectTpdu(NamedTuple):
     """A CR or CC. `calling` is the TSAP of the CR's sender; `size_code` n is 2**n bytes, None: not given.
 
-    `other_class`: the class that it asks for, if that is not taken as class 0.
+    `other_class`: the class that the TPDU asks for; 0: class 0, or a class that is taken as class 0.
     """
 
     code: Code
@@ -77,7 +77,7 @@ class ConnectTpdu(NamedTuple):
 
     @property
     def unfit(self) -> str:
-        """Return what class 0 cannot agree to, "" for nothing."""
+        """Return what in this TPDU class 0 cannot agree to, "" for nothing."""
         if self.other_class:
             return f"class {self.other_class} in a {self.code.name}"
         if self.size_code is not None and self.size_code < LEAST_SIZE_CODE:
@@ -86,7 +86,7 @@ class ConnectTpdu(NamedTuple):
 
 
 class DataTpdu(NamedTuple):
-    """A DT: a piece of a message, and whether it is the last."""
+    """A DT: a piece of a message, and whether it is the last piece."""
 
     payload: bytes
     is_last: bool
@@ -378,7 +378,7 @@ class IsoSession:
         return self._reader.held_bytes + len(self._collected) + self._waiting_bytes()
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> int:
-        """Take bytes of the stream, and read at most so many TPDUs; return how many were read."""
+        """Take bytes of the stream, and read at most `most` TPDUs; return how many were read."""
         tpdus = self._reader.feed(data, most)
         for tpdu in tpdus:
             if self.phase is not IsoPhase.ENDED:
@@ -555,5 +555,5 @@ class IsoSession:
 
 
 def _agree_size_code(proposed: int | None, own: int) -> int | None:
-    """Return the size code for both ends, never above the proposal; None: the partner named none."""
+    """Return the size code for both ends, never above the proposal; None: the partner named no size."""
     return None if proposed is None else min(proposed, own)

@@ -1,10 +1,10 @@
-"""A kernel in front of another: it runs a session (ISO-on-TCP, TLS) on a stream whose CONNECT asks for one.
+"""A kernel in front of an inner kernel: it runs the session (ISO-on-TCP, TLS) that a CONNECT asks for.
 
 For its callers a connection is up when its session is: `connect_result` and `accept` wait for the
 handshake, `recv` and `recv_from` return what the session has unpacked. All other handles pass through.
-Rule 1: the stream is read in `poll`, and by a read that finds nothing: each time a bounded number of bytes.
-Rule 2: a client that sends nothing, too much, or nonsense is dropped. The ledger keeps a note of it,
-and of each session that ends by itself, and of ignored TPDUs.
+Rule 1: `poll` reads the stream, and so does a call that finds no data; each time a bounded number of bytes.
+Rule 2: a client that sends nothing, too much, or nonsense is dropped. The ledger has a note on each dropped
+client, on each session that ends by itself, and on ignored TPDUs.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ def unknown_ready_handles() -> Mapping[Handle, str] | None:
 class LayerKernel(KernelProxy):
     """`clock` returns the time in ns; `report_note` gets the notes of dropped clients and ended sessions.
 
-    `report_error` gets an exception in a session of a CONNECT; that session is ended.
+    `report_error` gets an exception that a CONNECT's session has raised; the session is ended.
     `polls`: clients are put into the poll set before they are accepted; False: there is no poll set.
-    `work`: a work budget shared with others; None: a new one.
+    `work`: a work budget shared with others; None: a new work budget.
     """
 
     def __init__(
@@ -169,7 +169,7 @@ class LayerKernel(KernelProxy):
         return made
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
-        """Set the options; they show which CONNECT takes a client: then its handshake is answered."""
+        """Set the options. They name the CONNECT that takes a client: its handshake is then answered."""
         refused = self.inner.set_options(handle, options)
         stream = self._streams.get(handle)
         if stream is None:
@@ -316,14 +316,14 @@ class LayerKernel(KernelProxy):
         return self.inner.unread(handle) + (stream.session.held_bytes if stream else 0)
 
     def list_unread(self, handles: Collection[Handle]) -> list[Handle]:
-        """Return those of the poll's handles at which something is unread, or that have a session."""
+        """Return those of `handles` at which something is unread, and all that have a session."""
         plain = [
             handle for handle in handles if handle not in self._streams and handle not in self._listeners
         ]
         return self.inner.list_unread(plain) + [h for h in handles if h in self._streams]
 
     def peek(self, handle: Handle, skip: int) -> Unread:
-        """Return what is unread; for a session, what it has unpacked, but not its end (see `loss`)."""
+        """Return what is unread. With a session: what the session has unpacked, but no end (see `loss`)."""
         stream = self._streams.get(handle)
         if stream is not None:
             return stream.session.unread(stream.peer, skip)
@@ -342,7 +342,7 @@ class LayerKernel(KernelProxy):
         return self.inner.shutdown(handle, both)
 
     def _send_goodbye(self, handle: Handle) -> bool:
-        """Let a session send its goodbye; an exception is reported and ends the session, not the caller."""
+        """Let a session send its goodbye; an exception is reported, not raised, and ends the session."""
         try:
             return handle in self._streams and self._streams[handle].send_goodbye()
         except Exception as error:
@@ -353,8 +353,8 @@ class LayerKernel(KernelProxy):
     def abort(self, handle: Handle) -> Fault | None:
         """Send RST and free the handle; a client that waits for an answer to its CR gets a DR.
 
-        A session with a goodbye (close_notify) sends it and a FIN, not an RST. At a fixed local port it
-        sends an RST: after a FIN the port would be blocked for a minute (TIME_WAIT).
+        A session with a goodbye (close_notify) sends that and a FIN, no RST. At a fixed local port
+        an RST is sent: after a FIN the port would be blocked for a minute (TIME_WAIT).
         """
         stream = self._streams.get(handle)
         choice = None if stream is None else find_choice_session(stream.session)

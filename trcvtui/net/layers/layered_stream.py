@@ -24,7 +24,7 @@ MESSAGE_LIMIT_NS: Final = 30_000_000_000  # ns; counted only while the session t
 
 
 class LayeredStream:
-    """A session at work. `fault` is the kernel's last Fault; None with `is_over`: the partner's FIN.
+    """A session at work. `fault`: the last Fault; None and `is_over`: the partner's FIN or close_notify.
 
     The work on the partner's bytes is charged to `party`. `is_held_back`: some bytes were not looked at.
     """
@@ -76,7 +76,7 @@ class LayeredStream:
 
     @property
     def has_backlog(self) -> bool:
-        """Return whether there is work here though the stack has no news."""
+        """Return whether the session has bytes to look at, even if the stack has no new bytes."""
         return not self.is_over and self.session.has_backlog
 
     def _may_work(self) -> bool:
@@ -115,7 +115,7 @@ class LayeredStream:
             self.send_goodbye()
 
     def read_last_bytes(self) -> None:
-        """Take the last bytes of a partner that ended before any answer, without a handshake step."""
+        """Take the last bytes of a partner that ended before we answered it; do no handshake step."""
         got = self._kernel.recv(self.handle, memoryview(_SCRATCH))
         if isinstance(got, int) and got:
             self.has_spoken = True
@@ -138,7 +138,7 @@ class LayeredStream:
         return None if ended is None else Fault("session", ended.error, words=ended.words)
 
     def fail(self) -> None:
-        """End it after an exception; the session is not called again."""
+        """End the stream after an exception; the session is not called again."""
         self.fault, self.is_over, self.has_failed = self.fault or Fault("session", "EPROTO"), True, True
 
     def time_out(self, why: str) -> None:
@@ -155,7 +155,7 @@ class LayeredStream:
             self.time_out(f"a message that has not ended in {MESSAGE_LIMIT_NS // 1_000_000_000} s")
 
     def take_end_text(self) -> str:
-        """Return, once, why the session has ended by itself; "" while it has not."""
+        """Return, once, why the session has ended by itself; "" while it has not ended."""
         if self.is_end_reported or self.session.ended is None:
             return ""
         self.is_end_reported = True
@@ -268,24 +268,24 @@ QUEUE_FULL_TEXT: Final = f"the queue is full: {MOST_WAITING_CLIENTS} clients wai
 
 
 class ChoiceSession(Protocol):
-    """A session whose partner asks for one of several CONNECTs; it waits to be given to one, or refused."""
+    """A session whose partner asks for one of several CONNECTs; it waits for `accept_for` or `refuse`."""
 
     has_asked: bool
 
     def asks_for_name_of(self, settings: LayerSettings) -> bool:
-        """Return whether it asks for the name of this CONNECT; several CONNECTs may have the same name."""
+        """Return whether the partner asks for this CONNECT's name; several CONNECTs may have one name."""
 
     def find_mismatch(self, settings: LayerSettings) -> str:
-        """Return "" if this is the CONNECT that it asks for, else why not."""
+        """Return "" if this is the CONNECT that the partner asks for, else what differs."""
 
     def accept_for(self, settings: LayerSettings) -> None: ...
 
     def refuse(self, is_known: bool) -> None:
-        """Refuse it; `is_known`: a CONNECT has that name, but not for this partner, or not now."""
+        """Refuse the partner. `is_known`: a CONNECT has the name, but not for this partner, or not now."""
 
 
 def find_choice_session(session: object) -> ChoiceSession | None:
-    """Return the session if its partner has asked for a CONNECT; None: not yet, or it is no ChoiceSession."""
+    """Return the session if its partner has asked for a CONNECT; None: not yet, or no ChoiceSession."""
     found: ChoiceSession | None = session if getattr(session, "has_asked", False) else None  # type: ignore[assignment]
     return found
 

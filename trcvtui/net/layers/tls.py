@@ -2,7 +2,7 @@
 
 Rule 1: bytes in, bytes out; no input makes it raise: an input that cannot be right ends the session.
 Rule 2: at most MOST_HELD_BYTES wait here, read or unread; then no more may be fed (`wants_more`).
-One feed reads as many records as it may; the others wait in front of the library (`has_backlog`).
+One feed reads at most `most` records; the other records wait in front of the library (`has_backlog`).
 Rule 3: a partner whose certificate was not verified is refused, unless the project allows it explicitly.
 """
 
@@ -147,7 +147,7 @@ class TlsSession:
         return len(self._plain) + self._incoming.pending
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> int:
-        """Take bytes of the stream, and read at most so many records; return the units of work (ScanBudget).
+        """Take bytes of the stream, and read at most `most` records; return the units of work (ScanBudget).
 
         most=0: only the first byte is looked at.
         """
@@ -289,7 +289,7 @@ _key_log: Final[list[str]] = []
 
 
 def log_keys(name: str) -> None:
-    """Let sessions of contexts made from now on write their secrets into a file; "" ends it."""
+    """Let sessions of contexts made from now on write their secrets into a file; "": into no file."""
     _key_log[:] = [name] if name else []
     _make_context.cache_clear()  # a context in the cache would not write them
 

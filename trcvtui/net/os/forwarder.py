@@ -1,7 +1,7 @@
 """The tap's loop: it forwards bytes and ends as they come, and reports them as events to one process.
 
-Rule 1: nothing here waits for that process: if it does not read, it misses events, and learns how many.
-Rule 2: while that process does not run, nothing is held, since nothing could release it.
+Rule 1: nothing here waits for that process: if it does not read, it misses events, and gets their number.
+Rule 2: while that process does not run, no bytes are held, since nobody could order their release.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class Forwarder(TapLoop):
                 self.execute_order(order)
 
     def _report_time(self) -> None:
-        """Report the time, by which shadows run; every FIGURES_TICKS ticks also the figures of the ends."""
+        """Report the time (shadows run by it), and every FIGURES_TICKS ticks the figures of the ends."""
         self._ticks += 1
         if self.pipe is not None and not self.pipe.is_behind:
             if not self._ticks % FIGURES_TICKS:
@@ -252,7 +252,7 @@ def raise_descriptor_limit() -> None:
 
 
 def list_reachable(addresses: Iterable[tuple[str, int] | None]) -> list[str]:
-    """Return, as text, which of the addresses other machines can reach."""
+    """Return, as text, the addresses that other machines can reach."""
     from ipaddress import ip_address
 
     return [format_end(*each) for each in addresses if each and not ip_address(each[0]).is_loopback]

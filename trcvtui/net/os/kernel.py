@@ -85,7 +85,7 @@ class OsKernel:
         return tuple(f"{handle} {self.local_end(Handle(handle))}" for handle in self._sockets)
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
-        """Return the addresses of this machine; without a free descriptor, return the last list.
+        """Return the addresses of this machine; if no descriptor is free, return the last list.
 
         () if the C library has no list (Windows): then bind decides, and no name server is asked.
         """
@@ -408,7 +408,7 @@ class OsKernel:
         return None
 
     def _data_fault(self, call: str, handle: int, problem: OSError | ValueError | KeyError) -> Fault | None:
-        """Return the fault of a data call, None if another call has reported this error before."""
+        """Return the fault of a data call, None if an earlier call has reported this error."""
         name = error_name(problem)
         if name in REPORTED_ONCE_ERRORS:
             if handle in self._reported:

@@ -21,8 +21,8 @@ PART_OVERHEAD: Final = 200  # bytes of memory for a part beside its data: many s
 class LossyPipe:
     """Writes without waiting. While the reader is behind, whole parts are left out.
 
-    `report_gap` is called with the (events, bytes, ends) that were left out, as soon as all parts before them
-    were sent; `handle_line` with each line from the reader; `handle_end` once, when the reader is gone.
+    `report_gap` gets the (events, bytes, ends) that were left out, as soon as all parts before the gap were
+    sent. `handle_line` gets each line of the reader; `handle_end` is called when the reader is gone, once.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class LossyPipe:
         loop.register(sock.fileno(), IN, self._handle_ready)
 
     def put(self, *parts: bytes | memoryview, events: int = 1, size: int = 0, ends: bytes = b"") -> None:
-        """Send or queue parts; if the queue is full, drop them, but add up `events`, `size` and `ends`."""
+        """Send or queue parts. If the queue is full, drop them; add the other arguments to the gap."""
         if self.is_gone:
             return
         if self.is_behind or self._size > self.most:  # until the queue is empty: one gap, not many
@@ -121,7 +121,7 @@ class LossyPipe:
             self._handle_end()
 
     def finish(self, until_ns: int) -> None:
-        """Send what waits, until a time of the monotonic clock at most; then close."""
+        """Send what waits, but not after a time of the monotonic clock; then close."""
         while self.waiting and (rest := until_ns - time.monotonic_ns()) > 0:
             self._loop.run_once(rest / 1e9)
         self.close()

@@ -97,7 +97,7 @@ def _unshare() -> str:
 
 
 def _map_ids(user: int, group: int) -> None:
-    """Become root in this namespace: so programs started from here keep the rights; files stay the user's."""
+    """Become root in this namespace: programs started from here keep the rights; files are the user's."""
     with suppress(OSError):  # this process has the rights also without a map: only its programs need one
         Path("/proc/self/setgroups").write_text("deny")  # required before gid_map: user_namespaces(7)
         Path("/proc/self/uid_map").write_text(f"0 {user} 1")
@@ -202,7 +202,7 @@ LOOPBACK_ONLY: Final = (
 
 
 class _IfAddrs(ctypes.Structure):
-    """The head of `struct ifaddrs`, which is the same on Linux and the BSDs; the rest is not read.
+    """The first fields of `struct ifaddrs`, the same on Linux and the BSDs; the other fields are not read.
 
     `broadcast` is the broadcast address; of a point-to-point interface it is the partner's address.
     """
@@ -232,7 +232,7 @@ def _c_library() -> ctypes.CDLL | None:
 def interface_addresses() -> tuple[LocalAddress, ...] | None:
     """Return every IPv4 address with its interface, None if the system cannot list them now (EMFILE).
 
-    () without getifaddrs: the addresses are unknown. Only 127.0.0.1 if no interface has an address.
+    Without getifaddrs return (): the addresses are unknown. If no interface has one, return only 127.0.0.1.
     """
     library = _c_library()
     if library is None:

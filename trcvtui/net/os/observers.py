@@ -111,7 +111,7 @@ class Encoder(Protocol):
     def encode_event(self, event: TapEvent) -> bytes: ...
 
     def encode_interfaces(self, since: int) -> list[bytes]:
-        """Return the interface blocks of serial lines, without the first `since`."""
+        """Return the interface blocks of serial lines, except the first `since` blocks."""
 
     def encode_loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
         """Return the block for a loss of one observer; `dropped`: its lost events since it connected."""

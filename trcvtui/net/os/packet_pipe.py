@@ -24,7 +24,7 @@ _MOST_CHUNKS: Final = 4  # read ahead by a thread
 
 
 class PacketPipe:
-    """A descriptor of packets; `waits` is called with the ns for which this read has found nothing.
+    """A descriptor of packets; `waits` gets the ns for which the running `read` has found nothing.
 
     `whole` gets what was read, b"" at the end, and returns the part that can be used now, or None.
     """
@@ -38,7 +38,7 @@ class PacketPipe:
         self._stops_at: float | None = None
 
     def stop(self) -> None:
-        """End after the bytes that the other program still sends in STOP_WAIT_S."""
+        """End the pipe as soon as it is empty, but not before STOP_WAIT_S is over."""
         self._stops_at = time.monotonic() + STOP_WAIT_S
 
     @property
@@ -71,7 +71,7 @@ class PacketPipe:
 
 
 def _chunk_reader(fd: int) -> Callable[[float], bytes | None]:
-    """Return a function that waits so many seconds for bytes; it returns them, None if none came."""
+    """Return a function that waits so many seconds for bytes; it returns the bytes, None if none came."""
     if hasattr(select, "poll"):
         with suppress(ImportError, OSError):
             import fcntl

@@ -25,7 +25,7 @@ from trcvtui.net.serial_line import OPENING, LineErrors, PortOpening, SerialSett
 
 
 class OpenAttempt:
-    """An attempt to open a port; when it `is_over` there is a `port` or a `problem`."""
+    """An attempt to open a port; once `is_over` is True, there is a `port` or a `problem`."""
 
     def __init__(self, make_port: Callable[[], Any]) -> None:
         self.port: Any = None
@@ -190,7 +190,7 @@ class OsSerialPort:
         return framing, parity, breaks, overruns + full
 
     def _has_room(self) -> bool:
-        """Return whether a write would take bytes at once; pyserial's own write would wait for that."""
+        """Return whether the port has room for bytes now; without room pyserial's own write would wait."""
         try:
             number = (getattr(self._port, "_socket", None) or self._port).fileno()
         except (AttributeError, OSError, ValueError):  # Windows: a queue of its own

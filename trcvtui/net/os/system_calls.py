@@ -36,7 +36,7 @@ class PollSet(Protocol):
 
 
 class PollList:
-    """The poll set of a system without epoll. With it an RST may be seen late if the socket is not read."""
+    """The poll set of a system without epoll. It may see an RST late if the socket is not read."""
 
     def __init__(self) -> None:
         self._wanted: dict[int, int] = {}
@@ -66,7 +66,7 @@ def new_poll_set() -> PollSet:
 
 
 def poll_once(wanted: dict[int, int], timeout: float = 0) -> list[tuple[int, int]]:
-    """Return (descriptor, events) of each that is ready within `timeout` seconds; -1: without limit."""
+    """Return (descriptor, events) of all that are ready; wait `timeout` seconds at most (-1: no limit)."""
     if HAS_POLL:
         poller = select.poll()
         for fd, mask in wanted.items():
@@ -261,7 +261,7 @@ def _peek_datagrams(sock: socket.socket, skip: int) -> Unread:
 
 
 def discard_unread(sock: socket.socket | None, most: int) -> int:
-    """Read and drop at most so many queued bytes, in MOST_READS calls at most; return how many."""
+    """Read and drop at most `most` queued bytes, in MOST_READS calls at most; return the number."""
     waste, gone = bytearray(min(most, PEEK_BYTES)), 0
     try:
         for _ in range(MOST_READS):
@@ -332,7 +332,7 @@ SocketEnds = tuple[object, object]
 
 
 class CutLinks:
-    """The owners whose wires are cut, and for each deaf socket the owners that made it deaf."""
+    """The owners with cut wires; for each deaf socket (it gets no packets) the owners that made it so."""
 
     def __init__(self, sockets: Mapping[int, socket.socket]) -> None:
         self._sockets = sockets

@@ -1,4 +1,4 @@
-"""Channels to the events of a tap: sockets for which its child processes ask when they start."""
+"""Channels to the events of a tap: sockets that the tap's child processes ask for when they start."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def ask_open_count(fd: int) -> str:
 class TapChannel:
     """A child's end of a channel: whole blocks of pcapng come on `fd`, orders go back.
 
-    When the process that serves it has ended, another one takes its place and begins a new section.
+    If the process that serves the channel ends, another process takes over and begins a new section.
     """
 
     def __init__(self, asks: int) -> None:
@@ -94,7 +94,7 @@ class TapChannel:
         self.fd = os.open(os.devnull, os.O_RDONLY)  # it is at its end, and `feed` then asks for a channel
 
     def feed(self, data: bytes) -> bytes | None:
-        """Return the whole blocks that were read, None for none yet, b"" if the tap has ended."""
+        """Return the whole blocks that were read, None if no block is whole, b"" if the tap has ended."""
         if not data:
             self._part = b""  # half a block of a server that has ended
             channels = _ask_tap(self._asks, ASK_CHANNEL)[1]

@@ -138,7 +138,7 @@ class TapTcpConversation(TapConversation):
         self.route.talks.pop(self.number, None)
 
     def finish(self) -> None:
-        """End it when the tap ends: with FIN, if waiting bytes can be sent in time."""
+        """End the conversation when the tap ends: with FIN, if waiting bytes can be sent in time."""
         for lane in self.lanes:
             if not lane.is_over:
                 self.report(TapEventKind.FIN, lane.way, at=lane.at)
@@ -179,7 +179,7 @@ class _LackReporter:
 class TcpRoute:
     """A tap between two TCP ends, for many clients.
 
-    Without a descriptor for it, a client waits in the queue of the listener, LACK_WAIT_NS at most.
+    While no descriptor is free, a client waits in the queue of the listener, LACK_WAIT_NS at most.
     """
 
     has_stack = True  # TCP_INFO has figures of each end
@@ -240,7 +240,7 @@ class TcpRoute:
             self.loop.set_mask(self._door.fileno(), IN)
 
     def _reset_client(self) -> bool:
-        """Accept a client to send it RST; return whether that could be done."""
+        """Accept a client and send it RST; return whether a client was accepted."""
         self._spare.close()
         try:
             near, end = self._door.accept()
@@ -271,7 +271,7 @@ class TcpRoute:
 
 
 class UdpRoute:
-    """A tap between UDP ends: each client has its own far socket; what comes there goes to that client."""
+    """A tap between UDP ends: each client has its own far socket; datagrams from there go to the client."""
 
     has_stack = False
 

@@ -1,7 +1,7 @@
 """One direction of a tapped conversation: the bytes that wait between its ends, and the orders on them.
 
 Rule 1: a direction is bounded: bytes that the target has not taken, held bytes, delayed bytes. When it is
-full its source is not read any more, and the stack closes the window.
+full, its source is not read any more, and the source's stack closes the window.
 Rule 2: an end (FIN, RST) passes after the bytes before it; an RST waits for them RESET_WAIT_NS at most.
 Rule 3: a held direction holds its end, too.
 """
@@ -65,7 +65,7 @@ class TapLoop:
         return next(self._numbers)
 
     def run_once(self, seconds: float) -> None:
-        """Call all that is due or ready; wait at most so many seconds for it; -1: without limit."""
+        """Call all that is due or ready; wait for that at most so many seconds (-1: without limit)."""
         while self._timers and self._timers[0][0] <= time.monotonic_ns():
             heappop(self._timers)[2]()
             seconds = 0  # the timer may have ended the loop
@@ -263,7 +263,7 @@ class TapLane:
         self.late_size += len(data)
 
     def pass_late(self, is_due: bool = False) -> None:
-        """Forward the delayed bytes whose time has come; `is_due`: all of them."""
+        """Forward the delayed bytes whose time has come; `is_due`: forward all delayed bytes."""
         now = time.monotonic_ns()
         while self.late and (is_due or self.late[0][0] <= now) and not self.is_over:
             _, data = self.late.popleft()
@@ -297,7 +297,7 @@ class TapLane:
             self.handle_data(memoryview(held))
 
     def insert(self, data: bytes) -> None:
-        """Put bytes of ours before the held ones; if the direction is not held, treat them as new."""
+        """Put our bytes before the held bytes; if the direction is not held, treat ours as new bytes."""
         if self.held is not None:
             self.held[:0] = data
         else:

@@ -75,7 +75,7 @@ class DatagramWire:
         return [each for target in self._find_sockets(end) for each in target.withdraw()]
 
     def _find_sockets(self, end: Endpoint) -> list[SimDatagramSocket]:
-        """Return the receivers of a datagram: one socket; for a broadcast all at its address or 0.0.0.0."""
+        """Return a datagram's receivers: one socket; of a broadcast all bound to its address or 0.0.0.0."""
         is_broadcast = self.wire.is_broadcast(end.address)
         holders = self._bound.get(end.port, []) if is_broadcast or self.wire.owns_address(end.address) else []
         heard = (end.address, ANY_ADDRESS)
@@ -187,7 +187,7 @@ LOOPBACK_INTERFACE: Final = LocalAddress(
 
 
 class SeededRandom(random.Random):
-    """Random numbers from a seed; in this package: a run's state may name no class of another package."""
+    """Random numbers from a seed. An own class: a run's state may name no class of another package."""
 
 
 class SimKernel:
@@ -391,7 +391,7 @@ class SimKernel:
     # -- data ----------------------------------------------------------------------------------------
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
-        """Read at most len(into) bytes, with `fragment` perhaps fewer; 0 = the partner's FIN."""
+        """Read at most len(into) bytes, perhaps fewer if `fragment` is set; 0 = the partner's FIN."""
         socket = self._sockets.get(handle)
         if socket is not None and socket.polled and handle not in self._seen:
             return WOULD_BLOCK

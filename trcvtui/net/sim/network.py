@@ -46,7 +46,7 @@ class PortTable:
         self._next = FIRST_FREE_PORT
 
     def bind(self, claim: PortClaim, end: Endpoint) -> str:
-        """Give the end to the claim; return "" or the errno name."""
+        """Bind the claim to a local end; return "" or the errno name."""
         port = end.port or self._free_port()
         if not port or self._is_taken(claim, end.address, port):
             return "EADDRINUSE"
@@ -74,7 +74,7 @@ class PortTable:
         return ""
 
     def add(self, claim: PortClaim) -> None:
-        """Enter a claim whose end is known."""
+        """Enter a claim that has its address and port."""
         self._claims.setdefault(claim.port, []).append(claim)
 
     def release(self, claim: PortClaim) -> None:
@@ -122,7 +122,7 @@ class SimListener:
 
 
 class SimWire:
-    """The one machine that all handles share: it has loopback and its own addresses; there is no other."""
+    """The only machine of the simulated network, for all handles: it has loopback and own addresses."""
 
     def __init__(self, addresses: tuple[str, ...], latency: int) -> None:
         self.addresses = addresses
@@ -148,7 +148,7 @@ class SimWire:
         self.agenda.cancel(ticket)
 
     def call_after_latency(self, act: Callable[[], None]) -> None:
-        """Call `act` when something sent now arrives: after the latency, at once if it is 0."""
+        """Call `act` after the latency, when something sent now arrives; with latency 0 call it at once."""
         if self._latency:
             self.call_at(self.now + self._latency, act)
         else:
@@ -248,7 +248,7 @@ class SimWire:
                 self.carry(server, server.make_syn_ack())
 
     def call_as_partner(self, local: Endpoint, target: Endpoint) -> SimStream | None:
-        """Let a played partner call a listener; None: these two ends have a connection already."""
+        """Let a played partner call a listener; return its end, None if the two ends are connected."""
         client = self._make_played_stream(local, target)
         if self.has_connection(client):
             return None
@@ -256,7 +256,7 @@ class SimWire:
         return client
 
     def answer_as_partner(self, owner: str) -> SimStream | None:
-        """Let a played partner answer the newest call of an owner; None: the owner does not call."""
+        """Let a played partner answer an owner's newest call; return its end, None if there is no call."""
         client = self._take_newest_call(owner)
         if client is None:
             return None
@@ -268,7 +268,7 @@ class SimWire:
         return server
 
     def refuse_as_partner(self, owner: str) -> bool:
-        """Let a played partner refuse the newest call of an owner; False: the owner does not call."""
+        """Let a played partner refuse the newest call of an owner; return False if there is no call."""
         client = self._take_newest_call(owner)
         if client is not None:
             client.handle_segment(RESET_SEGMENT)
@@ -450,7 +450,7 @@ class SimSocket:
         return ""
 
     def _route_error(self, remote: str) -> str:
-        """Return the errno name with which the call itself refuses a target (80A0), "" if it does not."""
+        """Return the errno name if the connect call itself refuses the target (80A0), "" if it does not."""
         if is_group(remote):
             return "ENETUNREACH"
         if self._wire.owns_address(remote):

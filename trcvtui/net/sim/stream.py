@@ -1,7 +1,7 @@
 """One end of a simulated TCP connection: handshake, data, FIN, RST and timers, as a program sees Linux.
 
 Rule 1: change the state before a segment is carried: without latency the answer comes inside that call.
-Rule 2: an error is reported to one call; afterwards read answers 0 and write EPIPE.
+Rule 2: an error is reported to one call; afterwards `read` returns 0 and `write` returns EPIPE.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ RESET_SEGMENT: Final = Segment(0, 0, 0, b"", SegmentFlag.RST)
 
 
 class SendHalf:
-    """Bytes that were taken from the program, and that the partner has not acknowledged."""
+    """Bytes that the program has written and the partner has not acknowledged."""
 
     __slots__ = ("_edge", "_first", "_queue", "fin", "fin_acked", "next", "room")
 
@@ -83,7 +83,7 @@ class SendHalf:
         return self._first < self.next or bool(self._queue)
 
     def put(self, data: memoryview) -> int:
-        """Queue what there is room for; return how many bytes that was."""
+        """Queue the bytes that have room; return how many bytes were queued."""
         taken = data[: max(0, self.room - len(self._queue))]
         self._queue += taken
         return len(taken)
@@ -95,7 +95,7 @@ class SendHalf:
         return wider
 
     def acknowledge(self, ack: int) -> bool:
-        """Drop the bytes before `ack`; return whether it acknowledges anything new."""
+        """Drop the bytes before the position `ack`; return whether `ack` acknowledges anything new."""
         taken = ack - self._first
         if taken <= 0:
             return False
@@ -105,7 +105,7 @@ class SendHalf:
         return True
 
     def rewind(self) -> None:
-        """Begin again at the first unacknowledged byte."""
+        """Send again from the first unacknowledged byte on."""
         self.next = self._first
 
     def emit(self) -> tuple[int, bytes, int] | None:
@@ -122,7 +122,7 @@ class SendHalf:
         return (seq, data, SegmentFlag.NONE) if data else None
 
     def withdraw(self, size: int) -> int:
-        """Forget the newest bytes that wait for the window, so many at most; return how many."""
+        """Forget the newest bytes that wait for the window, `size` at most; return their number."""
         size = min(size, self.unsent)
         del self._queue[len(self._queue) - size :]
         return size
@@ -158,7 +158,7 @@ class ReceiveHalf:
 
     @property
     def should_update_window(self) -> bool:
-        """Return whether the window has doubled: Linux announces no less, so small reads cost no segments."""
+        """Return whether the window has doubled; Linux announces no smaller growth, to save segments."""
         offered, free = self._offered - self.next, self.room - len(self.inbox)
         return 2 * offered <= self.room and free >= 2 * offered and free >= min(self.room // 2, SEGMENT_BYTES)
 
@@ -360,7 +360,7 @@ class SimStream:
             self._send_queued()
 
     def close(self) -> None:
-        """Send FIN after the queued data and live on without a program; or send RST and end."""
+        """Send FIN after the queued data; the stream lives on without its program. Or send RST and end."""
         if self.phase is not StreamPhase.OPEN or self._in.inbox:  # RFC 2525 2.17: RST if data is unread
             self.abort()
             return
@@ -379,7 +379,7 @@ class SimStream:
             self._wire.carry(self, RESET_SEGMENT)
 
     def withdraw(self, size: int) -> None:
-        """Take back the newest bytes that the partner's program has not read, so many at most."""
+        """Take back the newest bytes that the partner's program has not read, `size` at most."""
         size -= self._out.withdraw(size)
         inbox = self.partner._in.inbox if self.partner is not None else bytearray()
         del inbox[max(len(inbox) - size, 0) :]

@@ -1,6 +1,6 @@
 """Virtual time of the simulated network: its timer queue, and the two timers that can end a TCP connection.
 
-The figures were measured on Linux; all times are in ns.
+The waits and limits were measured on Linux; all times are in ns.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SYN_WAITS: Final = (1024 * MS,) * 5 + tuple(1024 * MS << n for n in range(1, 7))
 
 
 class Ticket:
-    """One timer of the queue; `act` is None once it has run or was cancelled."""
+    """One timer of the queue; `act` is None once the timer has run or was cancelled."""
 
     __slots__ = ("act",)
 
@@ -32,7 +32,7 @@ class Ticket:
 
 
 class TimerQueue:
-    """Timers in the order of their times; for the same time, in the order in which they were added."""
+    """Timers by time; timers with the same time are in the order in which they were added."""
 
     def __init__(self) -> None:
         self.now = 0
@@ -58,7 +58,7 @@ class TimerQueue:
             self._cancelled = 0
 
     def run_until(self, now: int) -> None:
-        """Call each timer that is due up to `now`; during the call `self.now` is the time it was due."""
+        """Call each timer that is due up to `now`; in a call `self.now` is its due time."""
         while self._heap and self._heap[0][0] <= now:
             due, _, ticket = heapq.heappop(self._heap)
             act, ticket.act = ticket.act, None
@@ -79,7 +79,7 @@ class TimerQueue:
 
 
 class TimerResult(Enum):
-    """The decision when a timer is due."""
+    """What to do when a timer is due."""
 
     WAIT = "wait"
     ASK = "ask"  # send a probe, or the data again
@@ -87,7 +87,7 @@ class TimerResult(Enum):
 
 
 class KeepAlive:
-    """Keep-alive with idle = interval = I and count 2: dead 3 x I after the last packet received."""
+    """Keep-alive, idle = interval = I, 2 probes: a connection is dead 3 x I after the last packet came."""
 
     __slots__ = ("_asked_at", "_probes", "due", "interval")
 
@@ -98,7 +98,7 @@ class KeepAlive:
         self._asked_at = 0
 
     def check_due(self, now: int, heard: int, busy: bool, user_timeout: int) -> TimerResult:
-        """Return the decision at `due`, set the next `due`; `busy`: data is unsent or not acknowledged."""
+        """Return what to do at `due`, set the next `due`; `busy`: data is unsent or not acknowledged."""
         silent = now - heard
         if heard >= self._asked_at:  # the last probe was answered
             self._probes = 0
@@ -117,7 +117,7 @@ class KeepAlive:
 
 
 class Retry:
-    """Retransmission and window probes: back off; give up after the user timeout or 16 unanswered tries."""
+    """Retransmission and window probes with growing waits, until the user timeout or 16 tries in vain."""
 
     __slots__ = ("_since", "_tries", "_unanswered", "due")
 
@@ -140,7 +140,7 @@ class Retry:
         self._unanswered = 0  # a zero window that is confirmed can last for ever (RFC 9293 3.8.6.1)
 
     def check_due(self, now: int, probing: bool, user_timeout: int, longest: int) -> TimerResult:
-        """Return what is due, and set the next `due`; `probing`: zero window, nothing in flight."""
+        """Return what to do, and set the next `due`; `probing`: zero window, and nothing is in flight."""
         if self._since is None and (probing or self._tries > 0):  # the tail probe does not start the limit
             self._since = now
         if self._is_exhausted(now, user_timeout):

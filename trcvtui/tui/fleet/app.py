@@ -145,7 +145,7 @@ class FleetScreen(Screen[None]):
     # -- what is shown ------------------------------------------------------------------------------
 
     def advance(self, now: int) -> bool:
-        """Sort the list if it has changed or is old, else update ages; return False if it is too early."""
+        """Sort a changed or old list, else update ages; return False if it is too early for both."""
         if now < self._ordered_at + ORDER_INTERVAL_NS:
             return False
         self._ordered_at = now

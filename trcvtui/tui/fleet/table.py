@@ -1,7 +1,7 @@
-"""The list of `trcvtui fleet`: a row is a line or the head of a group; only rows in view are made.
+"""The list of `trcvtui fleet`. A row is a production line or a group's head; only rows in view are made.
 
-Rule: the list is sorted again while you read it. The cursor stays on the worst row until you move it; then
-it stays on the same line, and that line keeps its place on the screen.
+Rule: the list is sorted again while you read. The cursor stays on the worst row until you move the cursor.
+From then on it stays on the same line, and this line keeps its place on the screen.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def state_of(line: FleetLine) -> str:
 
 
 def describe_status(line: FleetLine) -> str:
-    """Return the text of the worst instance: its finding, the bytes that it lacks, or its STATUS."""
+    """Return the text of the worst instance: finding, received of wanted bytes if stuck, or STATUS."""
     status = line.worst_instance.status if line.worst_instance is not None else None
     if status is None:
         return ""
@@ -75,7 +75,7 @@ class FleetColumns(NamedTuple):
 
 
 def columns_of(width: int) -> FleetColumns:
-    """Return the widths; the text of the STATUS gets 0 if the names leave too little room."""
+    """Return the widths; the STATUS text gets width 0 if too little room remains beside the names."""
     left = max(8, width - FIXED_WIDTH)
     text = min(MOST_TEXT_WIDTH, left - NAME - 1)
     return FleetColumns(left - text - 1, text) if text >= LEAST_TEXT_WIDTH else FleetColumns(left, 0)
@@ -193,7 +193,7 @@ class FleetTable(LineView, inherit_bindings=False):
         self.go_to(self.cursor + rows)
 
     def action_edge(self, direction: int) -> None:
-        """Go to the last row; or to the first row, and from then on stay on the worst line."""
+        """Go to the last row, or to the first row; at the first, the cursor then stays on the worst row."""
         self.go_to(direction * len(self.entries))
         self._is_moved = direction > 0
 

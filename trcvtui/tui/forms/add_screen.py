@@ -51,7 +51,7 @@ class ChoiceField(FormField):
         cast("AddScreen", self.screen).submit()
 
     def convert_paste(self, text: str) -> str:
-        """Give a pasted STRUCT to the form, which keeps it for a file; this field gets the file's name."""
+        """Give a pasted STRUCT to the form, which will write it into a file; show the file's name here."""
         is_type = self.key == FILE_KEY and (len(text.splitlines()) > 1 or "END_STRUCT" in text.upper())
         return cast("AddScreen", self.screen).keep_type(text) if is_type else super().convert_paste(text)
 
@@ -71,7 +71,7 @@ class ChoiceField(FormField):
 
 
 class AddScreen(FormDialog[str]):
-    """Ends with the command, "" when you leave it."""
+    """Returns the command, or "" if you leave the form."""
 
     ENTER_VERB: ClassVar = "add"
     BINDINGS: ClassVar = [Binding("tab", "complete", show=False)]
@@ -186,7 +186,7 @@ class AddScreen(FormDialog[str]):
             self._check_fields()
 
     async def handle_field_change(self, field: ChoiceField) -> None:
-        """Show the fields of another kind, or of another block; another block keeps what you typed."""
+        """Show the fields of a new kind or a new block; typed values stay if only the block changes."""
         project = self._project()
         if field is self._kind_field:
             if field.value in kinds_of(project) and field.value != self.kind:  # not while it is half typed
@@ -225,7 +225,7 @@ def _hint_text(field: AddField) -> str:
 
 
 class ChangeScreen(AddScreen):
-    """Ends with the command, "" when you leave it or have changed nothing."""
+    """Returns the command, or "" if you leave the form or have changed nothing."""
 
     ENTER_VERB: ClassVar = "change"
 

@@ -1,4 +1,4 @@
-"""A connection description byte for byte: the content of the DB, and the errors that a CPU finds in it."""
+"""A connection description byte for byte: the DB's content, and the errors that a CPU finds there."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class DescriptionText(TextView):
         self._listens = ""
 
     def show_description(self, config: ConnectConfig, listens: str) -> None:
-        """Show another description from its beginning; `listens`: the end where the CONNECT listens now."""
+        """Show another description from its start; `listens`: where the CONNECT listens now."""
         self.config, self._listens = config, listens
         self.scroll_to(y=0, animate=False)
         self.draw()

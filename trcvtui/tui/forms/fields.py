@@ -88,7 +88,7 @@ def format_value(value: KeyValue) -> str:
 def fields_to_change(
     part: ProjectPart, now: Mapping[str, KeyValue], project: Project, block: str
 ) -> list[AddField]:
-    """Return the fields of a part, empty for a missing key; the fields of an instance depend on `block`.
+    """Return the fields of a part; a missing key has an empty field; `block` decides an instance's fields.
 
     A key with several texts, such as `replies`, has no field: only a `set` line changes it.
     """
@@ -114,7 +114,7 @@ def fields_to_change(
 
 
 def _without_new(field: AddField) -> AddField:
-    """Return the field without the choice NEW: an existing part can only refer to what exists."""
+    """Return the field without the choice NEW: an existing part can only refer to existing parts."""
     there = tuple([each for each in field.choices if each != NEW])
     return replace(field, choices=there, first=field.first if field.first != NEW else "".join(there[-1:]))
 
@@ -122,10 +122,7 @@ def _without_new(field: AddField) -> AddField:
 def make_set_line(
     part: ProjectPart, now: Mapping[str, KeyValue], texts: Mapping[str, str], project: Project
 ) -> str:
-    """Return the `set` line from the present keys to the texts of the fields; "" if nothing changes.
-
-    When an instance gets another block, keys that are neither a field nor a pin of it are removed.
-    """
+    """Return the `set` line that changes the present keys to the texts of the fields; "": no change."""
     gone: dict[str, str] = {}
     if part.kind == "instance" and texts["block"] in project.dialect.blocks:
         pins = {pin.name for pin in project.pins(texts["block"])}

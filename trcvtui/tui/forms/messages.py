@@ -87,7 +87,7 @@ class LibraryList(LineView):
 
 
 class LibraryScreen(ListDialog[str]):
-    """The list of messages. Its answer is the command of the chosen entry, "" for none."""
+    """The list of messages. Its answer is the command of the chosen entry, "" if you choose none."""
 
     DEFAULT_CSS = "LibraryScreen LibraryList { width: 110; height: 60%; border-subtitle-color: $text-muted; }"
 
@@ -172,7 +172,7 @@ def _column_texts(leaf: Leaf) -> dict[str, str]:
 
 
 def make_udt_form(text: str, mode: str, view_model: ViewModel) -> UdtForm | None:
-    """Return the form of a UDT: the one in the payload, else in DATA, else the first; None without UDTs."""
+    """Return the form of the payload's UDT, else of DATA's, else of the first UDT; None without UDTs."""
     types, declared = view_model.project.types, view_model.declaration
     first = text.split("{")[0].strip() if mode == UDT else ""
     names = [first, declared.type_name if declared else "", *types.names()]
@@ -185,7 +185,7 @@ def make_udt_form(text: str, mode: str, view_model: ViewModel) -> UdtForm | None
 
 
 def _payload_values(text: str, view_model: ViewModel) -> dict[str, str]:
-    """Return the text of each member that a payload sets; none if the payload has a mistake."""
+    """Return the text of each member that a payload sets; {} if the payload has a mistake."""
     from trcvtui.commands.tokens import parse_members  # read when first asked for
 
     try:

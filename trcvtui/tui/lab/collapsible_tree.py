@@ -24,7 +24,7 @@ class Place(NamedTuple):
     bit: int | None = None
 
     def __str__(self) -> str:
-        """Return the offset, for a bit with its number: `2.5`."""
+        """Return the offset; for a single bit, add the bit number: `2.5`."""
         return str(self.offset) if self.bit is None else f"{self.offset}.{self.bit}"
 
 
@@ -33,10 +33,10 @@ Key = tuple[int, ...]  # the number of the member or element at each level; the 
 
 
 class TreeRow(NamedTuple):
-    """One row: `is_open` is None if the row cannot be folded; `leaf` is the number of its first leaf.
+    """One row: `is_open` is None if the row cannot be folded; `leaf` is the number of the row's first leaf.
 
-    A gap has no type; its size is 0 on a side without this gap. `moved`: the row, or a part of it, has
-    another place on the other side.
+    A gap has no type; its size is 0 on a side without this gap. `moved`: the place of the row,
+    or of a part of the row, differs between the sides.
     """
 
     key: Key
@@ -81,7 +81,7 @@ class FoldTree:
         self._build_rows()
 
     def row_of_leaf(self, leaf: int, opens: bool = False) -> int:
-        """Return the row of a leaf, or of the closed branch around it; `opens`: open all such branches."""
+        """Return the row of a leaf or of a closed branch around it; `opens`: open such branches first."""
         y = self._row_before(leaf)
         while opens and not self.rows[y].is_leaf:
             self.toggle(self.rows[y].key)

@@ -1,6 +1,6 @@
-"""The model of the lab: types from files, one of them laid out in two profiles, the bytes to compare with.
+"""The model of the lab: types from files, one type laid out in two profiles, and the bytes to decode.
 
-Rule: nothing here commands the PLC: a type that changes in its file changes the lab, not DATA.
+Rule: nothing here commands the PLC: if a type changes in its file, the lab changes, but DATA does not.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ SOURCE_TITLES: Final = {
 
 
 class LabBytes:
-    """The bytes that the lab shows; `back` counts messages back from the newest one."""
+    """The bytes that the lab shows; `back` is how many messages the shown one is older than the newest."""
 
     def __init__(self, view_model: ViewModel) -> None:
         self._view_model = view_model
@@ -119,7 +119,7 @@ class LabBytes:
         self._last: JobSpan | None = None
 
     def choose_source(self) -> str:
-        """Choose DATA, or the running job if DATA was never written; keep your choice; return a remark."""
+        """Unless you chose bytes: choose DATA, or the job if DATA was never written; return a remark."""
         if self.is_chosen or self.source not in (DATA, JOB):
             return ""
         declared, is_empty = self._view_model.declaration, not any(self._view_model.data)
@@ -201,7 +201,7 @@ class LabBytes:
         return [] if self.window() is None else self._view_model.messages
 
     def _doubt(self) -> str:
-        """Return why message ends are unknown, "" if known: pauses count only for multiples of one size."""
+        """Return why message ends are unknown, or ""; pauses count if the least size divides all sizes."""
         window, messages = self.window(), self.messages()
         sizes = [len(message.content) for message in messages if message.by_pauses]
         is_known = bool(messages) and not any(size % min(sizes) for size in sizes)
@@ -213,7 +213,7 @@ class LabBytes:
     def evidence(self) -> tuple[list[bytes], bool]:
         """Return the bytes to judge profiles by, and whether their lengths are the sender's (rule 1).
 
-        For DATA or the running job these are the received messages, if known: they are better evidence.
+        While DATA or the running job is shown, return the received messages, if known: better evidence.
         """
         known = [] if self._doubt() else [message.content for message in self.messages()]
         if known and self._has_messages():
@@ -367,7 +367,7 @@ class Lab:
         self.news = f"still unknown: {', '.join(unknown[:3])}" if unknown else "all constants are known"
 
     def follow_bench(self) -> None:
-        """Rank the profiles once messages have come; follow a changed project: a new bench, or an edit."""
+        """Rank the profiles once messages have come; choose the type again if project types changed."""
         if self._is_early and self.bytes.window() is not None:
             self.rank_profiles()
         project = self._view_model.project

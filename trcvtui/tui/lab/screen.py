@@ -1,6 +1,6 @@
 """The screen of the UDT lab: one type in two profiles on the same bytes, the profile that fits, the cure.
 
-Rule: the lab changes nothing by itself. R, V, u and constants send bench commands.
+Rule: the lab changes nothing by itself. The keys R, V, u and the form of constants send commands.
 """
 
 from __future__ import annotations
@@ -372,7 +372,7 @@ class LabScreen(SideScreen[None]):
         self.show()
 
     def action_data_as_theirs(self) -> None:
-        """Send the line that gives DATA the layout of theirs: this cures a mismatch, too."""
+        """Send the bench line that gives DATA their layout: another way to cure a mismatch."""
         from trcvtui.diagnosis.data_view import make_choice, make_view_command
 
         declared, theirs = self._view_model.declaration, self.lab.profiles["theirs"]

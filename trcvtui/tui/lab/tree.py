@@ -80,7 +80,7 @@ NARROW_WIDTH: Final = 90  # in fewer columns than this, offset and type get less
 
 
 class LeafCell(NamedTuple):
-    """One side of a leaf: the type that decides its bytes, its value; `is_there`: all of its bytes exist."""
+    """One side of a leaf: its stored type and value as text; `is_there`: all bytes of the leaf exist."""
 
     type: str
     value: str
@@ -96,7 +96,7 @@ class TreeColumns(NamedTuple):
 
 
 def columns(width: int, lab: Lab) -> TreeColumns:
-    """Return the columns of a pane of that width: offset and size are as wide as the type needs."""
+    """Return the width of each column in a pane `width` wide: offset and size get what the type needs."""
     layouts = [layout for side in (OURS, THEIRS) if (layout := lab.layout(side)) is not None]
     digits = len(str(max((layout.size for layout in layouts), default=0)))
     bits = 2 if any(layout.rules.bits & {"BOOL"} or layout.rules.takes_pack for layout in layouts) else 0
@@ -263,7 +263,7 @@ class LabTree(LineView):
             self.go_to(y, tells=opens)
 
     def action_fold(self, wanted: bool | None) -> None:
-        """Open (True), close (False) or toggle (None) a branch; False on another row: go to its parent."""
+        """Open (True), close (False) or toggle (None) a branch; False if not open: go to the parent."""
         tree, found = self._lab.tree, self.chosen_row
         if tree is None or found is None:
             return

@@ -1,1 +1,1 @@
-"""The panes of the bench, one file a pane, its parts beside it."""
+"""The panes of the bench: one file for each pane, and files for the parts of panes."""

@@ -41,7 +41,7 @@ class Splits:
         return tuple(sorted(self.pauses))
 
     def toggle_at(self, place: int) -> Splits:
-        """Return a copy with this cut added or removed; a new one takes the pause of its neighbour."""
+        """Return a copy with this cut added or removed; a new cut takes the pause of the cut next to it."""
         if place in self.pauses:
             return Splits({at: ns for at, ns in self.pauses.items() if at != place})
         near = [at for at in self.places if at < place][-1:] or list(self.places[:1])

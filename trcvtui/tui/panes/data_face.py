@@ -1,6 +1,6 @@
 """DATA now as a face of pane 5, and below it the progress of the job.
 
-A receive job: the bytes that it has collected but not delivered yet. A send job: how far its bytes are.
+Of a receive job, the bytes collected but not delivered yet; of a send job, how far the bytes are.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ LEAST_GAP_WIDTH: Final = 74  # columns from which the gap timer fits beside the 
 
 
 class JobLine(OneLine):
-    """One line between both views: how far the job is."""
+    """One line between the two hex views: how far the job is."""
 
     def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="job-line")

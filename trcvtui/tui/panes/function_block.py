@@ -94,7 +94,7 @@ def order_inputs(block: str, pins: list[DrawnPin], wired: dict[str, DrawnPin]) -
 
 
 def make_drawing(project: Project, block: str, connect: str) -> BlockDrawing:
-    """Return the drawing of a block that works on a CONNECT; its ID is drawn after the first pin."""
+    """Return the drawing of a block on a CONNECT; the ID of the CONNECT, if any, is after the first pin."""
     pins = [pin for pin in project.pins(block) if pin.name not in PINS_BELOW_BOX]
     wired = wired_pins(block)
     names = [pin.name for pin in pins if pin.direction != "out"]
@@ -148,7 +148,7 @@ ROWS, FRAMER_ROWS = 14, 20  # rows of a block with its border; of one with a fra
 
 
 def rows_needed(project: Project) -> int:
-    """Return the rows in which every block of a project is seen whole."""
+    """Return how many rows are needed to show any block of a project completely."""
     return FRAMER_ROWS if any(block_row(each.block).affix_pins for each in project.instances) else ROWS
 
 
@@ -444,7 +444,7 @@ class FunctionBlock(LineView):
         return f"{instance.block} has no {missing}" if instance is not None else "there is no instance"
 
     def place_of_pin(self, letter: str) -> str:
-        """Return a hint in which panes the letter of a pin works; "" if no pin has this letter."""
+        """Return a hint that names the panes where a pin's letter works; "" if no pin has this letter."""
         pin = next((pin.name for pin in self.drawing().inputs if pin.letter == letter), "")
         return pin and f"{pin} is a key of panes 1 to 3: press 2, then {letter}"
 
@@ -452,7 +452,7 @@ class FunctionBlock(LineView):
         return next((pin.letter for pin in self.drawing().inputs if pin.name == name), "")
 
     def toggle(self, pin: DrawnPin) -> None:
-        """Send the command of a pin: toggle a level or pulse an edge; a number is typed in the prompt."""
+        """Toggle a level or pulse an edge by a command; for a number or a wired pin, open the prompt."""
         instance, snapshot = self._view_model.instance, self._view_model.snapshot
         if instance is None or snapshot is None:
             return

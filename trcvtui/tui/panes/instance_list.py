@@ -1,4 +1,4 @@
-"""Pane 1: one line for each instance: partner, STATUS, lamps, have and need, age of the last byte."""
+"""Pane 1: a line for each instance: partner, STATUS, lamps, bytes of the job, age of the last byte."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class ListColumns(NamedTuple):
 
 
 class InstanceList(LineView):
-    """The instances in call order; the cursor is the selection that all panes follow."""
+    """The instances in call order; all panes show the instance under the cursor."""
 
     DEFAULT_CSS = "InstanceList { height: auto; max-height: 10; min-height: 3; }"
     KEYS: ClassVar = (("↑↓", "instance"), ("A", "add"), ("E", "change"))

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class MessageColumn(NamedTuple):
-    """A column before the members; wider if the newest message needs it."""
+    """A column before the members; it gets wider if the newest message needs more room."""
 
     name: str
     width: int
@@ -55,7 +55,7 @@ def all_pass(shown: MessageRow) -> bool:
 class MessageLines(LineView):
     """Rows that pass the filter. The newest row is followed until you choose a row.
 
-    A replay has the rows of the whole recording; its newest row is the last one up to the shown scan.
+    In a replay, all rows of the recording are listed; the newest row is the last one up to the shown scan.
     """
 
     KEYS: ClassVar = (("↑↓", "message"), ("end", "follow"), ("/", "filter"), ("y", "CSV"), ("D", "DATA now"))
@@ -81,7 +81,7 @@ class MessageLines(LineView):
 
     @property
     def _known_messages(self) -> KnownMessages:
-        """Return the rows of the selected instance: none until they arrive, never those of another one."""
+        """Return the rows of the selected instance, no rows until the first of them arrive."""
         known = self._view_model.known_messages
         return known if known.instance == self._view_model.selected else KnownMessages()
 
@@ -102,7 +102,7 @@ class MessageLines(LineView):
 
     @property
     def _chosen_place(self) -> int:
-        """Return the index of the chosen row among the filtered rows; -1: all come after the shown scan."""
+        """Return the index of the chosen row among filtered rows; -1: all rows are after the shown scan."""
         last = len(self._listed) - 1
         if self._at is not None:
             return min(last, bisect_left(self._listed, self._at))
@@ -221,7 +221,7 @@ class MessageLines(LineView):
         return action != "leave" or bool(self._typed) or self._at is not None
 
     def action_leave(self) -> None:
-        """Clear the filter; without one, follow the newest."""
+        """Clear the filter; if there is no filter, follow the newest message."""
         if self._typed:
             self.set_filter("")
         else:

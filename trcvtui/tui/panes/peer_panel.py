@@ -1,4 +1,4 @@
-"""Pane 7: the peer. Its state, the message to send, the faults that it can cause, and their commands."""
+"""Pane 7: the peer's state, the message to send, the faults that the peer can cause, and the commands."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ STATE_STYLES = {"connected": "on", "reset": "warn", "refused": "warn"}
 
 
 class PeerList(LineView):
-    """The cursor is the peer that the composer and the buttons act on."""
+    """The list of peers; the composer and the buttons act on the peer under the cursor."""
 
     KEYS: ClassVar = (
         ("s", "send"), ("i", "edit"), ("m", "mode"), ("x", "cuts"), ("e", "every split"), ("o", "form"),
@@ -110,7 +110,7 @@ class PeerList(LineView):
         return parts
 
     def action_edit(self) -> None:
-        """Go to the payload at once; its mode is the field before it."""
+        """Put the focus on the payload at once; the field of the mode comes before the payload."""
         field = self.screen.query("#payload")
         self.screen.set_focus(field.first()) if field else self.screen.focus_next()
 

@@ -1,4 +1,4 @@
-"""Panes 3 and 4: the STATUS, its cause and what to check next; all changes before it."""
+"""Pane 3: the STATUS, its cause and what to check next. Pane 4: all earlier changes of the STATUS."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ class StatusHistory(LineView):
         self._choose_where(lambda outputs: outputs.error, "ERROR", 1)
 
     def action_hit(self, step: int) -> None:
-        """Choose the next older edge with the code of `find`, else with ERROR; -1: the next newer edge."""
+        """Choose the next older (`step` 1) or newer (-1) edge with the code of `find`, else with ERROR."""
         code = self.code
         what = "ERROR" if code is None else f"{code:04X}"
         self._choose_where(lambda out: out.error if code is None else out.status == code, what, step)
@@ -167,7 +167,7 @@ class StatusHistory(LineView):
         self.show()
 
     def point_at(self, seq: int | None) -> None:
-        """Follow a choice of another pane; an edge older than this list clears the choice."""
+        """Choose the edge that another pane chose; choose none if this list does not have that edge."""
         if seq == self._chosen:
             return
         y = next((y for y, line in enumerate(self._edges) if line.seq == seq), -1)
@@ -237,7 +237,7 @@ class StatusCard(TextView):
         self._do_rows = range(0)
 
     def _remedy_lines(self) -> tuple[str, ...]:
-        """Return the bench lines of the first remedy that is still to do, and was tried or needs no trial."""
+        """Return the bench lines of the first remedy still to do; skip remedies that need a trial first."""
         instance = self._view_model.instance
         if instance is None or self._past is not None:
             return ()

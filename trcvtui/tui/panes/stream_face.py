@@ -160,14 +160,14 @@ class StreamFace(ReceivedFace):
         return self._with_hit(self.stream.cursor, self.stream.difference() + origin)
 
     def message_here(self) -> range:
-        """Return the positions of the message under the cursor, else of the job if all of it is here."""
+        """Return the positions of the message under the cursor, else of a job whose bytes are all here."""
         place, job = self.stream.cursor, self.job_here()
         of_job = range(job.position, job.stop) if job is not None else range(0)
         found = [each.positions for each in self._view_model.messages if place in each.positions]
         return found[0] if found else of_job if self.stream.window.has_values(of_job) else range(0)
 
     def bytes_to_copy(self) -> tuple[bytes, bytes]:
-        """Return the message under the cursor, and the bytes from the marked one to the cursor or back."""
+        """Return the message under the cursor, and all bytes from the marked message to the cursor."""
         window, mark, place = self.stream.window, self.stream.marked, self.stream.cursor
         between = range(0)
         if mark is not None and place is not None:
@@ -190,7 +190,7 @@ class StreamFace(ReceivedFace):
         return job
 
     def job_of_cursor(self) -> tuple[str, int, bytes] | None:
-        """Return instance, number (0: dropped) and bytes of the job under the cursor, once they are here."""
+        """Return the job under the cursor as instance, number (0: dropped), bytes; None without bytes."""
         job, known = self.job_here() if self.is_shown else None, self.past_job
         if job is None or known is None or not self._has_bytes_of(job) or len(known[1]) < job.whole:
             return None

@@ -61,7 +61,7 @@ DROPPED_STYLE: Final = BracketStyle("×", "×", "×", "warn")
 
 
 class RulerBracket(NamedTuple):
-    """A bracket over columns `first` .. `last` of a ruler; names from the longest to the shortest."""
+    """A bracket over columns `first` .. `last` of a ruler; the longest of `names` that fits is drawn."""
 
     first: int
     last: int
@@ -118,7 +118,7 @@ def make_brackets(
     column: Callable[[int], int],
     drawn: Callable[[Span], tuple[bool, bool, BracketStyle, tuple[str, ...]]],
 ) -> list[RulerBracket]:
-    """Return the brackets of the spans over a row; `column` returns the column of a byte in it."""
+    """Return the brackets of the spans over a row; `column` returns the column of the row's n-th byte."""
     found = []
     for span in find_spans(spans, start, stop):
         begins, ends, pen, names = drawn(span)
@@ -163,7 +163,7 @@ def describe_first_cut(marks: Sequence[int], messages: Sequence[MessageSpan]) ->
 
 
 def describe_first_arrival(recvs: Sequence[RecvSpan], start: int, stop: int) -> str:
-    """Return when the first chunk that begins in a row arrived, and how long after the one before."""
+    """Return when the first chunk that begins in a row arrived, and the time since the chunk before."""
     first = next((n for n, span in enumerate(recvs) if start <= span.position < stop), None)
     if first is None:
         return ""
@@ -187,7 +187,7 @@ NO_WINDOW: Final = HistoryWindow("", 0, 0)
 
 
 class StreamView(ByteLines):
-    """Bytes by position; `follows` keeps the newest in view."""
+    """Bytes by position; while `follows` is True, the newest byte stays in view."""
 
     KEYS: ClassVar = (
         ("[ ]", "DONE"), ("/", "find"), ("m", "mark"), ("d", "diff"), ("u", "rulers"), ("H", "DATA now"),
@@ -223,7 +223,7 @@ class StreamView(ByteLines):
         self.marked, self._cut = None, (0, 0)
 
     def make_request(self, connect: str, job_at: int | None) -> HistoryRequest:
-        """Return what to ask for: the page in view, one before and one after it."""
+        """Return the request for the page in view, the page before and the page after."""
         if self.size.height:  # while hidden, ask for the same as before
             page = -(-self.size.height // self.row_lines) * self.per_row
             start, stop = max(0, self._first_position() - page), self._first_position() + 2 * page
@@ -233,7 +233,7 @@ class StreamView(ByteLines):
         return HistoryRequest(connect, *self._asked, before=True, seek=self.seek, job_at=job_at)
 
     def accept_window(self, window: HistoryWindow) -> int | None:
-        """Take a window; return the position that a search has found, None if none was found yet."""
+        """Show a new window; return the position that a search has found, None if nothing was found yet."""
         if window != self.window:
             self.window = window
             self._knows_messages = self._knows_messages or bool(window.messages)
@@ -266,7 +266,7 @@ class StreamView(ByteLines):
             self._drawn = None
 
     def difference(self) -> str:
-        """Return in how many bytes the message at the cursor differs from the marked one, "" without one."""
+        """Return how the message at the cursor differs from the marked one; "" if no message is marked."""
         if self.marked is None or not self._compared:
             return ""
         here, there = self.window.cut(self._compared), self.marked[1]
@@ -372,7 +372,7 @@ class StreamView(ByteLines):
 
     @property
     def _blank(self) -> int:
-        """Return the blanks in the middle of a row and before its text: none if 16 bytes need the room."""
+        """Return how many blanks are in a row's middle and before its text: 0 if 16 bytes need the room."""
         return 1 if self.line_width >= self.digits + ROOMY or self.per_row == NARROW else 0
 
     def row_count(self) -> int:

@@ -27,7 +27,7 @@ class MessageBytes(HexView):
 
 
 class TableFace(ReceivedFace):
-    """Pane 6 shows the members of the chosen message."""
+    """The table, and the bytes of the chosen message; pane 6 shows the members of this message."""
 
     DEFAULT_CSS = "TableFace HexView { height: 1; }"
 

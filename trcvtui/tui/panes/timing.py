@@ -185,7 +185,7 @@ STRIP_ROWS: Final = 4  # lines of a strip: ruler, STATUS, EN_R or REQ, DONE
 
 
 class Timing(LineView):
-    """The selected instance, and with `o` every other one of its CONNECT below it."""
+    """The waves of the selected instance; below, after the key `o`, all others on the same CONNECT."""
 
     KEYS: ClassVar = (
         ("←→", "scan"), ("n N", "edge"), ("!", "ERROR"), ("+-", "zoom"), ("m", "marker"), ("e", "export"),
@@ -310,7 +310,7 @@ class Timing(LineView):
     # -- moving -------------------------------------------------------------------------------------
 
     def go_to(self, scan: int | None, nothing: str = "") -> None:
-        """Put the cursor on a scan and explain its STATUS; None (not found): note the text `nothing`."""
+        """Put the cursor on a scan and explain its STATUS; if `scan` is None, show the text `nothing`."""
         self._note = nothing if scan is None else ""
         if scan is not None:
             self.view.go_to(scan, self._until)

@@ -213,7 +213,7 @@ class UdtTable(LineView):
     # -- both ways ----------------------------------------------------------------------------------
 
     def select_member_at(self, offset: int) -> range:
-        """Put the cursor on the member at a byte or, in padding, on the one before; return its bytes."""
+        """Select the member at a byte, return its range; in padding, the member before, and no range."""
         declared = self._view_model.declaration
         if declared is None or offset < 0:
             return range(0)
@@ -235,7 +235,7 @@ class UdtTable(LineView):
             self._choose(0 if self.cursor is None else max(0, min(last, self.cursor + rows)))
 
     def on_click(self, event: events.Click) -> None:
-        """Choose the member under the mouse; on the title, decode the other bytes."""
+        """Choose the member under the mouse; a click on the title switches between DATA and the job."""
         place = self.place_of(event)
         if event.y == 0:
             self.post_message(KeyClicked("members"))

@@ -1,4 +1,4 @@
-"""The list of scenario files; the text of one with the result of each step; the traces."""
+"""The list of scenario files; the text of the chosen file with the result of each step; the traces."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class ScenarioListModel:
         return found
 
     def file(self, path: Path | None) -> ScenarioFile | None:
-        """Return a file, which is read now if it was not yet; None if it is not in the list."""
+        """Return a file, and read it first if needed; None if the list does not have this file."""
         if path is None or path not in self._paths:
             return None
         if path not in self._read:
@@ -277,7 +277,7 @@ NEXT_STEP_STYLE: Final = ("▸", "key", "strong")
 
 
 class ScenarioText(TextView, inherit_bindings=False):
-    """What the scenario is about, then its steps; the present one stays in view."""
+    """What the scenario is about, then its steps; the present step stays in view."""
 
     BINDINGS: ClassVar[list[BindingType]] = ARROW_KEYS
 

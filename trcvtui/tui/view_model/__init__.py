@@ -1,1 +1,1 @@
-"""What the screen knows, and what it says about it, before anything is drawn."""
+"""What the screen knows about the bench, and the texts that explain it, before anything is drawn."""

@@ -22,7 +22,7 @@ NO_TRIAL: Final = re.compile(r"pulse \w+ COM_RST|set \w+ (CONT|EN_R|REQ)=[01]") 
 
 
 def explain_status(shown: StatusEdge | InstanceSnapshot) -> str:
-    """Return the evidence of a STATUS: what happened, call and error, partner, and whether injected."""
+    """Return the evidence of a STATUS: what happened, call, error, partner, injected or not."""
     return "expected: " * shown.cause.is_expected + describe_cause(shown.cause, shown.block)
 
 
@@ -80,7 +80,7 @@ class StatusExplainer:
         return DataBytes(view_model.declaration, view_model.data, view_model.job_bytes)
 
     def explain_edge(self, line: Line, edge: StatusEdge) -> Advice:
-        """Explain a past edge from the ledger; but explain the newest edge, still shown, as the present."""
+        """Explain a past edge from the ledger, but the newest edge, which still holds, as the present."""
         edges, instance = self._view_model.history.list_edges(edge.instance), self._view_model.instance
         if instance is not None and edges and edges[-1].seq == line.seq:
             return self.explain_now(instance)

@@ -12,7 +12,7 @@ SLACK_ROWS: Final = 256  # rows that are dropped in one go
 
 
 class KnownMessages:
-    """The newest rows of an instance, oldest first: `rows[0]` is row `first`. Another instance clears them.
+    """The newest rows of an instance, oldest first, from row `first` on; another instance clears the rows.
 
     A dropped row is no longer in `rows`. A row without `content` has lost its values.
     """

@@ -45,7 +45,7 @@ class PinPulse:
 
 
 class Afterglow:
-    """The newest pulse of each lamp of each instance. A glow ends by run time: never in a held PLC."""
+    """The newest pulse of each lamp of each instance. Glows end by run time: none ends in a held PLC."""
 
     def __init__(self) -> None:
         self._pulses: dict[tuple[str, str], PinPulse] = {}
@@ -115,7 +115,7 @@ MOST_INDEXED: Final = 2000  # messages of a connection, recv calls of a job
 
 
 def new_index() -> StreamIndex:
-    """Return an index that is smaller than the engine's index, but enough for the newest bytes."""
+    """Return a new index with less room than the engine's index; it is enough for the newest bytes."""
     return StreamIndex(MOST_INDEXED, MOST_INDEXED)
 
 

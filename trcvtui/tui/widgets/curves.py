@@ -37,7 +37,7 @@ def axis_ends(numbers: Sequence[Number]) -> tuple[Number, Number]:
 
 
 def place_between(number: Number, low: Number, high: Number) -> float:
-    """Return the place of a number between two others, 0 to 1."""
+    """Return where a number is between `low` (0) and `high` (1); 0.5 if both are equal."""
     if math.isinf(high - low):  # too far apart, such as -1e308 and 1e308
         return place_between(number / 2, low / 2, high / 2)
     return (number - low) / (high - low) if high > low else 0.5
@@ -59,7 +59,7 @@ def sparkline(numbers: Numbers) -> str:
 
 
 class Curve(NamedTuple):
-    """Rows of cells from the top, each cell as the bits of its dots; ends of the axis and of the values."""
+    """Rows of cells from the top, a cell as the bits of its dots; ends of the axis and of the numbers."""
 
     cells: list[list[int]]
     axis: tuple[Number, Number]
@@ -72,8 +72,8 @@ def curve(
 ) -> Curve | None:
     """Return the curve, None without a number in the window; `times` and `gaps` are in ascending order.
 
-    A number is held until the next one, but not in a gap. Each column of dots reaches from its smallest to
-    its largest value.
+    A number is held until the next one, but not in a gap. Each column of dots reaches from the smallest to
+    the largest number in its time.
     """
     columns = _columns(times, numbers, window, 2 * width, gaps)
     known = [span for span in columns if span is not None]

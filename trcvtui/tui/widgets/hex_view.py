@@ -252,7 +252,7 @@ class HexView(ByteLines):
         self.show()
 
     def range_in_view(self) -> tuple[int, int]:
-        """Return the first byte in view, and how many there are."""
+        """Return the first byte in view, and how many bytes to ask for from there."""
         rows = self.size.height // self.row_lines + 2
         return self.scroll_offset.y // self.row_lines * self.per_row, rows * self.per_row
 
@@ -329,7 +329,7 @@ class HexView(ByteLines):
         return merge_pieces(parts)
 
     def _gap(self, offset: int, wide: bool, last: bool) -> list[Part]:
-        """Return the blank after a byte, or the mark of a message that begins with the next one."""
+        """Return the blank after a byte, or the mark of a message that begins with the next byte."""
         inside = not last and offset in self.link and offset + 1 in self.link
         style = "link" if inside else ""
         begins = not last and offset + 1 in self.starts
@@ -373,7 +373,7 @@ class HexView(ByteLines):
         self.post_message(ByteSelected(offset, self.of_job))
 
     def find(self, patterns: tuple[bytes, ...], is_forward: bool, again: bool) -> bool:
-        """Go to the next or previous match; forward without `again`, a match at the cursor counts, too."""
+        """Go to the next or previous match; forward and not `again`: a match at the cursor counts, too."""
         here = self.cursor if self.cursor is not None else -1 if is_forward else len(self.content)
         if is_forward:
             place = find_first(self.content, patterns, here + 1 if again else max(0, here))
@@ -404,7 +404,7 @@ MOST_NUMBER_BYTES: Final = 8  # bytes
 
 
 def numbers_at(content: bytes, width: int) -> str:
-    """Return the numbers that fit a line, as `little|big`; a signed one only if the unsigned differs."""
+    """Return the numbers that fit a line, as `little|big`; signed numbers only if they differ."""
     line, before = "LE|BE", ""
     for name, code in NUMBER_CODES:
         size = struct.calcsize(code)

@@ -240,7 +240,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
     # -- looks -------------------------------------------------------------------------------------
 
     def set_over(self, is_over: bool) -> None:
-        """Draw the lamps grey, because their state is no longer true, or in colour again."""
+        """`is_over`: draw the lamps grey, as their state is no longer true; else draw them in colour."""
         self._is_over = is_over
         self._ready_styles.clear()
         self.refresh()

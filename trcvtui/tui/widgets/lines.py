@@ -176,7 +176,7 @@ KEY_ACTIONS: Final = {
 
 
 class KeyLine(OneLine):
-    """Keys of the focused pane first, then those that work everywhere, as far as they fit."""
+    """Keys of the focused pane first, then the keys that work everywhere, as many as fit."""
 
     DEFAULT_CSS = "KeyLine { background: $panel; padding: 0 1; }"
 

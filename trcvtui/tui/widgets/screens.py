@@ -70,7 +70,7 @@ class SideScreen(FullScreen[Result], Generic[Result]):
         self.call_after_refresh(self.show)
 
     def send(self, line: str) -> bool:
-        """Send a line to the engine and await its answer; False: this screen may not send it."""
+        """Send a line to the engine; its answer comes by `answers`. False: this screen may not send."""
         number = self._say(line)
         if number is not None:
             self._asked.add(number)

@@ -64,7 +64,7 @@ def _or_default(background: Color) -> RichColor | None:
 
 
 def _variables(muted: int, pale: int, borders: tuple[str, str], bars: tuple[str, str, str]) -> dict[str, str]:
-    """Return the colours that Textual would mix otherwise."""
+    """Return the colours that Textual would mix itself if the theme did not set them."""
     backs = ("background", "background-hover", "background-active", "corner-color")
     return {
         "text-muted": f"auto {muted}%",

@@ -36,7 +36,7 @@ _written_reports: dict[tuple[str, Path | None], str] = {}
 
 
 def write_report(trace: str, project: Project | None, lines: Sequence[Line], folder: Path | None) -> str:
-    """Write a report into `folder` (None: state folder); return the file name, or why there is no file."""
+    """Write a report into `folder` (None: state folder); return "report PATH", or why there is none."""
     key = trace, folder
     if key in _written_reports and "\n" in trace:  # the same error again
         return _written_reports[key]

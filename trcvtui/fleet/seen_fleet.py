@@ -1,6 +1,6 @@
 """All lines of all sites as a reader knows them: the state of each, and their order, the worst first.
 
-Rule 1: a name beyond MOST_NAMES is refused with one line; the known lines stay.
+Rule 1: a name beyond MOST_NAMES is refused with one message; the known names stay.
 Rule 2: all times are by our clock. The live messages of an agent show the error of its clock.
 """
 

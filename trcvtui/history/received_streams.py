@@ -112,7 +112,7 @@ class ReceivedStream:
     # -- searches ---------------------------------------------------------------------------------------
 
     def list_pieces(self, place: int) -> list[JobSpan]:
-        """Return all pieces of the job, or of the dropped bytes, at a place in `jobs`."""
+        """Return all pieces of the entry of `jobs` at this index: a job, or dropped bytes."""
         job = self.jobs[place]
         near = self.jobs[max(0, place - MOST_STEPS) : place + MOST_STEPS] if job.size < job.whole else [job]
         return [one for one in near if (*one[2:8], one.whole) == (*job[2:8], job.whole)]

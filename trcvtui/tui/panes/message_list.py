@@ -81,7 +81,7 @@ class MessageLines(LineView):
 
     @property
     def _known_messages(self) -> KnownMessages:
-        """Return the rows of the selected instance, no rows until the first of them arrive."""
+        """Return the rows of the selected instance; while those of another instance are held: no rows."""
         known = self._view_model.known_messages
         return known if known.instance == self._view_model.selected else KnownMessages()
 

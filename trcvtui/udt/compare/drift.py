@@ -104,7 +104,7 @@ def find_drifted_layouts(
 
 
 class _PlaceScores:
-    """Estimates the points of members at given places in the newest messages; judges each place once."""
+    """Estimates the scores of members at given offsets in the newest messages, once for each offset."""
 
     def __init__(self, messages: Sequence[bytes]) -> None:
         self.messages = messages[-MOST_FIRST_MESSAGES:]

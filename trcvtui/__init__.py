@@ -3,4 +3,4 @@
 docs/architecture.md lists the folders in their order.
 """
 
-__version__ = "0.3.0.dev2"
+__version__ = "0.3.0.dev3"

@@ -113,7 +113,7 @@ class DoctorInput:
             file = self._opened.enter_context(os.fdopen(os.dup(handle), "r+b", 0))
             self._writer = RecordingWriter(self._name, file=file)
 
-    def advance(self, until: int) -> bool:
+    def advance(self, deadline_ns: int) -> bool:
         return False
 
     def close(self) -> None:

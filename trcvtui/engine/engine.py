@@ -163,8 +163,8 @@ class Engine:
             # Rule 1: the deadlines that have passed are skipped.
             self._due += (ended - self._due + self._interval - 1) // self._interval * self._interval
 
-    def _scan_fast(self, until: int) -> None:
-        while self._controller.hurries and clock.now_ns() < until:
+    def _scan_fast(self, deadline_ns: int) -> None:
+        while self._controller.hurries and clock.now_ns() < deadline_ns:
             self._controller.scan()
 
     def _serve(self) -> None:
@@ -207,18 +207,18 @@ class Engine:
                 self._recorder = self._controller.black_box = self._controller.files_judge = None
             self._begin_bench(self._controller.bench)
 
-    def _deliver_pictures(self, until: int) -> None:
+    def _deliver_pictures(self, deadline_ns: int) -> None:
         began = clock.now_ns()
         screens = self._screens.all
         if not any(screen.request or screen.pipe.is_busy() for screen in screens):
             self._worked_at = began
             return
-        if began >= until and began < self._worked_at + PATIENCE_NS:  # rule 2: there is no gap
+        if began >= deadline_ns and began < self._worked_at + PATIENCE_NS:  # rule 2: there is no gap
             return
-        part = min(until, began + min(self._interval, STEP_NS) // GAP_SHARE)
+        part = min(deadline_ns, began + min(self._interval, STEP_NS) // GAP_SHARE)
         for screen in tuple(screens):
             screens.rotate(-1)  # rule 2: in turns
-            if screen.request and not screen.pipe.is_busy() and self._may_make_picture(screen, until):
+            if screen.request and not screen.pipe.is_busy() and self._may_make_picture(screen, deadline_ns):
                 self._make_picture(screen, screen.request)
             if self._made_at < began or clock.now_ns() < part:  # else it is pickled in the next gap
                 screen.pipe.advance(part)
@@ -240,10 +240,10 @@ class Engine:
         screen.pipe.begin(replace(picture, answers=answers))
         screen.make_ns, self._made_at = clock.now_ns() - began, began
 
-    def _may_make_picture(self, screen: AttachedScreen, until: int) -> bool:
+    def _may_make_picture(self, screen: AttachedScreen, deadline_ns: int) -> bool:
         """Return whether a picture fits before the next scan, or the screen has waited too long for one."""
         least = PICTURE_PAUSE_NS if self._interval < FAST_INTERVAL_NS and not screen.answers else 0
         now = clock.now_ns()
         if now < self._made_at + least:
             return False
-        return now + screen.make_ns <= until or now > screen.asked_at + PATIENCE_NS
+        return now + screen.make_ns <= deadline_ns or now > screen.asked_at + PATIENCE_NS

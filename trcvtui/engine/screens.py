@@ -67,8 +67,10 @@ class AttachedScreens:
         self._read_only, self._door, self._came = read_only, door, 0
         self._hello = pickle.dumps(project, pickle.HIGHEST_PROTOCOL) if door is not None else b""
 
-    def read_messages(self, until: int) -> Iterator[tuple[AttachedScreen, tuple[int, str] | UpdateRequest]]:
-        """Yield messages until `until` (ns); add/remove tabs; raise EOFError if the first screen ended."""
+    def read_messages(
+        self, deadline_ns: int
+    ) -> Iterator[tuple[AttachedScreen, tuple[int, str] | UpdateRequest]]:
+        """Yield messages until `deadline_ns`; add/remove tabs; raise EOFError if the first screen ended."""
         if self._door is not None and (descriptor := self._door.accept()) is not None:
             self._came += 1
             self.all.append(tab := AttachedScreen(Channel(descriptor), self._came))
@@ -83,7 +85,7 @@ class AttachedScreens:
                     self.hand_out([LineAnswer(*message, READ_ONLY)])
                 else:
                     yield screen, message
-                if clock.now_ns() >= until:
+                if clock.now_ns() >= deadline_ns:
                     return  # the rest has time until the next gap
             if screen.is_gone and screen is self.first:
                 if self._door is not None:

@@ -31,10 +31,10 @@ class LedgerReader:
         self._seq = 0  # of the last of the news
         self._at = 0, 0  # scan and time of the last line that was read
 
-    def catch_up(self, until: int | None = None) -> bool:
-        """Read the lines since the last call, until the time `until`; return whether all are read."""
+    def catch_up(self, deadline_ns: int | None = None) -> bool:
+        """Read the lines since the last call, until `deadline_ns`; return whether all are read."""
         try:
-            return self._read_lines(until)
+            return self._read_lines(deadline_ns)
         except Exception as error:
             if not self._has_failed:
                 self._bench.containment.record_error(READER_PART, error)
@@ -44,7 +44,7 @@ class LedgerReader:
                 self._report_loss(self._seq)
             return True
 
-    def _read_lines(self, until: int | None) -> bool:
+    def _read_lines(self, deadline_ns: int | None) -> bool:
         ledger, listeners = self._bench.runtime.ledger, self.index.listeners
         while True:
             if self._read == len(self._news):
@@ -52,7 +52,7 @@ class LedgerReader:
                     return True
                 self._fetch_lines()
             first, stop = self._read, len(self._news)
-            if until is not None:
+            if deadline_ns is not None:
                 stop = min(stop, first + LINES_A_STEP)
             seq = self._seq - len(self._news) + first
             for item in self._news[first:stop]:
@@ -60,7 +60,7 @@ class LedgerReader:
                 for listener in listeners.get(item[2].__class__, ()):
                     listener(seq, *item)
             self._read, self._at = stop, self._news[stop - 1][:2]
-            if until is not None and clock.now_ns() >= until:
+            if deadline_ns is not None and clock.now_ns() >= deadline_ns:
                 return self._read == len(self._news) and self._seq == ledger.last_seq
 
     def _fetch_lines(self) -> None:

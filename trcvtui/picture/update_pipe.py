@@ -60,16 +60,16 @@ class UpdatePipe:
     def begin(self, picture: BenchUpdate) -> None:
         self._pickling = self._pickle_picture(picture)
 
-    def advance(self, until: int) -> None:
-        """Pickle and write up to the time `until`, at least one slice; stop when the channel is full."""
+    def advance(self, deadline_ns: int) -> None:
+        """Pickle and write until `deadline_ns`, at least one slice; stop when the channel is full."""
         while self._pickling is not None:
             message = next(self._pickling)
             if message:
                 self._pickling = None
                 self.post(message)
-            if clock.now_ns() >= until:  # rule 2
+            if clock.now_ns() >= deadline_ns:  # rule 2
                 return
-        while self._unsent and self._write() and clock.now_ns() < until:
+        while self._unsent and self._write() and clock.now_ns() < deadline_ns:
             pass
 
     def finish(self) -> None:

@@ -221,7 +221,7 @@ class BlockSink(Protocol):
 
     def add_block(self, block: bytes) -> None: ...
 
-    def advance(self, until: int) -> bool:
+    def advance(self, deadline_ns: int) -> bool:
         """Work until this moment of the clock; return whether there is more to do."""
 
     def close(self) -> None: ...

@@ -38,11 +38,11 @@ class AllMessages:
     def is_over(self) -> bool:
         return self._survey.is_over and self._current_scan >= self._survey.last_scan
 
-    def advance(self, until: int) -> None:
+    def advance(self, deadline_ns: int) -> None:
         """Read until this moment of the clock; if the run cannot continue, the replay ends there, too."""
         run, survey = self._run, self._survey
         run.limit = survey.last_scan
-        while not self.is_over and clock.now_ns() < until:
+        while not self.is_over and clock.now_ns() < deadline_ns:
             before = self._current_scan
             try:
                 run.scan()

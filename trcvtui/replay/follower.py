@@ -143,7 +143,7 @@ class RecordedRunWriter:
         self._blocks.clear()
         self._run, self._coming = None, _IncomingEntries()
 
-    def advance(self, until: int) -> bool:
+    def advance(self, deadline_ns: int) -> bool:
         """Let the run follow until this moment of the clock; return whether there is more to do."""
         while not self._is_off:
             if self._coming.steps_ahead < 2 and (self._blocks or not self._has_all):  # a scan needs the next
@@ -154,7 +154,7 @@ class RecordedRunWriter:
                 self._coming.add_entries(decode_entries([block], self._where))
                 continue
             self._run_next_scan()
-            if until < NO_DEADLINE and clock.now_ns() >= until:
+            if deadline_ns < NO_DEADLINE and clock.now_ns() >= deadline_ns:
                 return True
         return False
 

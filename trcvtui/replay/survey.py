@@ -99,8 +99,8 @@ class Survey:
         before = bisect_right(self._notes, scan, key=lambda note: note[0])
         return ["scan {}: {}".format(*note) for note in self._notes[max(0, before - NOTES_SHOWN) : before]]
 
-    def advance(self, until: int) -> None:
-        while not self.is_over and clock.now_ns() < until:
+    def advance(self, deadline_ns: int) -> None:
+        while not self.is_over and clock.now_ns() < deadline_ns:
             some = [*islice(self._entries, ENTRIES_PER_READ)]
             for entry in some:
                 if self._add_entry(entry):

@@ -50,8 +50,8 @@ class WhatIfRun:
         self._text = text
         self._seen: tuple[LedgerReader, WaveformRecorder] | None = None
 
-    def advance(self, until: int) -> None:
-        while not self.is_over and clock.now_ns() < until:
+    def advance(self, deadline_ns: int) -> None:
+        while not self.is_over and clock.now_ns() < deadline_ns:
             reader, _ = self._get_readers()
             self.is_over = not self.run.scan()
             reader.catch_up()
@@ -274,24 +274,24 @@ class TimeLine:
 
     # -- moving ----------------------------------------------------------------------------------------
 
-    def advance(self, until: int) -> bool:
+    def advance(self, deadline_ns: int) -> bool:
         """Move or read on in the recording, working until this time; return whether work remains."""
         self._update_goal()
-        if self._move(until):
+        if self._move(deadline_ns):
             return True
         if self._beside is not None and not self._beside.is_over:
-            self._run_to_parting(self._beside, until)
+            self._run_to_parting(self._beside, deadline_ns)
             return True
         if not self.survey.is_over:
-            self.survey.advance(until)
+            self.survey.advance(deadline_ns)
             return True
         if isinstance(self._messages, AllMessages) and not self._messages.is_over:
-            self._messages.advance(until)
+            self._messages.advance(deadline_ns)
             return True
         return self._goal_scan() != self.controller.scans  # the doctor is another process
 
-    def _run_to_parting(self, beside: WhatIfRun, until: int) -> None:
-        beside.advance(until)
+    def _run_to_parting(self, beside: WhatIfRun, deadline_ns: int) -> None:
+        beside.advance(deadline_ns)
         if beside.is_over and beside.run.parts_at is not None:
             self._go_to(beside.run.parts_at)
 
@@ -349,7 +349,7 @@ class TimeLine:
             self._note = f"the end: trigger {self.controller.armed_trigger} did not fire"
             self.controller.disarm()
 
-    def _move(self, until: int) -> bool:
+    def _move(self, deadline_ns: int) -> bool:
         goal, at = self._goal_scan(), self.controller.scans
         start = self._keyframes.find_keyframe_scan(0 if self._visits_each_scan else goal - LEAST_SCANS_BEFORE)
         if start <= at <= goal:
@@ -358,7 +358,7 @@ class TimeLine:
             self._coming = ReplayController(self._keyframes.run_at(start), self._run_line, self._doctor)
         moving = self._coming or self.controller
         has_moved = moving.scans < goal
-        while moving.scans < goal and clock.now_ns() < until:
+        while moving.scans < goal and clock.now_ns() < deadline_ns:
             before = moving.scans
             moving.run.limit = goal
             try:

@@ -4,7 +4,7 @@ Rule 1: a FIFO, a device or a folder under the name of a file is refused at once
 Rule 2: a write that fails leaves the old file as it was, and no new file beside it.
 Rule 3: a file that this process has read is not overwritten, unless the caller sets `is_own`.
 Rule 4: after `refuse_files` this process opens no file: a read-only screen needs no files.
-Rule 5: inside `read_from` names are looked up in what was read before; no name reaches the disk.
+Rule 5: inside `read_from` files come from a FilesRead, by name; nothing is read from the disk.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _disk_substitutes: list[FilesRead] = []  # the last one is read in place of the 
 
 
 class FilesRead:
-    """Files as they were when read, by the names in the calls; `digests`: SHA-256 of files without content.
+    """The contents of files that were read, by name; `digests`: SHA-256 of files without kept content.
 
     Relative names are relative to `folder`.
     """
@@ -175,7 +175,7 @@ def open_to_read(path: FileName) -> Iterator[IO[bytes]]:
 
 
 def check_readable(path: FileName) -> None:
-    """Refuse what `read_bounded` refuses; to be called before a library opens the file by its name."""
+    """Refuse a file that `read_bounded` refuses; call this before a library opens the file by name."""
     if _disk_substitutes:
         if os.fspath(path) not in _disk_substitutes[-1].digests:
             _disk_substitutes[-1].content(path)
@@ -229,7 +229,7 @@ def create_file(path: FileName, where: str, replaces: bool = False) -> IO[bytes]
 def open_private_file() -> Iterator[tuple[int, str]]:
     """Give a private file and the name by which a library opens it; it is removed after the block.
 
-    It is in memory where the system can do that, else a file, mode 0600, in the folder for temporary files.
+    The file is in memory if the system has such files, else in the folder for temporary files (mode 0600).
     """
     make = getattr(os, "memfd_create", None)
     if make is not None and os.path.isdir("/proc/self/fd"):

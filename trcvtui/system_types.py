@@ -22,7 +22,7 @@ class FieldType(StrEnum):
 
 
 class DescriptionField(NamedTuple):
-    """One field of a structure; offset and size in bytes. `data_type` is what STEP 7 calls its type."""
+    """One field of a structure; offset and size in bytes. `data_type`: the name of its type in STEP 7."""
 
     name: str
     offset: int

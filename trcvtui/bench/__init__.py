@@ -1,1 +1,1 @@
-"""One PLC and its peers on one kernel and one clock, and what runs along with the scans."""
+"""One PLC and its peers on one kernel and one clock; also the program, the trials and the doctor."""

@@ -1,4 +1,4 @@
-"""The bench: one PLC, its peers, one kernel and one time. `step` lets one scan pass."""
+"""The bench: one PLC and its peers, on one kernel and one clock. `step` lets one scan pass."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def enter_own_network(kernel: str, sim: SimDecl = NO_ADDRESSES) -> None:
 
 
 def set_link(kernel: Kernel, connect: str, up: bool) -> tuple[str, str]:
-    """Cut or mend the wire of a CONNECT; return an error text ("" for none) and the method used."""
+    """Cut or mend the wire of a CONNECT; return an error text or "", and a text on the method."""
     if isinstance(kernel, SimKernel):
         return kernel.set_link(connect, up), "simulated wire"
     from trcvtui.net.os.network import LOOPBACK_INTERFACE, has_own_network, set_loopback
@@ -72,7 +72,7 @@ def set_link(kernel: Kernel, connect: str, up: bool) -> tuple[str, str]:
 
 
 def find_peer_link(peer: PeerDecl, project: Project) -> str:
-    """Return the name that `link NAME down` needs for this peer, "" if no CONNECT leads to it."""
+    """Return the NAME with which `link NAME down` cuts off this peer; "": no CONNECT leads to the peer."""
     end = peer.remote if peer.udp else peer.end
     if isinstance(end, str):
         return end.removeprefix("@")
@@ -93,7 +93,7 @@ def _connects_by_instance(project: Project) -> dict[str, str]:
 
 
 class TrafficCheck:
-    """A check that `check on` began; the next `check on` or `check off` ends it."""
+    """One check of numbered frames, begun by `check on`; the next `check on` or `check off` ends it."""
 
     def __init__(self, peer: Peer, command: NumberedFramesOn) -> None:
         self._peer = peer
@@ -237,7 +237,7 @@ class Bench:
         return wrap_kernel(seam, label, make, is_noted)
 
     def _make_layer_kernel(self) -> LayerKernel:
-        """Return the layer between the PLC and its kernel that speaks the sessions of the CONNECTs."""
+        """Return the layer between the PLC and its kernel that handles the sessions of the CONNECTs."""
         for config in self.project.connects:
             if config.session is not None:  # made once now, so that no scan loads library and certificates
                 config.session.make_session(config.active)
@@ -349,12 +349,12 @@ class Bench:
 
     @property
     def network(self) -> SimKernel:
-        """Return the simulated network, for a test's partners in it."""
+        """Return the simulated network; a test can put its own partners into the network."""
         assert self._sim is not None
         return self._sim
 
     def quiet_until(self) -> int | None:
-        """Return `Runtime.quiet_until`, or `now` if a program, check, peer or session may act in a scan."""
+        """Return `Runtime.quiet_until`; `now` while a program runs, or with checks, peers or sessions."""
         is_alone = self._program.is_over and not (self._checks or self.peers or self._has_sessions)
         return self.runtime.quiet_until() if is_alone else self.now
 
@@ -378,7 +378,7 @@ class Bench:
             self.record_outputs()
 
     def record_outputs(self) -> None:
-        """Record what the last scan changed; callers do this before anything else in the gap after it."""
+        """Record what the last scan changed. Callers do this first in the gap between two scans."""
         if self._seam is not None and self._unrecorded:
             self._seam.is_busy = True
             for edge in self._unrecorded:
@@ -431,7 +431,7 @@ class Bench:
         self._record_and_do("rest", 0, self.step_peers)
 
     def _find_next_peer_time(self, scan: int) -> object:
-        """Return when a peer or the simulated network is due next before a scan; None: neither is due."""
+        """Return when a peer or the simulated network acts next; None: nothing acts before `scan`."""
         if self._is_replay:
             entry = cast("ReplaySeam", self._seam).peek_call()
             return entry.args[0] if entry is not None and entry.call == "rest" and entry.args else None
@@ -627,7 +627,7 @@ class Bench:
         return wrong
 
     def order_tap(self, command: words.TapAct) -> str:
-        """Send the order to the tap that feeds this bench; the tap reports by events what it did."""
+        """Send the order to the tap that feeds this bench; later events of the tap report its work."""
         return self.on_tap(command) if self.on_tap else f"no tap runs here: `trcvtui tap` runs {command.tap}"
 
     def arm_fault(self, command: words.FaultOn) -> str:
@@ -660,7 +660,7 @@ class Bench:
 
 
 def _do_nothing() -> None:
-    """Do nothing: only the call itself is recorded."""
+    """Do nothing; a seam records only that this call took place."""
 
 
 def _make_sim_kernel(project: Project) -> SimKernel:

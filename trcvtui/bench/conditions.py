@@ -1,4 +1,4 @@
-"""Conditions of `wait` and `expect`: whether one holds now, and what was found."""
+"""Conditions of `wait` and `expect`: whether a condition holds now, and which values are there."""
 
 from __future__ import annotations
 

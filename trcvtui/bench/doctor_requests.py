@@ -1,4 +1,4 @@
-"""The doctor of a bench: when it judges the run, its findings by CONNECT, the lines that wait for findings.
+"""The doctor of a bench: when it judges a run, its findings by CONNECT, `doctor` lines that wait for them.
 
 Rule: another process judges (diagnosis/doctor_process.py); its bounded answer is read between two scans.
 """
@@ -30,7 +30,7 @@ NOT_KEPT_TEXT: Final = 'this run is not kept; the doctor needs [options] black_b
 
 
 class Judge(Protocol):
-    """A process that judges the run; `result_json` has its findings."""
+    """A process that judges the run; `result_json`: the findings of that process."""
 
     result_json: bytes
     progress: str  # in plain words, "": none yet
@@ -73,7 +73,7 @@ class BenchDoctor:
         self._began_ns, self._scan, self._looks = clock.now_ns(), bench.runtime.scans, True
 
     def _try_judging(self, judge: Judge, bench: Bench) -> None:
-        """Start the judge; an error becomes `trouble` of the snapshot, so that it cannot end the engine."""
+        """Start the judge. The snapshot shows an error as `trouble`; the engine continues."""
         try:
             self._start_judging(judge, bench)
         except UserError as refused:
@@ -82,7 +82,7 @@ class BenchDoctor:
             self._ended_ns = clock.now_ns()
 
     def advance(self, judge: Judge | None, bench: Bench, is_wanted: bool) -> Iterable[LineAnswer]:
-        """Read a result; start the judge if `is_wanted` and `_is_due`; answer the waiting lines."""
+        """Read a result; start the judge if findings are wanted and due; answer the waiting lines."""
         if judge is None:
             if is_wanted:
                 self.snapshot = DoctorSnapshot(1, trouble=NOT_KEPT_TEXT)
@@ -153,7 +153,7 @@ def _port(end: str) -> str:
 
 
 def answer_command(command: Doctor, seen: DoctorSnapshot, project: Project) -> tuple[str, str]:
-    """Return what is wrong, or "", and the findings on an instance, a CONNECT or all, as text."""
+    """Return an error text or "", and the text of the findings on an instance, on a CONNECT or on all."""
     if seen.trouble:
         return seen.trouble, ""
     some = findings_of(command.name, seen.findings, project)

@@ -75,7 +75,7 @@ def locate_error(error: BaseException) -> str:
 
 
 def trace_of(error: BaseException) -> str:
-    """Return the trace of an exception and its causes, without their texts; its last line describes it."""
+    """Return the trace of an exception and its causes, without texts; the last line names the exception."""
     before = error.__cause__ or error.__context__
     earlier = f"{trace_of(before)}\n\n" if before is not None else ""
     return f"{earlier}{''.join(traceback.format_tb(error.__traceback__))}{locate_error(error)}"
@@ -102,7 +102,7 @@ def _project_lines(project: Project) -> Iterator[str]:
 
 
 def _strip_payload(event: Any) -> Any:
-    """Return an event without payload: no bytes on pins, no detail of a note, only BOOLs of inputs."""
+    """Return an event without payload: no bytes on pins, no detail of a note, of inputs only BOOLs."""
     match event:
         case StatusEdge():
             return event.instance, event.outputs._replace(byte=None), event.condition, event.cause

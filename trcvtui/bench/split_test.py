@@ -1,6 +1,6 @@
 """Tries every split: one message whole, then in two chunks, once for each place where it can be cut.
 
-Rule: a trial lets no scan pass. `run` yields for each scan, so that a scenario or a screen lets it pass.
+Rule: a trial lets no scan pass. `run` yields for each scan; then a scenario or a screen lets it pass.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class SplitTest:
         return self._state == RUNNING
 
     def verdict(self) -> str:
-        """Return what is wrong with the trial, "" if the expected number of splits (None: any) differ."""
+        """Return what is wrong with the trial; "": as many splits differ as expected (None: any number)."""
         if self._problem:
             return self._problem
         expected = self._command.differ

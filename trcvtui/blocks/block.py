@@ -19,7 +19,7 @@ from trcvtui.net.connection.resources import Claim
 
 
 class JobBinding(Struct, frozen=True):
-    """What every job needs. `data` None: the DATA pin is open; `priority`: the priority of its task."""
+    """What every job needs. `data` None: the DATA pin is open; `priority`: the priority of the task."""
 
     env: Environment
     data: DataArea | None
@@ -37,13 +37,13 @@ class ConnectBinding(JobBinding, frozen=True):
     address: RemoteAddress | None = None
 
     def class_of(self, row: BlockRow) -> str:
-        """Return the class of a block: `datagrams`, else `single` if the vendor has it, else `shared`."""
+        """Return the row's `datagrams`, else `single` with single instructions, else `shared`."""
         is_single = bool(row.single) and self.env.rules.single_instructions
         return row.datagrams or (row.single if is_single else row.shared)
 
 
 class AnyBinding(Protocol):
-    """A binding of any kind; `class_of` returns the class that a block has on it."""
+    """A binding of any kind; `class_of` returns the class of a block for this kind of binding."""
 
     def class_of(self, row: BlockRow) -> str: ...
 
@@ -124,7 +124,7 @@ class ScriptBlock(JoblessBlock):
 
 
 class StoppedBlock(JoblessBlock):
-    """The placeholder of a block that an internal error has stopped; it is not called."""
+    """The placeholder of a block that an internal error has stopped; no scan calls the placeholder."""
 
     def call(self, inputs: Inputs) -> Outcome:
         raise NotImplementedError

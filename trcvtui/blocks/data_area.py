@@ -13,7 +13,7 @@ class ElementKind(Enum):
 
 
 class LeastTextLens(NamedTuple):
-    """The smallest LEN (apart from 0) of a variable that is one STRING or WSTRING."""
+    """The smallest LEN apart from 0 for a variable that is a single STRING or WSTRING."""
 
     sent: int = 0
     received: int = 0
@@ -54,7 +54,7 @@ class DataArea:
         self._note_write(min(self.size, offset + len(payload)))
 
     def swap(self, content: bytearray) -> bytearray:
-        """Take `content` of the same size as the new bytes and return the old ones, without a copy."""
+        """Make `content` (of the same size) the new bytes; return the old bytes. Nothing is copied."""
         old, self.content = self.content, content
         self._note_write(self.size)
         return old
@@ -65,7 +65,7 @@ class DataArea:
 
     @property
     def shape(self) -> tuple[str, int]:
-        """Return type and size, which a running job may rely on."""
+        """Return type and size; a running job compares them to notice another DATA."""
         return self.type_name, self.size
 
     def resize(
@@ -75,7 +75,7 @@ class DataArea:
         elements: ElementKind = ElementKind.OTHER,
         text_lens: LeastTextLens = NO_TEXT_LENS,
     ) -> None:
-        """Change the type; bytes within both sizes stay, new ones are 0."""
+        """Change the type; bytes up to the smaller size stay, added bytes are 0."""
         self.type_name, self.size, self.elements, self.text_lens = type_name, size, elements, text_lens
         self.content = self.content[:size] + bytes(max(0, size - len(self.content)))
         self.newest = self.longest = 0

@@ -1,4 +1,4 @@
-"""What a block may know besides its pins, and the events that it writes into the ledger."""
+"""What a block can read besides its pins, and the events that a block writes into the ledger."""
 
 from __future__ import annotations
 
@@ -21,10 +21,7 @@ class BytesArrived(NamedTuple):
 
 
 class BytesLost(NamedTuple):
-    """Bytes had no room in a ComBuffer, or left it unread. `offset`: place of the next byte that enters.
-
-    `position`: where the first lost byte is in its ring; -1: the lost bytes are the last before `offset`.
-    """
+    """Bytes had no room in a ComBuffer, or were dropped unread. `offset`: the place of the next byte."""
 
     buffer: str
     offset: int
@@ -57,7 +54,7 @@ class PartialFrameDropped(NamedTuple):
 
 
 class NoiseDropped(NamedTuple):
-    """Bytes in front of a prefix, from `offset` on, were dropped; `total` of them since the start."""
+    """Bytes before a prefix, from `offset` on, were dropped; `total`: all such bytes since the start."""
 
     instance: str
     buffer: str
@@ -67,7 +64,7 @@ class NoiseDropped(NamedTuple):
 
 
 class LineHeld(NamedTuple):
-    """A full ComBuffer began to hold the TRCV_C that feeds it (by EN_R = 0), or released that TRCV_C."""
+    """The TRCV_C that feeds a full ComBuffer is held by EN_R = 0 from now on, or is no longer held."""
 
     buffer: str
     held: bool
@@ -77,7 +74,7 @@ SerialNote = BytesArrived | BytesLost | FrameEnded | PartialFrameDropped | Noise
 
 
 class JobStarted(NamedTuple):
-    """A receive job began; `length`: the bytes it needs (static), or at most takes (ad-hoc)."""
+    """A receive job began; `length`: how many bytes the job needs (static), or takes at most (ad-hoc)."""
 
     instance: str
     job: int
@@ -97,7 +94,7 @@ class ModeChange(NamedTuple):
 
 
 class JobEnded(NamedTuple):
-    """A receive job ended; `size` bytes of the stream, from `offset` on, went to DATA when `done`.
+    """A receive job ended; if `done`, `size` bytes of the stream, from `offset` on, went to DATA.
 
     These bytes are contiguous unless a job of another priority has read in between: see BytesReceived.
     """

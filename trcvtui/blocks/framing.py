@@ -1,4 +1,4 @@
-"""Frames out of a stream of bytes: prefix, suffix, size, gap, and what ended each."""
+"""Cuts a stream of bytes into frames by prefix, suffix, size and gap; notes what ended each frame."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Framer:
 
     @property
     def queued(self) -> int:
-        """Return how many bytes of the incomplete frame are here."""
+        """Return how many bytes of the incomplete frame have come."""
         return len(self._part)
 
     def framing_changed(self, framing: Framing) -> bool:
@@ -125,7 +125,7 @@ class Framer:
         return Frame(self.flush(), FrameEnding.GAP) if now - self.last_byte >= framing.timeout_ns else None
 
     def _seek_prefix(self, received: bytes, framing: Framing) -> int:
-        """Look for the prefix; return the number of used bytes. Keep last bytes that may begin a prefix."""
+        """Look for the prefix; return the number of used bytes. Keep last bytes if they may begin one."""
         head = framing.prefix[: framing.size]  # a frame has no room for more
         before = len(self._part)
         joined = bytes(self._part) + received
@@ -140,7 +140,7 @@ class Framer:
         return end - before
 
     def _find_end(self, before: int, framing: Framing) -> tuple[int, FrameEnding] | None:
-        """Return where the frame ends: suffix first, then size; `before` bytes were searched already."""
+        """Return where the frame ends, and by what; the first `before` bytes were searched already."""
         prefix, suffix = framing.prefix, framing.suffix
         # A suffix may begin in the bytes of an earlier call, but not in the prefix.
         at = self._part.find(suffix, max(len(prefix), before - len(suffix) + 1)) if suffix else -1
@@ -156,7 +156,7 @@ class Framer:
 
 
 def _longest_prefix_start(joined: bytes, head: bytes) -> int:
-    """Return the length of the longest end of `joined` with which `head` begins, but not all of it."""
+    """Return how many bytes at the end of `joined` are an incomplete `head`, the most that can be."""
     longest = min(len(head) - 1, len(joined))
     return next((n for n in range(longest, 0, -1) if joined.endswith(head[:n])), 0)
 
@@ -175,7 +175,7 @@ class FrameMarks(NamedTuple):
 
 
 class FrameTally(NamedTuple):
-    """How many frames ended well, by a gap, without the suffix; how many parts were dropped, and why."""
+    """How many frames ended well, by a gap, or without the suffix; how many parts were dropped, and why."""
 
     good: int = 0
     gaps: int = 0

@@ -1,4 +1,4 @@
-"""The outcome of one call: its condition, and the cause as its evidence."""
+"""The outcome of one call: a condition, and the cause as evidence of it."""
 
 from __future__ import annotations
 
@@ -79,14 +79,14 @@ class Cause(Struct, frozen=True):
 
     @property
     def underlying_call(self) -> str:
-        """Return the call that took part, by its name in a `fault` command; "" if none did."""
+        """Return the kernel call of this cause, named as in a `fault` command; "": there is none."""
         if self.call == "resolve" and not self.errno:  # `@NAME` of the bench
             return ""
         return UNDERLYING_CALLS.get(self.call, self.call)
 
     @property
     def errno(self) -> str:
-        """Return the name of the errno that the call gave; "" where it gave none."""
+        """Return the name of the errno that the kernel call returned; "" if there is none."""
         if self.call == "session" or not _ERRNO.fullmatch(self.error):
             return ""
         return str(self.error)
@@ -128,7 +128,7 @@ class Outcome(Struct, frozen=True, eq=False):
     """The answer of one call. `rcvd_len` is non-zero only with DONE; `clear_com_rst` writes COM_RST back.
 
     Blocks on a ComBuffer keep `rcvd_len` until the next frame begins, and also set `rx_timeout` or `byte`.
-    CONNECT has a poll event, or another block ends its connection.
+    `stable`: calls return this until an input changes, the CONNECT has an event, or its connection ends.
     """
 
     condition: Condition

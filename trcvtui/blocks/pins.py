@@ -1,4 +1,4 @@
-"""What a pin is, and the inputs of one call: each block reads those that it has."""
+"""What a pin is, and the inputs of one call; each block reads the inputs that it has."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Direction(StrEnum):
 
 
 class Pin(Struct, frozen=True):
-    """One pin. `edge` pins act on their rising edge; `label`: its drawn name, where that differs.
+    """One pin. `edge` pins act on their rising edge; `label`: the drawn name, if it differs.
 
     `shows`: the field of Outcome that an output shows.
     """

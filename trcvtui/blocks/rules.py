@@ -35,17 +35,17 @@ class StatusSequence(Struct, frozen=True):
     """Which condition a block shows in which scan. Each condition of a tuple shows for one scan.
     `reset`: what COM_RST shows; `reset_ends_send`: the error that shows first and ends a running send job.
     `rebuilding`: what shows between an error and "connecting" when the block reconnects.
-    `let_go`: what a block shows after another block has closed or reset its connection.
+    `let_go`: what a block shows after another block has closed or reset the connection.
     `closes_together`: if CONT falls on two blocks of a connection in one scan, both show the close.
     `idle_loss`: the error of a loss while no job runs; None: an error only for a dead link.
     `job_loss`: the error that ends a job, by kind; any other kind is "send failed" or "receive failed".
     `still_asked`: the error that EN_R = 1 shows in the scan after a loss that ended a job; a separate TRCV
-    shows it while its connection is rebuilt.
+    shows this error while the connection is rebuilt.
     `teardown`: "closing" shows before the error of a loss that ends a job.
-    `silent_connect`: a failed attempt shows no error; `silent_dead_link`: while a link is dead it shows none.
+    `silent_connect`: a failed attempt shows no error; `silent_dead_link`: a dead link shows no error.
     `reset_closes`: COM_RST closes the connection and its listener, and builds both anew.
     `request_connects`: an edge of REQ or EN_R = 1 connects too; with CONT the connection outlives the job.
-    `faults_once`: a receive job that every call refuses shows its error once; False: in each call.
+    `faults_once`: a receive job that every call refuses shows its error once; False: each call shows it.
     `set_up`: the error of a set-up step.
     """
 
@@ -95,11 +95,11 @@ class NotConnectedRule(Enum):
 class DataAreaRules(Struct, frozen=True):
     """What a vendor asks of DATA and LEN.
 
-    `missing`: an open DATA pin. `longer`: LEN larger than DATA. `refuses_bits`: no BOOL, no ARRAY OF
-    BOOL. `symbolic_alone`: a symbolic DATA takes LEN = 0 only. `symbolic_bytes`: ad-hoc it takes elements of
-    8 bits only. `must_stay`: a change of DATA or LEN ends the job that runs. `adhoc_lens`: these values of
-    LEN mean ad-hoc. `texts_whole`: LEN of a STRING or WSTRING is 0, or covers all of it in a send job and its
-    header in a receive job. `datagram_needs_len`: TUSEND takes LEN = 0 only with a symbolic DATA.
+    `missing`, `longer`: the error if DATA is open, or LEN larger than DATA. `refuses_bits`: no BOOL, no
+    ARRAY OF BOOL. `symbolic_alone`: a symbolic DATA takes LEN = 0 only. `symbolic_bytes`: in ad-hoc jobs
+    its elements have 8 bits. `must_stay`: a change of DATA or LEN ends the running job. `adhoc_lens`: the
+    LENs that mean ad-hoc. `texts_whole`: LEN of a STRING or WSTRING is 0, or covers the whole text (send
+    job) or its header (receive job). `datagram_needs_len`: TUSEND takes LEN = 0 only with a symbolic DATA.
     """
 
     missing: Condition = Condition.DATA_EMPTY

@@ -23,7 +23,7 @@ class Reproducibility(StrEnum):
 
 
 class StatusRow(Struct, frozen=True):
-    """One code. `manual` names the section it comes from; `blocks` are the blocks that list it.
+    """One code. `manual`: the manual's section on this code; `blocks`: the blocks that list the code.
 
     `unreached`: why nothing on this bench shows it (Reproducibility.NEVER); such a row may have no condition.
     `unsure`: what no manual says about the code: a real PLC may differ.

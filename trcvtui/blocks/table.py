@@ -1,6 +1,6 @@
 """The blocks, ONE row each: files, forms, command lines, waveforms and calls read it.
 
-A new block is one row here and the class that the row names; a dialect that offers it lists its name.
+A new block is one row here and the class that the row names; a dialect with this block lists its name.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ MARK_NAMES: Final = ("prefix", "suffix")
 class BlockRow(Struct, frozen=True):
     """One block. Its classes are named `module:Class` and imported when an instance is made.
 
-    `shared`: its class on a CONNECT; `single`: its class there if the vendor has single instructions.
-    `datagrams`: on a CONNECT of UDP. `on_config`: on a UDP_CONFIG. `serial`: on a ComBuffer.
-    `data_pin`: the manual's name of DATA, "" for none; `data_length`: the pin of its size.
+    `shared`: its class on a CONNECT; `single`: the same for a vendor with single instructions.
+    `datagrams`: its class on a CONNECT of UDP; `on_config`: on a UDP_CONFIG; `serial`: on a ComBuffer.
+    `data_pin`: the manual's name of DATA, "" for none; `data_length`: the pin for the size of DATA.
     `buffer_pin`: the pin of its ComBuffer; such a block has no CONNECT.
-    `pointers`: further variables: prefix first, then suffix; `mark_lengths`: the pins of their lengths.
+    `pointers`: further variables: prefix first, then suffix; `mark_lengths`: the pins for both lengths.
     `has_id`: it has an ID pin if connections have IDs; `id_alone`: with an ID pin it has no CONNECT pin.
     `runs_as`: the condition while its job runs; the STATUS of a single instruction does not show this.
     """
@@ -86,7 +86,7 @@ class BlockRow(Struct, frozen=True):
 
     @property
     def owns_link(self) -> bool:
-        """Return whether the block builds its own CONNECT; only then can a ComBuffer use its stream.
+        """Return whether the block builds its own CONNECT; a ComBuffer can use only such a block's stream.
 
         On a CONNECT of UDP the block needs an ADDR.
         """
@@ -335,7 +335,7 @@ def block_row(name: str | None) -> BlockRow:
 
 
 def known_blocks(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the names that are blocks, in their order."""
+    """Return the names that are names of blocks, in the given order."""
     return tuple([name for name in names if name in BLOCKS])
 
 

@@ -1,4 +1,4 @@
-"""`trcvtui conversations`: what is in a capture, of one file or of several."""
+"""`trcvtui conversations`: the content of a capture that has one file or several."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TABLE_WIDTH: Final = 80  # columns of text
 def merge_packets(paths: Sequence[str], troubles: list[Problem]) -> Iterator[tuple[Packet, CaptureReader]]:
     """Yield the packets of one capture in several files, each with its reader.
 
-    The first packet of each file is read at once, the others in turn; `troubles` gets what is unreadable.
+    The first packet of each file is read at once, the others in turn; `troubles` collects read errors.
     """
     waiting = sorted(((_first_ns(path), n) for n, path in enumerate(paths)), reverse=True)
     running: list[tuple[int, int, Packet, CaptureReader, Iterator[tuple[Packet, CaptureReader]]]] = []
@@ -62,7 +62,7 @@ def _read_packets(path: str, troubles: list[Problem]) -> Iterator[tuple[Packet, 
 
 
 def read_captures(paths: Sequence[str], found: Conversations, troubles: list[Problem]) -> None:
-    """Read all packets, of several files by time; raise UserError for a file that is no capture."""
+    """Read all packets, several files in order of time; raise UserError for a file that is no capture."""
     if len(paths) == 1:
         with open_capture(paths[0]) as reader:
             found.names = reader.interface_name

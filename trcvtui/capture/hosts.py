@@ -88,7 +88,7 @@ class IcmpNote(NamedTuple):
 
 
 class TimedNote(NamedTuple):
-    """A note of ICMP: when, and the number of its packet."""
+    """A note of ICMP, its time, and the number of the packet that has the note."""
 
     ns: int
     packet: int
@@ -187,7 +187,7 @@ class _AddressRequests:
 
 
 class _Change(NamedTuple):
-    """An address moved to another device, `after_ns` after the old one was last seen."""
+    """An address moved to another device, `after_ns` after the old device was last seen."""
 
     ns: int
     after_ns: int
@@ -198,7 +198,7 @@ class _Change(NamedTuple):
 
 @dataclass(slots=True)
 class _Owner:
-    """The device that has an address: when it was last seen, and how often since the last change."""
+    """The device that has an address: when it was last seen, how often it was seen since a change."""
 
     mac: bytes
     ns: int
@@ -262,7 +262,7 @@ class HostNotes:
     ) -> Iterator[HostFact]:
         """Yield the facts at the end of the capture.
 
-        `heard_ns`: time of each host's last TCP or UDP packet. `lacking`: incomplete datagrams, by ends.
+        `heard_ns`: a host's last TCP or UDP packet. `lacking`: the number of incomplete datagrams, by ends.
         """
         for ends, n in lacking.items():
             there, here = map(ip_address, ends)

@@ -40,7 +40,7 @@ class SkippedPacket(Enum):
 
 
 class OtherPacket(NamedTuple):
-    """A packet without TCP and UDP, such as `EtherCAT frame` and ` (16#88A4)`."""
+    """A packet without TCP and UDP: its name and number, such as `EtherCAT frame` and ` (16#88A4)`."""
 
     name: str
     number: str = ""
@@ -144,7 +144,7 @@ class Fragments:
         return is_datagram and (len(pieces.content) > 1 or pieces.first is None)
 
     def count_lost(self) -> dict[tuple[bytes, ...], int]:
-        """Count datagrams that lack pieces, by both ends; only if >= 2 and >= half of the whole ones."""
+        """Count datagrams that lack pieces, by ends, if >= 2 and >= half as many as whole ones."""
         lost = self._lost + Counter(of[:2] for of in self._packets if self._is_lost(of))
         return {ends: n for ends, n in lost.items() if n >= 2 and n * 2 >= self._whole[ends]}
 
@@ -155,7 +155,7 @@ def _count_bounded(known: Counter[tuple[bytes, ...]], ends: tuple[bytes, ...]) -
 
 
 def find_ip_header(link_type: int, data: bytes, types: tuple[bytes, ...] = _IP_TYPES) -> int:
-    """Return the offset of the IP header, or of the content of another of `types`; -1: there is none."""
+    """Return where the IP header begins, or the content of another EtherType in `types`; -1: not there."""
     if link_type in _ETHERTYPE_PLACES:
         kind, at = _parse_ethertype(link_type, data)
         return at if kind in types else -1

@@ -80,7 +80,7 @@ class Interface(NamedTuple):
 class Packet(NamedTuple):
     """One packet; `length`: bytes on the wire, `data` may have fewer; `at`: its offset in the file.
 
-    `sent`: True by the PLC, False to it, None unknown. Only our own recordings (interface of USER0) say it:
+    `sent`: True by the PLC, False to it, None unknown. Only our own recordings (interface of USER0) tell:
     in other captures the flag tells the direction at the capturing host.
     """
 
@@ -94,7 +94,7 @@ class Packet(NamedTuple):
 
 
 class CaptureReader:
-    """The packets of one file in its order, with about two chunks of it in memory.
+    """The packets of one file in their order; memory holds about two chunks of the file.
 
     `read(n)` returns at most n bytes, b"" at the end; a pipe may return fewer.
     Raise UserError if the file does not begin as a capture.
@@ -128,7 +128,7 @@ class CaptureReader:
             raise UserError(self._bad_input or Problem(name, found, _EXPECTED_TEXT))
 
     def interface_name(self, interface: int) -> str:
-        """Return the name of an interface; without one its number."""
+        """Return the name of an interface, or its number if it has no name."""
         return self.interfaces[interface].name or str(interface)
 
     def __iter__(self) -> Iterator[Packet]:
@@ -328,7 +328,7 @@ def _text(value: bytes) -> str:
 
 
 def gunzip(read: Callable[[int], bytes], first: bytes) -> Callable[[int], bytes]:
-    """Return a `read` of the unpacked bytes of all members of a .gz; it raises EOFError if one is cut off."""
+    """Return a `read` of the unpacked bytes of all members of a .gz; a cut member raises EOFError."""
     import zlib
 
     unpacker = zlib.decompressobj(31)
@@ -440,7 +440,7 @@ def make_block(kind: int, body: bytes, options: list[bytes] | None = None) -> by
 
 @contextmanager
 def open_capture(path: FileName) -> Iterator[CaptureReader]:
-    """Give the packets of a file; raise UserError for one that cannot be opened or is no capture."""
+    """Open a file and yield its reader; raise UserError if the file cannot be opened or is no capture."""
     with ExitStack() as opened:
         try:
             file = opened.enter_context(open_to_read(path))

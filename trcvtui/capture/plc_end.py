@@ -125,7 +125,7 @@ def guess_plc(
 
 
 def make_no_match_error(where: str, given: str, found: Iterable[Conversation], offer: str = "") -> UserError:
-    """Return the error for an end or a project without a conversation, with the ends of the capture.
+    """Return the error that no conversation fits a given end or project; it lists the capture's ends.
 
     `offer`: words before the list of ends; they say what the user can do with an end.
     """

@@ -96,9 +96,9 @@ class SegmentKind(Enum):
 
 class ConversationEvent(NamedTuple):
     """One event. `at`: its offset in the direction; `size`: its bytes, or the nanoseconds of a silence.
-    An ACK event has no bytes: `size` is its window. EARLY bytes are captured before earlier ones; LATE ones
-    fill the hole and left their host after the early ones: a retransmission. A LINE_ERROR of a serial line
-    has framing, parity, break or overrun as `data`.
+    An ACK event has no bytes: `size` is its window. EARLY bytes were captured before a hole in front of
+    them was filled; LATE bytes fill it and were sent after the EARLY bytes: a retransmission. A LINE_ERROR
+    of a serial line has framing, parity, break or overrun as `data`.
     """
 
     ns: int
@@ -327,7 +327,7 @@ class Conversations:
                 self._skip_missing(conversation.last_ns, direction, direction.position + left)
 
     def forget_silent(self, ns: int) -> list[int]:
-        """Forget conversations that ended long ago, and silent ones if too many; return their numbers."""
+        """Forget conversations that ended long ago, and in a full list silent ones; return the numbers."""
         is_full = len(self.all) > MOST_CONVERSATIONS // 2
         over = [
             each for each in self.all if ns - each.last_ns > (SILENT_NS if is_full else each.forget_after_ns)
@@ -534,7 +534,7 @@ class Conversations:
     def _make_conversation(
         self, ns: int, protocol: str, ends: TwoEnds, macs: tuple[bytes, bytes]
     ) -> WireDirection | None:
-        """Make a conversation; return the direction of its first packet; None: too many, or `is_tapped`."""
+        """Make a conversation and return its first direction; None: too many exist, or `is_tapped`."""
         if len(self.all) >= MOST_CONVERSATIONS or self.is_tapped:
             self.unlisted += 1
             return None
@@ -848,7 +848,7 @@ def _flow_key(protocol: str, source: tuple[bytes, int], target: tuple[bytes, int
 
 
 def distance(one: int, other: int) -> int:
-    """Return how far a sequence number is after another, modulo 2**32; negative: before it."""
+    """Return how far the number `one` is after `other`, modulo 2**32; negative: `one` is before `other`."""
     far = (one - other) & _SEQ_MASK
     return far - (_SEQ_MASK + 1) if far & _SEQ_HALF else far
 

@@ -1,6 +1,6 @@
 """The screen, and the process that sends its pictures.
 
-Rule: that process is started before the screen library is imported, so that it reads the project meanwhile.
+Rule: start that process before the import of the screen library: it reads the project during the import.
 """
 
 from __future__ import annotations

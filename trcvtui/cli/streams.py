@@ -33,5 +33,5 @@ def prepare_streams() -> None:
 
 
 def has_terminal(*numbers: int) -> bool:
-    """Return whether these streams are terminals; without numbers, all three, as a screen uses stderr."""
+    """Return whether these streams are terminals; no numbers: all three, as a screen needs them."""
     return all(map(os.isatty, numbers or range(3)))

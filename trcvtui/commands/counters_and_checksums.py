@@ -107,7 +107,7 @@ class Fill:
 
 
 def fill_message(payload: bytes, fills: Sequence[Fill], number: int) -> bytes:
-    """Return a message with everything filled in; a fill at its end makes it longer."""
+    """Return a message with everything filled in; a fill at the end makes the message longer."""
     if not fills:
         return payload
     content = bytearray(payload)

@@ -1,6 +1,6 @@
 """Lines that edit the project: `add connect C3 LocalPort=2001`, `set C3 LocalPort=2002`, `remove C3`, `undo`.
 
-The keys are those of the project file, and its readers check them. A type, a message and the steps of a
+The keys are the keys of the project file; the same readers check them. A type, a message and the steps of a
 sequence are written without a key: `add data rx2 INT`, `set message m hex 01`.
 Rule: a line changes everything that it says, or nothing; an entry in use is not removed.
 """
@@ -79,7 +79,7 @@ NAME_STARTS: Final = {"connect": "C", "udp_config": "U", "addr": "A", "combuffer
 
 
 def free_port(project: Project, after: int = FIRST_PORT - 1) -> int:
-    """Return the first port from 2000 on, after `after`, that no part uses."""
+    """Return the first port above `after` that no part uses; by default from 2000 on."""
     ends = [each.local for each in project.connects] + [each.local for each in project.udp_configs]
     taken = {end.port for end in ends} | {
         getattr(end, "port", 0) for peer in project.peers for end in (peer.end, peer.source)
@@ -100,7 +100,7 @@ def link_keys(block: str, content: Mapping[str, Any]) -> tuple[tuple[str, str], 
 def complete_instance(
     content: Mapping[str, Any], project: Project, where: str
 ) -> tuple[dict[str, Any], tuple[Declaration, ...]]:
-    """Return all keys of an instance, also those that were missing, and the parts created for them."""
+    """Return all keys of an instance, missing keys filled in, and the parts created for such keys."""
     made, block = list[Declaration](), _word_text(content.get("block"))
     is_known, row = block in project.dialect.blocks, block_row(block)
     keys = link_keys(block, content) if is_known else ()
@@ -198,7 +198,7 @@ def _read_udt_file(name: str, project: Project, where: str) -> UdtFile:
 
 
 def _types_with_file(decl: UdtFile, project: Project) -> tuple[TypeSet, list[str], list[Problem]]:
-    """Return all types with those of one more file, the names of the new ones, and the file's mistakes."""
+    """Return all types and the types of one more file, the names of the new types, the file's mistakes."""
     types = append_entry(project, decl).types
     own = types.senders.keys() - project.types.senders.keys()
     names = [name for key, (name, _) in types.types.items() if key in own]
@@ -233,7 +233,7 @@ def _add_with_parts(content: dict[str, Any], project: Project, where: str, writt
 
 
 def _check_messages(decl: Declaration, project: Project, where: str) -> None:
-    """Raise UserError for mistakes in messages, steps and routines that the table's reader cannot find."""
+    """Raise UserError for mistakes that the table's reader cannot find: in messages, steps and routines."""
     match decl:
         case MessageDecl():
             check_message(decl, project, where)
@@ -315,7 +315,7 @@ def parse_change(words: Words, project: Project) -> Change | None:
 
 
 def _read_kind_and_name(words: Words, project: Project) -> tuple[str, str]:
-    """Return kind and name after `set` or `remove`; consume the kind if written. Kind "": no such name."""
+    """Return kind and name after `set` or `remove`; consume a written kind. Kind "": unknown name."""
     if words.peek() in PART_KINDS and words.peek(1) and "=" not in words.peek(1):
         return words.next(""), words.peek()
     name = words.peek()

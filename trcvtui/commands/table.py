@@ -217,7 +217,7 @@ class BenchActions(Protocol):
 
 
 class WordRow(Struct, frozen=True):
-    """One frozen command: `write` gives its line, `act` does it; None: a runner does; scans may pass."""
+    """One frozen command: `write` returns its line, `act` carries it out (None: a runner, with scans)."""
 
     record: type
     write: Callable[[Any], str]

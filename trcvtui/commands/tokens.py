@@ -60,7 +60,7 @@ def _unescape(letter: str, digits: str) -> str:
 
 
 def struct_bytes(layout: Layout, braces: str, where: str) -> bytes:
-    """Return the bytes of `{speed=1.5, st={x=1}}`; members that it does not name are 0; raise UserError."""
+    """Return the bytes of `{speed=1.5, st={x=1}}`; members without a value are 0; raise UserError."""
     values = dict(parse_members(braces, where))
     with prefix_problems(where):
         return encode(layout, values)
@@ -203,7 +203,7 @@ def parse_value(kind: Kind[T], text: str, before: str, where: str) -> T:
 
 
 def parse_delay(text: str, before: str, where: str) -> int:
-    """Return the ns of a duration such as T#20ms, not negative."""
+    """Return the ns of a duration, such as T#20ms, that must not be negative."""
     return parse_value(DELAY, text, before, where)
 
 

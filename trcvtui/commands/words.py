@@ -84,7 +84,7 @@ class Starts:
 
 @dataclass(frozen=True, slots=True)
 class FieldIs:
-    """`field Telegram.id = 7`: a Telegram has this value; the stream is cut from its beginning."""
+    """`field Telegram.id = 7`: a Telegram has this value; the stream is cut from its first byte on."""
 
     type_name: str
     path: str
@@ -100,7 +100,7 @@ NO_MARK: Final = "none"
 
 @dataclass(frozen=True, slots=True)
 class SetFrameMark:
-    """`suffix RD hex 0D 0A`, `prefix RD none`; `pin`: the input for the mark's length; "": a STRING."""
+    """`suffix RD hex 0D 0A`, `prefix RD none`; `pin`: the input for the mark's length, "" for a STRING."""
 
     instance: str
     mark: str
@@ -166,7 +166,7 @@ class Delete(Struct, frozen=True):
 
 
 class InitialDownload(Struct, frozen=True):
-    """`download TRCV_C_1`: incremental download of a changed initial value, which makes the instance anew."""
+    """`download TRCV_C_1`: incremental download of a changed initial value; the instance is made anew."""
 
     instance: str
 
@@ -420,7 +420,7 @@ BenchCommand = (
 
 
 class Step(Struct, frozen=True):
-    """One command of a script: its 1-based number, its line, its value."""
+    """One command of a script: its number from 1, its line, and the command."""
 
     number: int
     line: str

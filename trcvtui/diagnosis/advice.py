@@ -327,7 +327,7 @@ JOB_CONDITIONS: Final = frozenset({Condition.STARTED, Condition.RUNNING})
 class Advice:
     """`why`: the present state; `causes`: what is proven, the most telling first; `do`: what to do.
 
-    `code`: the STATUS of the last failed attempt; its row of the table says more than the shown STATUS.
+    `code`: the STATUS of the last failed attempt; the table says more about it than about the shown STATUS.
     `rules`: the rules that returned a sentence.
     """
 
@@ -339,7 +339,7 @@ class Advice:
 
     @property
     def checks(self) -> tuple[str, ...]:
-        """Return `causes` and the texts of `do`, all that goes beyond `why`."""
+        """Return `causes` and the texts of `do`: everything except `why`."""
         return (*self.causes, *(each.text for each in self.do))
 
 
@@ -464,7 +464,7 @@ def _attempt_code(e: Evidence) -> int | None:
 
 
 def _describe_failed_attempt(e: Evidence, words: str) -> tuple[AdvisedCause, ...]:
-    """Return causes and remedies of the last attempt if its code showed; `words`: used if no rule fits."""
+    """Return causes and remedies of the last attempt if its code showed; `words`: a cause if none fits."""
     attempt = e.facts.attempt
     if attempt is None or _attempt_code(e) is None:
         return ()
@@ -477,6 +477,6 @@ def _describe_failed_attempt(e: Evidence, words: str) -> tuple[AdvisedCause, ...
 
 
 def _has_failed_early(e: Evidence) -> bool:
-    """Return whether the attempt failed before it had a socket: ports and partners play no part."""
+    """Return whether the attempt failed before it had a socket: then ports and partners do not matter."""
     attempt = e.facts.attempt
     return attempt is not None and attempt.cause.call in SETUP_CALLS

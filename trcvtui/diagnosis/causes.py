@@ -71,7 +71,7 @@ class EndsGroup:
 
     @cached_property
     def sequential_lines(self) -> tuple[LineFacts, ...]:
-        """Return the built conversations, except any that began before the last one returned had ended."""
+        """Return built conversations one after the other: each begins after the one before it has ended."""
         found: list[LineFacts] = []
         for one in self.built:
             if not found or found[-1].last_ns <= one.first_ns:
@@ -80,7 +80,7 @@ class EndsGroup:
 
     @cached_property
     def harmful_end_count(self) -> int:
-        """Return how many unrequested ends harmed a block, or may have (harm is not known)."""
+        """Return how many unrequested ends harmed a block; an end with unknown harm counts."""
         ends = [(one, one.end) for one in self.ended_lines if one.end is not None and not one.end.is_ours]
         return sum(one.has_harm_at(end.ns) and not (one.connect and end.by_plc) for one, end in ends)
 
@@ -109,7 +109,7 @@ class EndsGroup:
 
     @cached_property
     def ordinary_end_count(self) -> int:
-        """Return how many conversations the caller ended after both sent, with no byte on the way to it."""
+        """Return how many conversations the caller ended after both sent and it acknowledged all."""
         return sum(1 for one in self.ended_lines if _is_ordinary(one))
 
     @cached_property
@@ -516,7 +516,7 @@ def _has_written_since(line: LineFacts, by_plc: bool, since_ns: int) -> bool:
 
 
 def _has_parallel_connection(case: LineCase, ns: int) -> bool:
-    """Return whether the same ends had another connection at `ns`; a new connection then replaces none."""
+    """Return whether the same ends had another connection at `ns`; then a new one is no replacement."""
     others = [one for one in case.group.lines[-MOST_AROUND:] if one is not case.line and one.is_built]
     return any(one.first_ns <= ns < one.last_ns for one in others)
 

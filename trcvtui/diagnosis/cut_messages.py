@@ -1,7 +1,7 @@
 """Cuts the bytes of one direction of a capture into messages, as they come: by pauses or into records.
 
-Rule 1: a pause ends a message. With a type a segment's end also does, unless the segment is full: then
-the rest follows. A multiple of the type's size is several records; any other size is one message.
+Rule 1: a pause ends a message. With a type, the end of a segment also ends it, unless the segment is full:
+then more follows. A multiple of the type's size is several records; any other size is one message.
 Rule 2: no record crosses a hole, or a message of another size.
 Rule 3: a piece of several records is held until a single message comes: the size of the message shows
 whether the piece is records. Six messages of 10 bytes are as long as five messages of 12.
@@ -155,7 +155,7 @@ class MessageCutter:
 
 
 class MessageCutters:
-    """Cuts the bytes of conversations. `made` returns the cutter of a direction; None: no cut there."""
+    """Cuts the bytes of conversations. `made` returns the cutter of a direction; None: not to be cut."""
 
     def __init__(self, made: Callable[[WireDirection], MessageCutter | None]) -> None:
         self._made = made

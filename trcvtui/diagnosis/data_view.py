@@ -56,7 +56,7 @@ NUMBER_KINDS: Final = frozenset({ValueKind.INTEGER, ValueKind.REAL})
 
 @dataclass(frozen=True, slots=True)
 class SwappedMember:
-    """A member and its value in the layout's byte order and in the other one."""
+    """A member, its value in the layout's byte order, and its value in the other byte order."""
 
     path: str
     as_read: int | float

@@ -111,7 +111,7 @@ def make_type_receiver(layout: Layout, sender: str = "") -> Receiver:
 
 
 def judge_capture(path: str, asked: DoctorQuestion) -> tuple[list[LineVerdict], list[str], float]:
-    """Return the verdicts on one capture, what could not be read, and its hours; raise UserError."""
+    """Return the verdicts on one capture, notes on it, and its length in hours; raise UserError."""
     given = None if asked.plc is None else parse_plc(asked.plc)
     known = None if asked.recorded is None else asked.recorded(path)
     if known is not None and not asked.receivers:
@@ -153,7 +153,7 @@ def _judge_hosts(
     facts: CaptureFacts, asked: DoctorQuestion, given: PlcEnd | None, cases: Sequence[LineCase],
     verdicts: Sequence[LineVerdict],
 ) -> list[Finding]:  # fmt: skip
-    """Return the findings of hosts without a conversation; add remarks to a conversation."""
+    """Return findings on hosts that belong to no conversation; add the others to one as remarks."""
     alone, of_host = [], dict[bytes, list[tuple[LineFacts, LineVerdict]]]()
     for case, made in zip(cases, verdicts, strict=True):
         for host in {case.line.plc_end[0], case.line.partner_end[0]}:
@@ -270,7 +270,7 @@ def judge_line(case: LineCase, troubles: Sequence[Finding] = (), is_running: boo
 
 
 def _merge_findings(troubles: Sequence[Finding], found: list[Finding]) -> list[Finding]:
-    """Return one finding per cause; if program and packets both show a cause, keep that of the packets."""
+    """Return one finding per cause; if program and packets both prove it, keep the packets' finding."""
     alone, number_of = [], {one.cause: number for number, one in enumerate(found)}
     for one in troubles:
         if (number := number_of.get(one.cause)) is None:
@@ -296,7 +296,7 @@ def judge_project(project: Project) -> LineVerdict:
 def fill_finding(
     found: Finding, line: LineFacts | None = None, words: Mapping[Condition, int] = {}
 ) -> Finding:
-    """Return a finding with the words of its cause, and with its packets, filter and time in its line.
+    """Return a finding with the words of its cause, and its packets, filter and time in the conversation.
 
     `words`: the STATUS that the block shows for each condition, if the block is known.
     """

@@ -74,7 +74,7 @@ def _dedupe(found: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def judge_run(path: str, recorded: ReadRecordedFacts, tell: ReportScan | None = None) -> DoctorSnapshot:
-    """Return the findings in a run so far, and those in its project that the traffic does not show."""
+    """Return the findings in a run so far, and findings in its project that traffic does not show."""
     facts = recorded(path, is_running=True, tell=tell)
     found = judge_files([path], DoctorQuestion(recorded=lambda _: facts))
     known = {one.cause for one in found.findings}

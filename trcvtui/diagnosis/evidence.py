@@ -130,7 +130,7 @@ def _list_active_peers(project: Project, connect: str) -> tuple[str, ...]:
 def make_past_evidence(
     line: Line, edge: StatusEdge, facts: ConnectFacts, until: ScanStamp, project: Project, interval_ns: int
 ) -> Evidence:
-    """Return the evidence of a past edge from ledger and `facts`; its state lasted until `until`."""
+    """Return the evidence of a past edge from ledger and `facts`; the STATUS lasted until `until`."""
     need = edge.cause.need or 0
     have = edge.cause.have or 0
     if edge.outputs.busy and need and facts.job_offset is not None:

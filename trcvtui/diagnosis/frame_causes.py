@@ -65,7 +65,7 @@ def select_whole_messages(line: LineFacts) -> tuple[LineMessage, ...]:
 
 
 def measure_sizes(messages: Sequence[LineMessage]) -> MessageSizes:
-    """Return the sizes of messages; a multiple of a frequent size counts as several messages of it."""
+    """Return the sizes of messages; a multiple of a frequent size counts as several of that size."""
     counted = Counter(one.size for one in messages)
     if not counted:
         return MessageSizes(0, 0.0, 0, 0)
@@ -531,7 +531,7 @@ MOST_CACHED_READINGS: Final = 256
 
 
 def _find_reading(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    """Return a finding, with its `cause`, if the bytes make sense in another reading than the PLC's."""
+    """Return a finding, with its `cause`, if the bytes make sense in a reading unlike the PLC's reading."""
     if receiver is None or receiver.type is None or receiver.rules is None or not _can_read(line, receiver):
         return None
     frames = _frames(line, receiver)

@@ -1,4 +1,4 @@
-"""A reading of frames that makes sense but differs from the PLC's, with all the differences.
+"""A reading of frames that makes sense but differs from the PLC's reading, with all differences.
 
 Rule: message = bytes before + members + bytes after. The cause is the first difference, in the order bytes
 before (`header`), packing (`padding`), byte order, bytes after (`frame-long`).
@@ -97,7 +97,7 @@ def _has_rules(one: Fit, rules: LayoutRules) -> bool:
 def _classify_reading(
     best: Fit, frames: list[bytes], receiver: Receiver, rules: LayoutRules, sides: Sequence[str]
 ) -> tuple[str, RemedyOffer]:
-    """Return the cause that the best reading means, and the remedy; "": the reading means no cause."""
+    """Return the cause that the best reading proves, and the remedy; "": the reading proves no cause."""
     from trcvtui.udt.compare.causes import BYTE_TOO_MANY, HEADER, SWAP_CAUSES, TRAILER
     from trcvtui.udt.compare.drift import MOST_LEAVES
     from trcvtui.udt.compare.extra_bytes import has_length_field
@@ -129,7 +129,7 @@ def _classify_reading(
 
 
 def _describe_extra_bytes(best: Fit, frames: Sequence[bytes]) -> list[str]:
-    """Return a text for the bytes before the members, and one for those after them."""
+    """Return a text for the bytes before the members, and a text for the bytes after them."""
     from trcvtui.udt.compare.causes import cut_messages
     from trcvtui.udt.compare.extra_bytes import extra_evidence
 

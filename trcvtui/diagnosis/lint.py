@@ -1,4 +1,4 @@
-"""Judges a project before its first scan: what its instances expect, and which causes show already."""
+"""Judges a project before its first scan: what its instances expect, and causes that exist already."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ def _read_marks(decl: InstanceDecl, written: dict[str, bytes]) -> tuple[bytes, b
 def lint(
     project: Project, pins: Mapping[str, Pins] | None = None, has_run: bool = True
 ) -> tuple[Finding, ...]:
-    """Return what is wrong with a project before it runs, or with its present `pins`; the surest first."""
+    """Return what is wrong with a project before it runs, or in a run with `pins`; the surest first."""
     started = replace(_apply_start(project, now=pins)[0], start="", program="")
     found = [replace(one, cause=cause) for cause, judge in LINT_RULES for one in judge(started)]
     written = _written_pins(project)
@@ -243,7 +243,7 @@ def _judge_ids(project: Project) -> Iterator[Finding]:
 
 
 def _judge_ports(project: Project) -> Iterator[Finding]:
-    """Yield CONNECTs with one local address and port, both of TCP or of UDP; ISO-on-TCP shares its port."""
+    """Yield two CONNECTs with the same local address and port, if both use TCP or both use UDP."""
     first: dict[tuple[bool, str, int], ConnectConfig] = {}
     mend = Remedy("give each of them its own LocalPort")
     for config in project.connects:

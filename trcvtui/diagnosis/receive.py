@@ -37,7 +37,7 @@ def receive_state(e: Evidence) -> str:
 
 
 def is_stuck(e: Evidence) -> bool:
-    """Return whether a static frame has begun and its sender seems to have no more."""
+    """Return whether a static frame has begun, and the sender seems to have no more bytes for it."""
     is_running = e.condition in RECEIVING_CONDITIONS
     return is_running and not e.adhoc and not e.is_message and not e.is_datagram and receive_state(e) == STUCK
 
@@ -148,7 +148,7 @@ def _has_other_size(e: Evidence) -> bool:
 
 
 def explain_short_sender(e: Evidence) -> RuleAnswer:
-    """Every message is shorter than the frame, and no whole number of them fills it."""
+    """Every message is shorter than the frame, and no whole number of messages fills a frame."""
     size = e.facts.messages.common
     if size is None or not size < e.need or e.need % size == 0 or e.adhoc:
         return ""
@@ -442,7 +442,7 @@ def explain_empty_addr(e: Evidence) -> RuleAnswer:
 
 
 def explain_datagram_too_long(e: Evidence) -> RuleAnswer:
-    """A datagram without room in DATA is lost whole; the next one is not affected."""
+    """A datagram without room in DATA is lost whole; the next datagram is not affected."""
     have, need = e.cause.have, e.cause.need
     if not have or not need:
         return ""

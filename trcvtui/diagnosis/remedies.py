@@ -1,4 +1,4 @@
-"""What a rule of the doctor offers as a remedy, and how that can be tried."""
+"""What a rule of the doctor offers as a remedy, and how the remedy can be tried."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from trcvtui.snapshots.doctor import Finding, Remedy
 
 
 class CauseRule(NamedTuple):
-    """One row. `silenced_by`: causes that explain this one, if found; `weakened_by`: causes that may do so.
+    """One row. `silenced_by`: causes that explain this cause; `weakened_by`: causes that may explain it.
 
     `blind`: qualities of a capture with which the row cannot judge.
     """

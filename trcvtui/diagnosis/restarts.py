@@ -1,4 +1,4 @@
-"""Which connections are half open: their caller has restarted, and the other end does not know it."""
+"""Which connections are half open: their caller has restarted, and the other end has not noticed that."""
 
 from __future__ import annotations
 

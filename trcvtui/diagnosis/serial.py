@@ -1,4 +1,4 @@
-"""Blocks on a ComBuffer: what to check when one shows an error, and what will go wrong with a framing."""
+"""Blocks on a ComBuffer: what to check after an error, and what will go wrong with a framing."""
 
 from __future__ import annotations
 

@@ -216,7 +216,7 @@ def judge_tls(line: LineFacts) -> Finding | None:
 
 
 def _is_handshake_complete(both: dict[str, list[tuple[int, bytes]]]) -> bool:
-    """Return whether a handshake up to TLS 1.2 succeeded: both ends encrypt, or one end and data passed."""
+    """Return whether a handshake up to TLS 1.2 succeeded: both ends encrypt, or one does and data came."""
     kinds = [[kind for kind, _ in records] for records in both.values()]
     ready = [_CHANGE_CIPHER in each and _HANDSHAKE in each[each.index(_CHANGE_CIPHER) :] for each in kinds]
     return all(ready) or (any(ready) and any(_DATA in each for each in kinds))

@@ -28,7 +28,7 @@ class DataBytes(NamedTuple):
 
 
 class Card:
-    """Explains one instance after the other; keeps the last answers about bytes."""
+    """Explains one instance after the other; keeps the last answers about bytes for the next call."""
 
     def __init__(self) -> None:
         self._suspected: tuple[object, bytes, str] | None = None  # layout, content, suspicion

@@ -20,7 +20,7 @@ class StreamMessage(NamedTuple):
 
 
 def find_whole_messages(window: HistoryWindow, e: Evidence) -> list[StreamMessage]:
-    """Return the messages that are known whole, oldest first; []: their ends are not known.
+    """Return the messages that are known to be whole, oldest first; []: their ends are not known.
 
     Bytes of a running job are left out: the next bytes may belong to the same message.
     """

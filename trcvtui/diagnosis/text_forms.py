@@ -113,7 +113,7 @@ def _offer_type(receiver: Receiver, name: str, size: int, text: str) -> RemedyOf
 
 
 def describe_sent_strings(receiver: Receiver, messages: Sequence[bytes]) -> str:
-    """Return that whole STRINGs come although DATA is bytes or characters; "": they do not."""
+    """Return a sentence if whole STRINGs come although DATA is bytes or characters; "": they do not."""
     if len(messages) < FEW_MESSAGES or not is_bytes(receiver.type):
         return ""
     most = find_string_header(messages)
@@ -134,7 +134,7 @@ def is_bytes(type_: Type | None) -> bool:
 
 
 def describe_utf_8_bytes(messages: Sequence[bytes], need: int) -> str:
-    """Return that bytes were sent as a string in UTF-8, each above 7F as two; "": they were not."""
+    """Return a sentence if bytes were sent as UTF-8, in which each byte above 7F becomes two; else ""."""
     high = [one for one in messages if not one.isascii()]
     if len(high) < 2:
         return ""

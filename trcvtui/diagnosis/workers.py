@@ -69,7 +69,7 @@ def _make_death_error(path: str) -> UserError:
 def judge_in_cluster(
     paths: Sequence[str], asked: Question, judge: JudgeFunction[Question, Answer], scheduler: str, form: Any
 ) -> PathAnswers[Answer]:
-    """Yield the answers of a cluster as they come: one task a capture, which its worker reads.
+    """Yield the answers of a cluster as they come: one task for each capture; a worker reads it.
 
     Files that no worker can open are read here. `form`: the type of an Answer. UserError: no scheduler.
     """
@@ -94,7 +94,7 @@ def judge_in_cluster(
 def _forbid_unpickling() -> Iterator[None]:
     """Let Dask build no object (rule 2): serialized data stays bytes, pickles become None or a KilledWorker.
 
-    `deserializers` do not cover errors, types of results, warnings, and data that calls itself pickled.
+    `deserializers` do not cover errors, types of results, warnings, and data that is marked as pickled.
     """
     from distributed import KilledWorker, client, protocol
 

@@ -40,7 +40,7 @@ class Explanation(Struct, frozen=True):
     def select_scenarios(self) -> tuple[str, ...]:
         """Return the scenarios named for this code, first those whose name begins with it.
 
-        For an error, a few that play a note of the manual follow. Without any of them: the first few.
+        For an error, a few scenarios of the manual's notes follow. If there are none at all: the first few.
         """
         named = sorted(filter(self._is_named_in, self.scenarios), key=lambda file: self._place_in(file) > 0)
         notes = [file for file in self.scenarios if _is_note_scenario(file) and file not in named]
@@ -86,7 +86,7 @@ def select_dialects(dialects: Sequence[Dialect], name: str | None) -> tuple[Dial
 def find_explanations(
     dialects: Sequence[Dialect], code: int | None, block: str | None, number: int | None = None
 ) -> list[Explanation]:
-    """Return the rows of a code (None: all) that a block (None: any) lists; at least one, or UserError.
+    """Return the rows of a code (None: all) that a block (None: any) lists; UserError if there are none.
 
     `number`: the code as a decimal, if it may be one, for blocks whose Error is a UINT.
     """

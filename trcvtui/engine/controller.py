@@ -62,7 +62,7 @@ UDT_USAGE: Final = "udt reload, or udt constant NAME=VALUE; the rest of `udt` is
 
 
 def reload_types(rest: str, project: Project, where: str) -> tuple[Project, dict[str, int], str]:
-    """Return the project with its types read again from its files, the given constants, and the message.
+    """Return the project with types read again from their files, the given constants, and the message.
 
     `rest`: the words after `udt`. A type that DATA has and that is broken now is refused.
     """
@@ -91,7 +91,7 @@ CONNECTED, NO_EFFECT = "connected", "without effect"
 
 
 def make_remark(command: words.BenchCommand, runtime: Runtime, adhoc_at_once: bool) -> str:
-    """Return the remark on a command that was given after the last scan; "" for most commands."""
+    """Return the remark on a command in the present state of the bench; "" for most commands."""
     match command:
         case words.Pulse(name, "COM_RST"):
             return _reset_remark(runtime.instance_snapshot(name), runtime)
@@ -155,7 +155,7 @@ def _recording_path(name: str) -> Path:
 
 
 class Controller:
-    """The bench for the screen. While `holding`, only `wanted` scans and those of `player` pass."""
+    """The bench for the screen. While `holding` is set, only `wanted` scans and the player's scans pass."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -342,7 +342,7 @@ class Controller:
         return ""
 
     def report_recording(self, text: str, wrong: str) -> None:
-        """Show the state of the recording in the header; note each error in the history, once."""
+        """Show the state of the recording in the header; add a note to the ledger if its error is new."""
         self.recorded = text
         if wrong != self._wrong_recording:
             self._wrong_recording = wrong
@@ -439,19 +439,19 @@ class Controller:
 
     @property
     def hurries(self) -> bool:
-        """Return whether scans pass as fast as possible: a simulated scenario plays to its end."""
+        """Return whether scans pass as fast as possible: while a simulated scenario plays to its end."""
         player = self.player
         simulated = self.bench.kernel_name == "sim"
         return player is not None and simulated and player.is_to_end and player.wants_scan
 
     def scan(self, now: int | None = None) -> bool:
-        """Let the next scan pass, if it may; the readers of the ledger then catch up."""
+        """Run the next scan, unless scans are held; then let the readers of the ledger catch up."""
         passed = self.step(now)
         self.catch_up()
         return passed
 
     def step(self, now: int | None = None) -> bool:
-        """Let the next scan pass, if it may; return whether it has. Readers of the ledger catch up later."""
+        """Run the next scan, unless scans are held; return whether it ran. The ledger is read later."""
         if not self._may_scan():
             return False
         self.bench.step(now)
@@ -486,7 +486,7 @@ class Controller:
         return answers
 
     def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
-        """Return the bench after its last scan; of new ledger lines, the newest `most_lines` at most."""
+        """Return the bench after its last scan, with at most `most_lines` new ledger lines, the newest."""
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         known = request.bench == self._bench_number
         since = request.since_seq if known else 0
@@ -547,7 +547,7 @@ class Controller:
         return self._messages.make_delta(instance, since, min(until, scan))
 
     def report_problem(self, text: str) -> None:
-        """Show a problem that no line caused."""
+        """Show a problem that no typed line has caused."""
         self._answers.append(LineAnswer(0, "", text))
 
     def _wave_news(self, asked: tuple[tuple[str, int], ...], known: bool) -> tuple[WaveformDelta, ...]:

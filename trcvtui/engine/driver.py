@@ -1,6 +1,6 @@
 """How a screen drives the bench: lines out, pictures in, the engine in a process of its own.
 
-Rule: importing this module costs next to nothing: the engine starts before anything else is imported.
+Rule: this module is imported in almost no time, as the engine starts before all other imports.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ HELLO_TIMEOUT_S: Final = 30.0  # for an engine to let a tab in
 
 
 class ProcessDriver:
-    """A process that runs `main` and sends pictures: start it before importing the screen library."""
+    """A process that runs `main` and sends pictures. Make it before you import the screen library."""
 
     _record: RecordTarget | None = None
     is_shared = False

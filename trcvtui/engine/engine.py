@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def engine_main(channel: Channel, *asked: Any) -> None:
-    """Run the bench for an EngineDriver until the channel closes; an error that ends the run is sent."""
+    """Run the bench for an EngineDriver until the channel closes; send an error that ends the run."""
     gc.disable()  # the engine collects at the beginning of each bench only
     ignore_signals(TERMINAL_SIGNALS)  # they belong to the screen
     try:
@@ -241,7 +241,7 @@ class Engine:
         screen.make_ns, self._made_at = clock.now_ns() - began, began
 
     def _may_make_picture(self, screen: AttachedScreen, deadline_ns: int) -> bool:
-        """Return whether a picture fits before the next scan, or the screen has waited too long for one."""
+        """Return whether a picture fits before the next scan, or the screen has waited for too long."""
         least = PICTURE_PAUSE_NS if self._interval < FAST_INTERVAL_NS and not screen.answers else 0
         now = clock.now_ns()
         if now < self._made_at + least:

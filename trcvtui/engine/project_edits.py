@@ -1,9 +1,9 @@
 """The edits of the opened project, which of them are in a file, and `save project [FILE] [!]`.
 
 Rule: `create`, `delete` and `resize` change the program that runs; `add`, `set` of a part, `remove` and
-`undo` change the project too, and are what `save project` writes. Present inputs, DATA and faults belong
+`undo` change the project too: `save project` writes only these. Present inputs, DATA and faults belong
 to the session (`save scenario`).
-Rule of saving 1: the present text of the file is edited: what others wrote there since it was opened stays.
+Rule of saving 1: the present text of the file is edited, so that changes by other programs stay.
 Rule of saving 2: the new text is loaded before it is written; it replaces the old text in one step.
 Rule of saving 3: if FILE is another file, it gets the text last opened or saved, with the bench's edits.
 """
@@ -88,7 +88,7 @@ FORCE: Final = "!"
 
 
 def parse_save_target(words: str, own: Path, written: Collection[str], where: str) -> Path:
-    """Return the file that `[FILE] [!]` names; without `!` raise UserError for others' files."""
+    """Return the file that `[FILE] [!]` names; without `!` raise UserError if it exists and is not ours."""
     name = words.strip()
     is_forced = name.endswith(FORCE)
     name = name.removesuffix(FORCE).strip()
@@ -118,7 +118,7 @@ def refuse_shipped_file(path: Path, where: str) -> None:
 def apply_edits(
     text: str, own: Path, path: Path, edits: Edits, constants: Mapping[str, int]
 ) -> tuple[str, Project]:
-    """Return the edited text of file `own`, and the project it gives as file `path`; raise UserError."""
+    """Return `text` with the edits, and the project loaded from it as file `path`; raise UserError."""
     added = [edit.after for edit in edits if edit.before is None and edit.after is not None]
     if added:
         text = append_entries(text, added, str(own))
@@ -199,7 +199,7 @@ class ProjectEdits:
         return "addition" if all(edit.before is None for edit in self._edits) else "change"
 
     def read_file_text(self) -> str:
-        """Return the present text of the file (`text` is the one kept earlier), "" if it cannot be read."""
+        """Return the present text of the file, "" if it cannot be read; `text` is the text kept earlier."""
         return _text_of(self.project.path)
 
     def note_new_bench(self) -> None:
@@ -277,7 +277,7 @@ class ProjectEdits:
                 write_file(place, each.content, PROMPT, is_new=True)
 
     def _find_obstacle(self) -> Problem | None:
-        """Return why the edits cannot be written to the file, for example: it is gone; None: they can."""
+        """Return why the edits cannot be written to the file, such as a missing file; None: they can be."""
         own, was = self.project.path, self._in_file
         try:
             text = read_text(own)

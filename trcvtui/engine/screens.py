@@ -2,7 +2,7 @@
 
 Rule 1: no screen stops a scan: nothing here waits, and all screens share one limit of messages.
 Rule 2: an answer goes to the screen that sent the line; a message that answers no line goes to all screens.
-Rule 3: a screen that ends, or sends an invalid message, is closed. If the first is closed, the engine ends.
+Rule 3: a screen that ends or sends an invalid message is closed. Without the first screen the engine ends.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class AttachedScreens:
     def read_messages(
         self, deadline_ns: int
     ) -> Iterator[tuple[AttachedScreen, tuple[int, str] | UpdateRequest]]:
-        """Yield messages until `deadline_ns`; add/remove tabs; raise EOFError if the first screen ended."""
+        """Yield messages until `deadline_ns`; add and close tabs. EOFError: the first screen has ended."""
         if self._door is not None and (descriptor := self._door.accept()) is not None:
             self._came += 1
             self.all.append(tab := AttachedScreen(Channel(descriptor), self._came))

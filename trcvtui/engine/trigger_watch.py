@@ -1,7 +1,7 @@
 """A trigger: a condition checked after each scan; it fires once, when the condition becomes true.
 
-`trigger TRCV_C_1 STATUS=80C5`, `trigger TRCV_C_1 EN_R rises`, `trigger rx.speed > 100 hold`. RCVD_LEN counts
-only with DONE: in every other scan it is 0 and has no meaning.
+`trigger TRCV_C_1 STATUS=80C5`, `trigger TRCV_C_1 EN_R rises`, `trigger rx.speed > 100 hold`. RCVD_LEN is
+compared only in scans with DONE: in every other scan it is 0 and has no meaning.
 When a trigger fires, the screen's next picture shows the bench in that scan, even if later scans have run.
 """
 
@@ -59,7 +59,7 @@ class PinCondition(Struct, frozen=True):
         return OPERATORS[self.operator](pin_now(bench, self.instance, self.pin), self.value)
 
     def fires_by(self, event: InputEdge) -> bool:
-        """Return whether an input's edge makes the condition true: a pin may change twice in one scan."""
+        """Return whether an input's edge makes the condition true; a later edge may undo that at once."""
         is_it = (event.instance, event.pin) == (self.instance, self.pin)
         return is_it and OPERATORS[self.operator](event.value, self.value)
 
@@ -219,7 +219,7 @@ class TriggerWatch:
         self.kept: FrozenScan | None = None
 
     def arm(self, text: str, where: str) -> str:
-        """Arm a trigger, or disarm with `off`; return the message; raise UserError.
+        """Arm a trigger (`off`: disarm it); return the message for the user; raise UserError.
 
         If the condition is already true, the trigger fires only when it next changes from false to true.
         """

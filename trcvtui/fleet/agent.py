@@ -193,7 +193,7 @@ class Agent:
 
     @contextmanager
     def _contain_failures(self) -> Iterator[None]:
-        """Report an error of publishing; it never ends the bench."""
+        """Report an error of publishing; such an error never ends the bench."""
         try:
             yield
         except Exception as failed:
@@ -308,7 +308,7 @@ class Agent:
             self._publisher.clear_all_but(self._is_used)
 
     def _note_scan(self, snapshot: Snapshot, now: int) -> None:
-        """Note the time of a new scan; with shadows, any picture counts, with or without a new scan."""
+        """Note the time of a new scan; with shadows, note the time of any picture."""
         if snapshot.scan != self._scan or self._has_shadows:  # an idle watched line has no new scans
             self._scan, self._scanned_at = snapshot.scan, now
             self._patience = max(STALE_NS, STALE_SCANS * snapshot.interval_ns)
@@ -371,7 +371,7 @@ class Agent:
 
 
 def run_agent(settings: AgentSettings, project: Project) -> int:
-    """Run a project until SIGTERM or Ctrl+C; raise UserError for what cannot be run."""
+    """Run a project until SIGTERM or Ctrl+C; raise UserError if the settings do not fit it."""
     where, program = settings.project, settings.packets[:1]
     if project.taps and project.watches:
         raise mistake(f"{where}", "[[watch]] beside [[tap]]", "one of them: an agent runs one project each")

@@ -2,7 +2,7 @@
 
 The id of an event is BOOT-SEQ; in each run of an agent (BOOT) SEQ counts from 1 without gaps. A skipped
 number is missing until `recent` or a late message brings it. A run keeps MOST_SEQS numbers at most: with
-more, the lower half is dropped, and all numbers up to there count as received.
+more, the lower half is dropped, and numbers up to there are never new again.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class EventLog:
         self._has_begun = False
 
     def begin_counting(self) -> None:
-        """From now on a new run counts missing events from number 1, not from the first received one."""
+        """From now on a new run counts missing events from number 1, not from its first received event."""
         self._has_begun = True
 
     @property

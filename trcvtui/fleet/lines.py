@@ -36,7 +36,7 @@ class AgentInstance:
         self._base = 0, 0  # counts of the engines before
 
     def edge(self, boot: str, at: float, edge: StatusEdge, place: dict[str, object]) -> EventMessage | None:
-        """Return an event if ERROR or its STATUS is new, else None; `place`: the edge's scan and file."""
+        """Return an event if ERROR is new or has a new STATUS; `place`: the scan and file of the edge."""
         shown = edge.outputs.error, edge.outputs.status
         is_new = edge.outputs.error and shown != self._last
         self._last = shown
@@ -62,7 +62,7 @@ class AgentInstance:
         self._last = False, 0
 
     def update(self, shown: InstanceSnapshot, text: str, at: float, age_s: float) -> bool:
-        """Set the status; return whether anything but its times has changed."""
+        """Set the status; return whether it has changed, apart from its times."""
         outputs = shown.outputs
         self.jobs_done, self.errors = self._base[0] + shown.jobs_done, self._base[1] + shown.errors
         status = StatusMessage(
@@ -196,7 +196,7 @@ class AgentBench:
     def report_findings(
         self, doctor: DoctorSnapshot, wall: float, with_payload: bool
     ) -> Iterable[tuple[AgentInstance, EventMessage]]:
-        """Yield an event for each instance and cause that is new since the doctor's previous look."""
+        """Yield an event for each (instance, cause) that the doctor's previous findings did not have."""
         if doctor.looks == self._looks:
             return
         self._looks, found, surest = doctor.looks, set(), dict[str, str]()

@@ -1,6 +1,6 @@
 """An agent's messages to the broker: the newest one of each retained topic, and a queue of events.
 
-Rule 1: on a connection retained topics are sent first, the queue `QUEUE_DELAY_NS` later, its oldest first.
+Rule 1: on a new connection retained topics are sent first; the queue `QUEUE_DELAY_NS` later, oldest first.
 Rule 2: an event leaves the queue when the broker acknowledges it; a full queue drops old figures first.
 Rule 3: a refused message is kept and sent again after a growing pause; meanwhile other messages are sent.
 """

@@ -1,4 +1,4 @@
-"""All lines of all sites as a reader knows them: the state of each, and their order, the worst first.
+"""All lines of all sites as a reader knows them: the state of each line; the worst lines come first.
 
 Rule 1: a name beyond MOST_NAMES is refused with one message; the known names stay.
 Rule 2: all times are by our clock. The live messages of an agent show the error of its clock.
@@ -91,7 +91,7 @@ class FleetAgent:
         return self.state is not None and self.state.state == "offline"
 
     def begin_counting(self) -> None:
-        """Note that all retained events have come: from now on missing ones are counted."""
+        """Note that all retained events have come: from now on missing events are counted."""
         self.has_begun = True
         for line in self.lines.values():
             for instance in line.instances.values():
@@ -113,7 +113,7 @@ class FleetLine:
 
     @property
     def worst_instance(self) -> FleetInstance | None:
-        """Return the instance to show: with ERROR, a finding, an unfinished job, else the most errors."""
+        """Return the worst instance: ERROR counts first, then a finding, an unfinished job, most errors."""
         return max(self.instances.values(), key=_badness, default=None)
 
     @property
@@ -263,7 +263,7 @@ class FleetModel:
             self._add_events(line, instance, (message,), wall)
 
     def mark_missing(self, wall: float) -> None:
-        """Mark an agent as offline if its state did not come again: a broker's restart loses last wills."""
+        """Mark agents without a state on this connection offline: a restarted broker loses last wills."""
         for agent in self.agents.values():
             if not agent.is_heard and not agent.is_offline and agent.state is not None:
                 agent.state, agent.since = replace(agent.state, state="offline", t=wall), wall

@@ -63,7 +63,7 @@ def encode_level(name: str) -> str:
 
 
 def parse_topic(text: str) -> Topic:
-    """Return the parts of a topic; raise UserError for one that no agent writes."""
+    """Return the parts of a topic; raise UserError for a topic that no agent writes."""
     head, _, rest = text[: MOST_TOPIC_CHARS + 1].partition(f"{ROOT}/")
     *names, kind = rest.split("/")
     try:
@@ -159,7 +159,7 @@ class FiguresMessage(
 
 
 class RecentMessage(FleetMessage, frozen=True):
-    """The newest events of an instance, the oldest first, and their number since the agent started."""
+    """The newest events of an instance, the oldest first; `count`: its events since the agent started."""
 
     KIND = "recent"
     t: Number

@@ -1,1 +1,1 @@
-"""What has come and gone: received bytes, frames, counters, waveforms."""
+"""The past of a bench: received bytes, frames, counters, waveforms."""

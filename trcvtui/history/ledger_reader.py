@@ -1,6 +1,6 @@
 """Reads the ledger once for all listeners (`index.add_listeners`), between scans, some lines at a time.
 
-Rule: all listeners learn of lines overwritten before they were read; no listener guesses what was in them.
+Rule: if lines were overwritten before they were read, all listeners get a call; none guesses their content.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Facts that remain when the ledger overwrites its lines: small counters of each CONNECT, line by line.
 
-Rule 1: a screen gets a bounded number of lines; the statistics read every line, but do not grow with them.
+Rule 1: a screen gets only some lines. The statistics read every line, but their size does not grow.
 Rule 2: lines that are overwritten before they are read are missing here; nothing is guessed.
 """
 
@@ -76,7 +76,7 @@ class _DatagramCounts:
 
 
 class LinkStatistics:
-    """Listens to the ledger after the index; `facts` answers for one instance."""
+    """Listens to the ledger after the index; `facts` returns the facts of one instance."""
 
     def __init__(self, index: StreamIndex) -> None:
         self._index = index
@@ -249,7 +249,7 @@ class LinkStatistics:
 def past_facts(
     lines: Iterable[Line], line: Line, edge: StatusEdge, connect: str
 ) -> tuple[ConnectFacts, ScanStamp]:
-    """Return the facts known just before the edge that follows a past edge, and the last scan read."""
+    """Return the facts of the lines before the instance's next edge, and the last scan of these lines."""
     kept = list(lines)
     following = next((known for known in kept if known.seq > line.seq and _is_edge_of(known, edge)), None)
     shown = [k for k in kept if k.seq <= line.seq or (following is None or k.scan < following.scan)]

@@ -1,7 +1,7 @@
 """One row for each message of an instance: a receive job that ended with bytes, a frame, a send job.
 
 Rule 1: a row has no bytes of its own, only their places in a ring (net/received_ring.py).
-Rule 2: STATUS is the value after the scan of the row; an instance whose outputs stay the same has no edge.
+Rule 2: a row has the STATUS after its scan. If that scan has no edge, the last edge's STATUS is valid.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ CONTENT_INDEX: Final = MessageRow._fields.index("content")
 
 
 class MessagesDelta(Struct, frozen=True):
-    """Rows of an instance from number `first` on, of `count` so far; rows before `oldest` have no values."""
+    """Rows from number `first` on, of the `count` rows of an instance; rows before `oldest` lost bytes."""
 
     instance: str
     first: int
@@ -83,7 +83,7 @@ class _InstanceRows:
 
 
 class NewestRows:
-    """The newest rows of each instance; `received` finds the rings of their bytes."""
+    """The newest rows of each instance; `received` returns the ring of a name."""
 
     def __init__(
         self,
@@ -135,7 +135,7 @@ class NewestRows:
         return content[: row.have] if len(content) == row.size else None
 
     def _find_oldest(self, of: _InstanceRows) -> int:
-        """Return the number of the row after the last row that lost its bytes; 0 bytes cannot be lost."""
+        """Return the number of the row after the last row that lost its bytes; empty rows lose none."""
         for number in range(max(of.oldest, of.first), of.count):
             row = of.rows[number - of.first]
             ring = self._received(row.stream)

@@ -1,4 +1,4 @@
-"""The pins over the scans: one pin, changes from the engine, one instance, the instances shown last.
+"""The pins over the scans: waveforms of a pin and of an instance; which changes the engine must send.
 
 Rule: what was left out is a gap; nothing about it is guessed.
 """
@@ -92,7 +92,7 @@ class PinWaveform:
         return Column(low, high, inside[-1], end - begin)
 
     def list_columns(self, window: Window, until: int) -> list[Column | None]:
-        """Return a window's columns, None for columns after scan `until`; complete columns are kept."""
+        """Return a window's columns, None for columns after scan `until`; whole columns are made once."""
         if self._zoom != window.zoom or len(self._columns) > 8 * window.width + 1024:
             self._columns, self._zoom = {}, window.zoom
         return [self._get_column(window, number, until) for number in range(window.width)]
@@ -127,7 +127,7 @@ class PinWaveform:
 
 
 class PolledWaveform(PinWaveform):
-    """What a watch table shows of a pin: the table polls every 100 ms and misses the changes in between."""
+    """A pin as a watch table shows it: the table polls every 100 ms and misses the changes in between."""
 
     def __init__(self, source: PinWaveform) -> None:
         super().__init__()
@@ -158,13 +158,13 @@ NO_PINS: Final[PinValues] = ()
 
 
 class KnownPins(Struct, frozen=True):
-    """The values of these pins from now on; they do not come from an edge; None: unknown."""
+    """Values that some pins have from now on; no edge reported them; None: unknown."""
 
     values: PinValues
 
 
 class PinChange(NamedTuple):
-    """A change in one scan; `seq` is its number in the ledger; of several in one scan the last counts."""
+    """A change in a scan; `seq`: its ledger number. Of several changes in one scan the last one counts."""
 
     seq: int
     scan: int
@@ -173,9 +173,9 @@ class PinChange(NamedTuple):
 
 
 class WaveformDelta(Struct, frozen=True):
-    """The changes of one instance from its change number `first` on (1: its very first), in order.
+    """The changes of one instance, in order; `first` is the number of the first change here, from 1.
 
-    `before`: values of all pins from `before_scan` to the first change. No other change up to `until_scan`.
+    `before`: values of all pins from `before_scan` to the first change; `until_scan`: the last known scan.
     """
 
     instance: str
@@ -239,7 +239,7 @@ class Waveform:
     # -- input --------------------------------------------------------------------------------------
 
     def add_delta(self, news: WaveformDelta, interval_ns: int) -> None:
-        """Append what is new; what was left out becomes a gap."""
+        """Append the changes that are new; changes that the engine left out become a gap."""
         if news.first <= self.number:
             return
         self.interval_ns = interval_ns
@@ -284,7 +284,7 @@ class Waveform:
         return self._polled[pin]
 
     def find_pin(self, what: str) -> str | None:
-        """Return the output for a field, such as Error or STATUS for `status`; None: it has none."""
+        """Return the output pin for a field such as `status`; None: the block has no such pin."""
         return next((pin for pin in self.lanes if outcome_field(pin) == what), None)
 
     @property

@@ -1,8 +1,8 @@
-"""Which recv call, job or frame has the received bytes of each ring, and what was dropped, by position.
+"""For each position of a ring: the recv call, job or frame that has the byte, or why it was dropped.
 
-Rule 1: only facts of the ledger are kept; if their lines were overwritten, bytes remain without an owner.
-Rule 2: the bytes are those of the ring (net/received_ring.py): nothing is copied here, and nothing is late.
-Rule 3: all of it is bounded: the more streams, the fewer spans each one keeps. The oldest are forgotten.
+Rule 1: only facts of the ledger are kept. The bytes of lines that were overwritten unread have no owner.
+Rule 2: the bytes stay in the ring (net/received_ring.py); no byte is copied here.
+Rule 3: the number of spans is bounded: the more streams, the fewer spans of each. The oldest are forgotten.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class ReceivedStream:
         self.looked_at = len(self.recvs) + len(self.jobs) + SLACK
 
     def find_pieces(self, incarnation: int, offset: int, size: int) -> Pieces:
-        """Return where `size` bytes from `offset` of a connection are, if recv calls have them."""
+        """Return where in the ring `size` bytes from `offset` of a connection are, as far as known."""
         found: Pieces = []
         begin, end = (incarnation, offset), (incarnation, offset + size)
         place = bisect_right(self.recvs, begin, key=lambda recv: (recv.incarnation, recv.offset + recv.size))
@@ -118,7 +118,7 @@ class ReceivedStream:
         return [one for one in near if (*one[2:8], one.whole) == (*job[2:8], job.whole)]
 
     def find_job_before(self, position: int, instance: str, scan: int = MAX_SCAN) -> list[JobSpan]:
-        """Return the pieces of the last job that began before a position and ended with DONE by a scan."""
+        """Return the pieces of the last job that began before `position` and had DONE not after `scan`."""
         last = bisect_left(self.jobs, position, key=BY_POSITION) - 1
         for place in range(last, max(-1, last - MOST_STEPS), -1):
             job = self.jobs[place]

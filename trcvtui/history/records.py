@@ -32,10 +32,10 @@ MAX_SCAN: Final = 1 << 62  # after every scan
 class JobSpan(NamedTuple):
     """Bytes of one receive job at `position` of the stream; or bytes that were dropped.
 
-    `reason` says why bytes never reached DATA (`done` is False); without `is_kept` the PLC never had them.
-    `whole` counts the bytes of the job. If another job read in between, each piece has a span, which begins
-    with byte `first`. `prefix` and `suffix`: how many bytes of a frame are its marks. `is_open`: the job or
-    frame has no end yet, or is not known.
+    `reason`: why bytes never reached DATA (`done` is False). `is_kept` False: the PLC never had the bytes.
+    `whole`: the size of the job. If another job read in between, each piece of the job has its own span;
+    `first`: the piece's first byte in the job. `prefix`, `suffix`: the sizes of a frame's marks.
+    `is_open`: the job or frame has no end yet, or is not known.
     """
 
     position: int
@@ -110,7 +110,7 @@ Pieces = list[tuple[int, int]]  # position and size of the bytes of one job; ano
 
 
 def join_pieces(parts: Iterable[tuple[int, int]]) -> Pieces:
-    """Return the stretches; those that follow each other without a hole are joined."""
+    """Return the pieces; pieces that follow each other without a hole are joined."""
     found: Pieces = []
     for position, size in parts:
         if found and sum(found[-1]) == position:
@@ -139,7 +139,7 @@ class SeekRequest(Struct, frozen=True):
 
 
 class SeekResult(Struct, frozen=True):
-    """The place that a SeekRequest found; None: not found, or not yet; `share` of the work is done."""
+    """The place that a SeekRequest found; None: not found, or not yet. `share`: how much was searched."""
 
     number: int
     position: int | None
@@ -148,10 +148,10 @@ class SeekResult(Struct, frozen=True):
 
 
 class HistoryRequest(Struct, frozen=True):
-    """What the screen wants of a CONNECT's stream. `before`: also the bytes of the job before each job.
+    """A request for a part of a CONNECT's stream. `before`: also the bytes of the job before each job.
 
     `job_at`: also all bytes of the job at this position. `data`: (instance, first byte, size), also
-    the bytes that DATA held before its newest job. All of it as it was after `scan`.
+    the bytes that DATA held before its newest job. The answer shows the state after `scan`.
     """
 
     connect: str
@@ -165,7 +165,7 @@ class HistoryRequest(Struct, frozen=True):
 
 
 class PreviousJobBytes(Struct, frozen=True):
-    """Bytes of the previous job, to compare with those at `position` of the stream or of DATA."""
+    """Bytes of the previous job, to compare with the bytes from `position` of the stream or of DATA on."""
 
     position: int
     content: bytes
@@ -173,7 +173,7 @@ class PreviousJobBytes(Struct, frozen=True):
 
 
 class HistoryWindow(Struct, frozen=True):
-    """Bytes `start` .. of a stream that is kept from `begin` up to `end`; missing bytes are 0 in `content`.
+    """A part of a stream from `start` on; the stream is kept from `begin` to `end`; missing bytes are 0.
 
     Spans that cross an edge of the window are whole.
     """
@@ -221,7 +221,7 @@ class ScanStamp(Struct, frozen=True):
 
 
 class Sizes(Struct, frozen=True):
-    """Sizes in bytes: `last` are the newest ones, oldest first; `count` counts all."""
+    """Sizes in bytes: `last`: the newest sizes, oldest first; `count`: how many sizes there were."""
 
     count: int = 0
     last: tuple[int, ...] = ()
@@ -277,7 +277,7 @@ class DroppedClient(Struct, frozen=True):
 
 
 class RejectedClients(Struct, frozen=True):
-    """Clients that were reset at once: wrong partners, or second ones. `peer` is the last of them."""
+    """Clients that were reset at once: wrong partners, or second clients. `peer`: the last client."""
 
     count: int
     peer: str
@@ -285,7 +285,7 @@ class RejectedClients(Struct, frozen=True):
 
 
 class LastLoss(Struct, frozen=True):
-    """The last end of a connection: `what` is the ledger's name for it; `peer` is the partner."""
+    """The last end of a connection; `what`: the name of the event in the ledger; `peer`: the partner."""
 
     at: ScanStamp
     what: str

@@ -57,7 +57,7 @@ BY_OFFSET: Final = attrgetter("offset")
 
 
 class _SentMessages:
-    """The messages of one peer on one connection, by the byte of the stream with which they begin."""
+    """The messages of one peer on one connection, by the offset of their first byte."""
 
     def __init__(self) -> None:
         self.messages: list[_SentMessage] = []
@@ -101,7 +101,7 @@ class StreamBursts:
 
 
 def find_bursts(recvs: Iterable[RecvSpan], is_over: bool) -> list[range]:
-    """Return where bytes between two pauses are; bytes whose beginning or end is not known are left out.
+    """Return where bytes between two pauses are; leave out bytes without a known beginning or end.
 
     `is_over`: a pause has followed the last recv call.
     """
@@ -144,7 +144,7 @@ class JobRecord(NamedTuple):
 
 
 class _InstanceReads:
-    """What one instance has read: its running job, and the job whose bytes DATA has."""
+    """What one instance has read: its running job, and the job that has filled DATA."""
 
     __slots__ = ("began", "cut", "delivered", "link", "reads", "runs")
 
@@ -168,7 +168,7 @@ class _ReceivedBytes:
 
 
 class ByteOrigin(NamedTuple):
-    """The origin of one byte; None: unknown. `message.first` is its place in the message."""
+    """The origin of one byte; None: unknown. `message.first` is the byte's place in the message."""
 
     job: JobRecord
     recv: RecvSpan | None
@@ -324,7 +324,7 @@ class StreamIndex:
         return self._are_packets or self.packet_times is not None
 
     def find_packet_ns(self, link: LinkKey, offset: int, datagram: int | None = None) -> int | None:
-        """Return the time of the captured packet that has this byte, or is the datagram of this number."""
+        """Return the time of the captured packet with this byte, or of the datagram with this number."""
         if self.packet_times is not None and link in self._links:
             return self.packet_times(*self._links[link], offset)
         sent = self._find_sent(link)
@@ -353,7 +353,7 @@ class StreamIndex:
     # -- what a connection has received -----------------------------------------------------------------
 
     def next_offset(self, connect: str, incarnation: int) -> int:
-        """Return the offset of the byte that comes next, 0 before the first of this incarnation."""
+        """Return the offset of the next byte to be received; 0 if this incarnation has received none."""
         link = self._received.get(connect)
         return link.offset if link is not None and link.incarnation == incarnation else 0
 
@@ -374,7 +374,7 @@ class StreamIndex:
         return delivered[4] if delivered is not None and delivered[3] is not None else []
 
     def list_down_times(self, connect: str) -> list[tuple[int, int]]:
-        """Return begin and end, in ns, of each time a CONNECT was down; end MAX_SCAN: it still is."""
+        """Return begin and end, in ns, of each time a CONNECT was down; end MAX_SCAN: it is still down."""
         return [*self._down.get(connect, ())]
 
     def cut_reads(self, instance: str) -> list[RecvSpan]:

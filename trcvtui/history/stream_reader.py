@@ -134,7 +134,7 @@ class StreamReader:
 
     @staticmethod
     def _read_job_at(of: _Source, position: int | None) -> tuple[int, bytes] | None:
-        """Return where the job, or piece of one, at a position begins, and all bytes of the job."""
+        """Return where the job, or job piece, at a position begins, and all bytes of the job."""
         if position is None:
             return None
         jobs = of.stream.jobs
@@ -195,7 +195,7 @@ def _end_at(scan: int, spans: Sequence[RecvSpan | JobSpan]) -> int:
 
 
 def _fill_gaps(jobs: list[JobSpan], start: int, stop: int) -> Iterator[JobSpan]:
-    """Yield the jobs, and between them the bytes whose job is unknown."""
+    """Yield the jobs, and between them the bytes without a known job."""
     reached = start
     for job in jobs:
         if job.position > reached:
@@ -228,7 +228,7 @@ def _find_last(runs: ByteRuns, patterns: tuple[bytes, ...], before: int) -> int 
 
 
 def _read_previous(of: _Source, jobs: Iterable[JobSpan], start: int, stop: int) -> Iterator[PreviousJobBytes]:
-    """Yield, for each job of the window, the bytes of the job before it at the same places."""
+    """Yield, for each job of the window, the bytes at the same places in the job before."""
     for job in jobs:
         earlier = of.stream.find_job_before(job.position, job.instance) if job.done and not job.first else []
         if earlier:
@@ -239,7 +239,7 @@ def _read_previous(of: _Source, jobs: Iterable[JobSpan], start: int, stop: int) 
 
 
 def _read_previous_data(of: _Source, request: tuple[str, int, int] | None) -> PreviousJobBytes | None:
-    """Return bytes of the job before the newest one of an instance: what DATA held before."""
+    """Return bytes of the job before an instance's newest job: DATA held them before that job."""
     if request is None:
         return None
     instance, first, size = request

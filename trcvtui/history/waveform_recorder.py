@@ -29,7 +29,7 @@ HANDLED_NOTES: Final = frozenset({CREATED_NOTE, DELETED_NOTE, DOWNLOADED_NOTE})
 
 
 class PinHistory:
-    """The newest changes of one instance; `get_pins_before` returns the pins after the last dropped one."""
+    """The newest changes of an instance; `get_pins_before` has the pins after the last dropped change."""
 
     def __init__(self, before: PinValues, keep: int) -> None:
         self._before = dict(before)

@@ -149,7 +149,7 @@ def _get_edge_kind(line: Line | None) -> str:
 
 
 def _draw_lengths(wave: Waveform, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
-    """Yield the row of RCVD_LEN, which is 0 except in single scans: each value that has room."""
+    """Yield the row of RCVD_LEN: each value other than 0 lasts one scan, and is written if it has room."""
     pulses = [x for x, column in enumerate(columns) if column is not None and column.high]
     nexts = dict(zip(pulses, [*pulses[1:], window.width], strict=False))
     x = 0
@@ -307,7 +307,7 @@ VCD_SUFFIX: Final = "vcd"
 
 
 def free_path(folder: Path, name: str) -> Path:
-    """Return a path in a folder for a new VCD file: no file has it yet."""
+    """Return the path for a new VCD file in a folder; no file has this path yet."""
     plain = _make_vcd_name(name) or "timing"
     names = (f"{plain}{'' if n == 1 else f'-{n}'}.{VCD_SUFFIX}" for n in range(1, 100_000))
     return next(folder / name for name in names if not (folder / name).exists())
@@ -323,7 +323,7 @@ def write_waves(path: Path, waves: Sequence[Waveform], span: ScanRange) -> int:
 
 
 def target_folder(project: Path) -> Path:
-    """Return the folder of the project; if it is part of trcvtui or read-only, the working directory."""
+    """Return the project's folder; the working directory if that folder is trcvtui's or read-only."""
     folder = project.absolute().parent
     own = Path(__file__).resolve().parents[1]
     shipped = own in folder.resolve().parents or folder.resolve() == own

@@ -357,7 +357,7 @@ class LiveWatch:
             player.resolve_overlap(number, last_ns)
 
     def add_shadow(self, name: str) -> str:
-        """Add shadows for `C7`, or for "" the newest conversation without any; return an error or ""."""
+        """Add shadows for `C7` (for "": the newest conversation without shadows); return an error or ""."""
         plan, player = self._plan.plan, self.player
         left = [talk for talk in self.found.all if talk.number in plan.unassigned]
         chosen = [talk for talk in left if name in ("", f"C{talk.number}")]
@@ -494,7 +494,7 @@ class PacketStream:
             self._say(TOO_FAST_TEXT)
 
     def read_all(self) -> list[str]:
-        """Read all packets to the end; return notes for the user. Raise UserError if it is no capture."""
+        """Read all packets; return notes for the user. Raise UserError if the pipe carries no capture."""
         found = self._live.found
         try:
             reader = CaptureReader(self._read, "stdin" if found.noted is None else "the tap")

@@ -138,7 +138,7 @@ def _run_capture(channel: Channel, command: Sequence[str], asked: ShadowChoice) 
 class ShadowServer:
     """Serves a screen with playing shadows.
 
-    `way`: the channel to the tap that started the screen; None: a pipe, or a tap of another command.
+    `way`: the channel to the tap that started the screen; None: packets of a pipe or another tap.
     """
 
     first_ns = 0

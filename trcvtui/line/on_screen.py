@@ -1,6 +1,6 @@
 """A capture on the screen: its shadows run once, into a temporary recording that the screen shows.
 
-Rule: the screen shows the run of `trcvtui watch` on the same files, scan by scan.
+Rule: the screen shows the same run as `trcvtui watch` on the same files, scan by scan.
 """
 
 from __future__ import annotations

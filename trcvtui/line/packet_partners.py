@@ -6,7 +6,7 @@ Rule 3: bytes that a shadow does not read wait, up to a bound. Then scans run un
 window would make the partner wait. Bytes that are never read are left out, and counted.
 Rule 4: if a PLC end closes or resets in the capture, its shadow ends. The shadow reads the bytes that the
 PLC can have read. The shadow ends in the next scan, but not before its first job. If it connected N
-scans late, it ends N scans later. In a recording by trcvtui the PLC has read all bytes: it ends after them.
+scans late, it ends N scans later. In a recording by trcvtui the PLC, and so the shadow, reads all bytes.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class ShadowBench:
         self._lacking: set[str] = set()  # instances whose job has a place without bytes
 
     def advance_to(self, ns: int) -> None:
-        """Run or skip the scans before this time, then set the network to it."""
+        """Run or skip the scans before this time, then move the network's clock to this time."""
         while (due := self.bench.runtime.scans * self._interval) < ns:
             if self.network.take_ready_flag() or self._quiet < QUIET_SCANS:
                 self.step()
@@ -80,7 +80,7 @@ class ShadowBench:
         self._quiet = 0
 
     def refuse_call(self, connect: str) -> None:
-        """Refuse the call of a shadow; a shadow that pauses between calls calls now, as the PLC did."""
+        """Refuse the call of a shadow; if the shadow pauses between two calls, it must call now."""
         runtime = self.bench.runtime
         for _ in range(NEXT_CALL_SCANS):
             is_ahead = runtime.scans * self._interval > self.network.now_ns + PATIENCE_NS
@@ -209,7 +209,7 @@ class ReplayedPartner:
                 self._shadows.waiting.append(self)
 
     def note_plc_bytes(self) -> None:
-        """Note bytes of the PLC end: on the first bytes the partner waits for the shadow's answer."""
+        """Note the PLC end's bytes; after the first bytes the partner waits for the shadow's answer."""
         if self._asks:
             self._asks = False
             self.gives_up_at = self._shadows.network.now_ns + PATIENCE_NS
@@ -349,7 +349,7 @@ class ReplayedPartner:
         self.is_over = True
 
     def end_shadow(self, unread: int, may_read: bool, has_read: bool) -> None:
-        """End the PLC end; `unread`: unread bytes; `may_read`: the partner ended; `has_read`: rule 4."""
+        """End the PLC end (rule 4). `may_read`: the partner had ended; `has_read`: the PLC read all."""
         self._shadows.forbid_skipping()
         self.has_left = self.has_ended = True
         self._stood, self._has_read = self._shadows.bench.runtime.scans - self._begun, has_read

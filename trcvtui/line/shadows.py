@@ -75,7 +75,7 @@ class ShadowPlan(NamedTuple):
 
 
 def find_directions(guess: PlcGuess, conversation: Conversation) -> tuple[WireDirection, WireDirection]:
-    """Return the directions of the PLC end and its partner; `guess` may come from another reading pass."""
+    """Return the directions of the PLC end and its partner; `guess` may be of the first reading."""
     there, back = conversation.there, conversation.back
     is_there = guess.says.conversation.there is guess.says
     return (there, back) if is_there else (back, there)
@@ -183,7 +183,7 @@ def make_endpoint(end: tuple[bytes, int]) -> Endpoint:
 def _make_connect(
     name: str, active: bool, own: tuple[bytes, int], partner: tuple[bytes, int], is_free: bool = False
 ) -> ConnectConfig:
-    """Return a CONNECT at an end of the capture; `is_free`: on any port, as the end's port is taken."""
+    """Return a CONNECT at an end of the capture; `is_free`: with any free port."""
     local = _make_local_address(own[0])
     port = 0 if active or is_free or local == STAND_IN_ADDRESS else own[1]
     return ConnectConfig(
@@ -351,7 +351,7 @@ def _link(project: Project, name: str) -> AnyLink:
 
 
 def _find_fitting_link(project: Project, guess: PlcGuess, listens: bool, is_given: bool) -> str | None:
-    """Return the link that fits the ends; with `--plc` else the only link of that role, or of all."""
+    """Return the one link with this port; with `--plc`, if none has it: the one of this role, or of all."""
     protocol = guess.says.conversation.protocol
     if protocol == "serial":
         return _find_fitting_line(project, guess.says.address[0].decode(errors="replace"))
@@ -381,7 +381,7 @@ def _find_fitting_line(project: Project, line: str) -> str | None:
 
 
 def _find_fitting_socket(project: Project, receiving: set[str], port: int, is_given: bool) -> str | None:
-    """Return the link that receives datagrams at a port; with `--plc` also the only receiver."""
+    """Return the link for datagrams at a port; with `--plc`, if no link has the port, the only link."""
     links: tuple[AnySocket, ...] = (*(c for c in project.connects if c.is_datagram), *project.udp_configs)
     known = [each for each in links if each.name in receiving]
     of_port = [each.name for each in known if each.local.port == port]
@@ -391,7 +391,7 @@ def _find_fitting_socket(project: Project, receiving: set[str], port: int, is_gi
 
 
 def _adapt_link(config: AnyLink, guess: PlcGuess, listens: bool, is_free: bool) -> AnyLink:
-    """Return a link with the captured ends; `is_free`: on any port, as another link has this end."""
+    """Return a link with the captured ends; `is_free`: with any free port."""
     if isinstance(config, ComBufferDecl):
         return replace(config, source=SERIAL, serial=SerialSettings(config.name))
     own, other = guess.says.address, guess.says.other.address

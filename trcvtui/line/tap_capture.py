@@ -334,9 +334,9 @@ def _encode_note(ns: int, note: Mapping[str, object]) -> bytes:
 
 
 def record_tap(asks: int) -> None:
-    """Write the tap's pcapng to stdout until it ends; exit 2 if the disk is full.
+    """Write the tap's pcapng to stdout until the tap ends; exit 2 if the disk is full.
 
-    If the server process was killed, the new one begins a new section after whole blocks.
+    If the server process was killed, its successor begins a new section; the blocks before are whole.
     """
     ignore_signals(GROUP_SIGNALS)  # they end the tap, and this process ends with it
     way = TapChannel(asks)

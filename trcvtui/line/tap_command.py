@@ -1,4 +1,4 @@
-"""`trcvtui tap`: this process forwards; other processes show and record, so that it never waits for them."""
+"""`trcvtui tap`: this process forwards, and never waits for the processes that show and record."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class ObserverSettings(NamedTuple):
     """How the tap is observed; `form`: text or jsonl.
 
     `has_screen`: on a screen. `holds`: both directions of each conversation are held from its beginning.
-    `is_armed`: keys of the screen intervene without a question. `may_order`: socket observers intervene.
+    `is_armed`: screen keys intervene without a question. `may_order`: socket observers may intervene.
     """
 
     project: Path | None

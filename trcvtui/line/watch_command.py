@@ -155,7 +155,7 @@ def watch_pipe(fd: int, project: Path | None, plc: str | None, dialect: str | No
 def watch_tap(asks: int, asked: str) -> None:
     """Write lines of a tap's shadows, and run bench commands from stdin, until the tap ends.
 
-    `asked`: the request of the tap in JSON; if it is wrong, exit 2 without asking for a channel.
+    `asked`: the tap's request, in JSON. If the request is wrong, exit 2 before asking for a channel.
     """
     ignore_signals(GROUP_SIGNALS)  # they end the tap, and this process ends with it
     places, project, plc, dialect, form, is_shown, can_type = json.loads(asked)

@@ -3,7 +3,7 @@
 Rule 1: no exception crosses the seam; every call answers with a value, WOULD_BLOCK or a Fault.
 Rule 2: a Fault names the call and the errno *name* (never its number: the numbers differ between systems).
 Rule 3: a handle is opaque and is never used again after `abort` or `close`.
-The contract suite tests/net/contract.py has the facts that every kernel must share.
+The contract suite tests/net/contract.py checks the behaviour that all kernels must share.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class Kernel(Protocol):
         """Allow an address and port to be bound while old connections of this end linger."""
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
-        """Set the options; return the names of those that this system refused."""
+        """Set the options; return the names of the options that this system refused."""
 
     def set_user_timeout(self, handle: Handle, milliseconds: int) -> None:
         """Limit how long sent data may stay unacknowledged; 0: the system's limit. Ignored where unknown."""
@@ -154,7 +154,7 @@ class Kernel(Protocol):
         """Make a UDP socket. After `set_reuse` several of them can be bound to one broadcast address."""
 
     def set_broadcast(self, handle: Handle) -> Fault | None:
-        """Let a UDP socket send to broadcast addresses; without this call such a send fails with EACCES."""
+        """Let a UDP socket send to broadcast addresses; such a send fails with EACCES without this call."""
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
         """Send one datagram whole, from a free port if none is bound; a Fault names the call `send`.

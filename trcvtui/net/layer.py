@@ -95,7 +95,7 @@ class LayerSession(Protocol):
         """Return how many bytes the session keeps, decoded or not yet decoded."""
 
     def feed(self, data: memoryview, most: int = ...) -> int:
-        """Take bytes that the partner has sent, and do at most `most` units of work on what is here.
+        """Take bytes that the partner has sent, and do at most `most` units of work on all kept bytes.
 
         Return the units that were used (ScanBudget). Bytes that were not looked at are kept as a backlog.
         """
@@ -117,13 +117,13 @@ class LayerSession(Protocol):
 
     @property
     def unfinished_message(self) -> int:
-        """Return the number of the message that has begun and not ended; 0: there is none, or no limit."""
+        """Return the number of the message that has begun and not ended; 0: none, or no time limit."""
 
     def time_out(self, why: str) -> None:
         """End a handshake or a message that takes too long, if the session has a limit for it."""
 
     def take_remarks(self) -> list[str]:
-        """Return, once, texts on the partner's bytes that were ignored; a session makes only a few."""
+        """Return, once, remarks on ignored bytes of the partner; a session makes only a few remarks."""
 
     def say_goodbye(self) -> bool:
         """Announce the end to the partner, once; return whether it was announced, now or earlier."""
@@ -138,7 +138,7 @@ class LayerSession(Protocol):
         """Return the bytes that carry this data."""
 
     def drop_data(self) -> int:
-        """Drop what could be read and return how many bytes it was."""
+        """Drop the data that could be read; return its size in bytes."""
 
 
 class LayerSettings(Protocol):

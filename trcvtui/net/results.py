@@ -102,7 +102,7 @@ def is_loopback(address: str) -> bool:
 
 
 def is_group(address: str) -> bool:
-    """Return whether it is multicast (224 to 239) or 255.255.255.255: not one machine."""
+    """Return whether an address is multicast (224 to 239) or 255.255.255.255: not one machine."""
     parts = parse_octets(address)
     return parts is not None and (224 <= parts[0] <= 239 or parts == (255, 255, 255, 255))
 

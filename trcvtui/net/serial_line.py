@@ -39,7 +39,7 @@ class SerialPort(Protocol):
     """One port. A Fault of `read` or `write` means that the port is gone, and closed."""
 
     def open(self) -> Fault | PortOpening | None:
-        """Open it; return None when it is open, a Fault, or OPENING: call again."""
+        """Open the port; return None when it is open, a Fault, or OPENING: call again."""
 
     def read(self, most: int) -> bytes | Fault:
         """Return the bytes that have come, b"" if there are none."""

@@ -89,7 +89,7 @@ def make_route(name: str, listen: str, to: str, where: tuple[str, str]) -> Route
 
 
 class TapEventKind(IntEnum):
-    """What has happened; the comments say what the event's `at` and the bytes after its head mean."""
+    """Kinds of events; the comments explain the event's `at` and the bytes after the event's head."""
 
     OPEN = 1  # an end has come: `kind|near address|port|far address|port`; `at` 1: it came earlier
     ANSWERED = 2  # the far end has answered
@@ -110,7 +110,7 @@ END_KINDS: Final = (TapEventKind.FIN, TapEventKind.RST, TapEventKind.ENDED)
 
 
 class TapEvent(NamedTuple):
-    """One event; `route` is the number of the tap, from 0; `number` is the conversation's, from 1."""
+    """One event. `route`: number of the tap, from 0. `number`: number of the conversation, from 1."""
 
     kind: int
     way: int

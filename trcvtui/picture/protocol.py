@@ -1,6 +1,6 @@
 """The interface of an engine for a screen, and the end of an engine.
 
-Rule: importing this costs almost nothing, because it happens before the engine is started.
+Rule: this module is imported before the engine is started, so the import takes almost no time.
 """
 
 from __future__ import annotations

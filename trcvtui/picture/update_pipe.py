@@ -73,12 +73,12 @@ class UpdatePipe:
             pass
 
     def finish(self) -> None:
-        """Write the rest of a begun message, however long the screen takes; then the next can begin."""
+        """Write the rest of a begun message, however long the screen takes; then the next one can begin."""
         while self._unsent:
             self._unsent = self._unsent[os.write(self._channel.fileno(), self._unsent) :]
 
     def _pickle_picture(self, picture: BenchUpdate) -> Iterator[bytes]:
-        """Yield b"" between slices, and at last the whole message."""
+        """Yield b"" before each slice, and the whole message at the end."""
         snapshot = picture.snapshot
         kinds = snapshot.instances, snapshot.connections, snapshot.data
         changed = [  # rule 1: the parts of a snapshot are frozen, so identity is enough
@@ -162,7 +162,7 @@ class MessageReader:
 class UpdateReader(MessageReader):
     """The screen's end of the pipe.
 
-    The engine writes a picture in the gaps of several scans: a screen that waited for all would freeze.
+    The engine writes a picture in the gaps of several scans: waiting for the whole would freeze the screen.
     """
 
     def __init__(self, channel: Channel) -> None:
@@ -170,7 +170,7 @@ class UpdateReader(MessageReader):
         self._parts: Sequence[list[Any]] = [], [], []  # of the last picture
 
     def next(self) -> Any:
-        """Return the next message, decoded, as `read_message` does; a picture is made from its slices."""
+        """Return the next message, decoded, None while it is incomplete; join the slices of a picture."""
         message = self.read_message()
         return None if message is None else self._load_message(message)
 

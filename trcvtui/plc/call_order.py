@@ -1,8 +1,8 @@
 """Which instances a scan really calls: only the ones that may have another outcome than in the last scan.
 
-A CONNECT and its instances sleep once each of them has given a stable outcome. Any command, a poll event on
-it, or a change in the communication phase wakes it. While it is awake all its instances are called, in the
-order of the program. An idle CONNECT costs nothing, and no output shows the difference
+A CONNECT and its instances sleep once each instance has given a stable outcome. Any command, a poll event
+on the CONNECT, or a change in the communication phase wakes the CONNECT. Then all its instances are called,
+in the order of the program. A sleeping CONNECT costs nothing, and outputs are the same as without sleep
 (tests/properties/test_ready_only.py).
 
 A task is due at the multiples of its interval; its instances are called in the first scan that has reached
@@ -102,7 +102,7 @@ class CallOrder:
         return self._order
 
     def due_instances(self, turn: int) -> Iterator[Instance]:
-        """Return the instances that this turn calls, including sleeping ones."""
+        """Return the instances that are due in this turn, including sleeping ones."""
         due = self._due_intervals(turn)
         return (instance for instance, interval, _ in self._entries if interval in due)
 

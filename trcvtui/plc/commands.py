@@ -18,7 +18,7 @@ class SetInput(Struct, frozen=True):
 
 
 class PulseInput(Struct, frozen=True):
-    """TRUE in exactly the next scan in which the instance is called, FALSE from the one after."""
+    """Make the pin TRUE in the next call of the instance only, and FALSE from the following call on."""
 
     instance: str
     pin: str

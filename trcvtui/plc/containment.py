@@ -2,7 +2,7 @@
 
 Rule 1: the exception is an entry of the journal. A replay takes the part out of service in that scan because
 the entry says so, whether or not the program still raises there.
-Rule 2: a UserError is passed on from a command, and in a replay, as it says where run and journal differ.
+Rule 2: a UserError of a command is raised again. So is each UserError of a replay: it names a difference.
 Rule 3: with TRCVTUI_EXCEPTIONS=raise nothing is contained, as in the tests.
 """
 
@@ -38,8 +38,8 @@ class RecordedException(UserError):
 class Containment:
     """The parts of one run that are out of service.
 
-    `record(part, report)` records the exception and returns its note; `report` writes a report and returns
-    its note. `is_due(part)`: is the next entry of a replay an exception of this part? None: no replay.
+    `report` writes a report and returns its ExceptionNote; `record(part, report)` records and returns this
+    note. `is_due(part)`: is the next entry of a replay an exception of this part? None: no replay.
     `off_record` runs calls that a replay does not repeat.
     """
 
@@ -81,7 +81,7 @@ class Containment:
             self._newest.append(f"an internal error of {what}")
 
     def take_messages(self) -> str:
-        """Return the messages since the last call in one line, "" for none."""
+        """Return all messages since the last call, joined to one line; "" for none."""
         newest, self._newest = self._newest, []
         return "; ".join(newest)
 

@@ -116,7 +116,7 @@ Event = (
 
 
 class Line(NamedTuple):
-    """One line of the ledger. `seq` counts from 1 without gaps; `t_ns` is the scan's time from start."""
+    """One line of the ledger. `seq` counts from 1 without gaps; `t_ns`: ns from the start of the run."""
 
     seq: int
     scan: int
@@ -128,7 +128,7 @@ StampedEvent = tuple[int, int, Event]  # scan, time in ns; cheaper than a line
 
 
 class Ledger:
-    """A bounded list of lines, the oldest dropped first. `write` gives a line the newest `scan`, `t_ns`."""
+    """A bounded list of lines, the oldest dropped first. `write` uses the newest scan's number and time."""
 
     def __init__(self, keep: int = KEPT_LINES) -> None:
         self._ring: deque[StampedEvent] = deque(maxlen=keep)
@@ -137,7 +137,7 @@ class Ledger:
         self.t_ns = 0
 
     def write(self, event: Event) -> None:
-        """Append one event of the running scan, or of the time after it."""
+        """Append one event of the newest scan, or of the gap after that scan."""
         self.last_seq += 1
         self._ring.append((self.scan, self.t_ns, event))
 

@@ -3,7 +3,7 @@
 1 read_inputs            commands are applied and frozen; the network's readiness is taken once
 2 execute_program        every due instance is called once, in call order; sleeping ones are left out
 3 write_outputs          conditions have become STATUS; the ledger gets what changed, and why
-4 service_communication  the job queue is emptied; connections on which the poll saw something are served
+4 service_communication  the job queue is emptied; connections with a poll event are served
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def element_kind_of(type_: Type) -> ElementKind:
 
 
 def text_lens_of(type_: Type, size: int) -> LeastTextLens:
-    """Return the least LENs if a variable is one text: `size` for sending, a constant for receiving."""
+    """Return the least LENs for a text variable: to send, its `size`; to receive, a constant."""
     if not isinstance(type_, StringType):
         return NO_TEXT_LENS
     return LeastTextLens(sent=size, received=LEAST_WSTRING_LEN if type_.wide else LEAST_STRING_LEN)
@@ -185,7 +185,7 @@ class Runtime:
         self._commands.append(command)
 
     def use_kernel(self, kernel: ReadyKernel) -> None:
-        """Use this kernel, which wraps the one before; existing CONNECTs keep the kernel that they have."""
+        """Use this kernel, which wraps the previous one, for new CONNECTs; older CONNECTs keep theirs."""
         self._kernel = kernel
 
     @property
@@ -208,7 +208,7 @@ class Runtime:
         return end.port if end else None
 
     def connected_since(self, connect: str) -> int:
-        """Return in which scan the newest connection of a CONNECT came up; 0: in none."""
+        """Return the scan in which the newest connection of a CONNECT came up; 0: no connection came up."""
         connection = self._connections.get(connect)
         return 0 if connection is None else connection.since_scan
 
@@ -244,7 +244,7 @@ class Runtime:
         return bytes(self._data[name].content[start:stop])
 
     def received_ring(self, name: str) -> ReceivedRing | None:
-        """Return the newest bytes that a link or ComBuffer received, or sent (`sent_ring_name`)."""
+        """Return the newest received bytes of a link or ComBuffer; for a `sent_ring_name`, sent bytes."""
         return self._resources.received.get(name)
 
     def job_bytes(self, instance: str) -> bytes:
@@ -264,9 +264,9 @@ class Runtime:
         return SentBytes(*ends, connection.bytes_sent, connection.unacknowledged())
 
     def quiet_until(self) -> int | None:
-        """Return the time (ns) of the next change by time alone if the scans change nothing; None: none.
+        """Return when (ns) time alone causes the next change, if the scans change nothing; None: never.
 
-        The time of the last scan means: not known. A handle that becomes ready may change something earlier.
+        If this is not known, return the time of the last scan. A ready handle may change something earlier.
         """
         resources, now = self._resources, self._env.now
         if self._commands or resources.unsettled or self._lines.names:
@@ -282,7 +282,7 @@ class Runtime:
         return due
 
     def skip(self, scans: int) -> None:
-        """Count this many scans as passed without running them; they would change nothing."""
+        """Add this many scans to the count, but do not run them: they would change nothing."""
         self._env.scan += scans
 
     def sample_stack(self) -> None:
@@ -382,7 +382,7 @@ class Runtime:
         )
 
     def _stop_instance(self, instance: Instance, why: str, in_connection: bool = False) -> bool:
-        """Show ERROR, unlock; close the connection if `in_connection`, or if no other instance uses it."""
+        """Show ERROR, release locks; close the connection if `in_connection` or no instance works on it."""
         name, connect = instance.name, instance.decl.connect
         self._containment.clean_up(("instance", name), partial(instance.drop_job, INTERNAL_ERROR))
         is_changed = instance.fail(why)

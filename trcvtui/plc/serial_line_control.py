@@ -1,8 +1,8 @@
 """The bytes of a ComBuffer: from and to a serial port, a TRCV_C or a TSEND_C, chunk by chunk.
 
-Rule 1: a new TRCV_C or TSEND_C takes over what a deleted instance of its name knew of the connection.
-Rule 2: a ComBuffer without room for a whole DATA holds the TRCV_C by calls with EN_R = 0: the bytes stay
-with the network, which slows the sender. A TRCV_C with bytes in its job is not held: the job drops them.
+Rule 1: a new TRCV_C or TSEND_C takes over the connection's state from a deleted instance of the same name.
+Rule 2: without room for a whole DATA in the ComBuffer, the TRCV_C is held: called with EN_R = 0. Then bytes
+stay in the network and slow the sender. A TRCV_C with bytes in its job is not held: it would drop them.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ READY_TO_SEND: Final = (Condition.CONNECTED, Condition.SENT)  # the last call's,
 
 
 class StreamDrain:
-    """Sends a ComBuffer by a TSEND_C; `per_call`: the most bytes of one REQ, 0: the size of DATA."""
+    """Sends a ComBuffer's bytes with a TSEND_C; `per_call`: most bytes of a REQ, 0: the size of DATA."""
 
     keeps_awake = True  # bytes arrive without an event
 
@@ -156,11 +156,11 @@ class StreamDrain:
         return was_asked or bool(self._size)
 
     def input_overrides(self) -> dict[str, int]:
-        """Return the inputs that replace those of the program."""
+        """Return the inputs that replace the program's inputs."""
         return {"req": True, "len": self._size} if self._size else {}
 
     def note_outcome(self, outcome: Outcome, asked: bool) -> None:
-        """Note whether the next call may send: not while the program's own REQ is 1."""
+        """Note whether the next call may send. It may not while the program's own REQ is 1."""
         self._ready = outcome.condition in READY_TO_SEND and not asked
 
     def continue_from(self, earlier: StreamDrain) -> None:
@@ -220,7 +220,7 @@ class StreamFeed:
         return self.is_held
 
     def update_inputs(self, job: Job) -> bool:
-        """Decide whether the TRCV_C is held in this call; return whether that changed."""
+        """Decide whether the TRCV_C is held in this call; return whether the decision changed."""
         before, room = self.is_held, self._data.size if self._data is not None else 0
         is_full = self._holds and self._buffer.count > 0 and self._buffer.free < room
         self.is_held = is_full and (before or not job.have)  # rule 2
@@ -229,11 +229,11 @@ class StreamFeed:
         return self.is_held != before
 
     def input_overrides(self) -> dict[str, int]:
-        """Return the inputs that replace those of the program."""
+        """Return the inputs that replace the program's inputs."""
         return {"en_r": False} if self.is_held else {}
 
     def note_outcome(self, outcome: Outcome, asked: bool) -> None:
-        """Put the bytes of a DONE into the ComBuffer; end the stream if their connection is gone."""
+        """Put the bytes of a DONE into the ComBuffer; end the stream if the connection is gone."""
         connection = self._connection
         if self._follows_en_r and self._was_asked and not asked:
             self._buffer.mark_end("EN_R fell")  # rules.part_follows_en_r

@@ -1,7 +1,7 @@
-"""The ComBuffers of a PLC and their other ends: what SerialLineControl does in a TwinCAT program.
+"""The ComBuffers of a PLC and their other ends; a TwinCAT program has SerialLineControl for this.
 
-Source of a ComBuffer: `sim` (bench commands), `serial` (PortExchange; if simulated, as `sim`), a TRCV_C
-(StreamFeed), or another ComBuffer: a cable.
+Source of a ComBuffer: `sim` (bench commands), `serial` (PortExchange; in a simulated network like `sim`),
+a TRCV_C (StreamFeed), or another ComBuffer: a cable.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ class SerialLines:
         return SerialBinding(env, self._buffers[decl.connect], bound, prefix, suffix, decl.name, priority)
 
     def attach(self, instance: Instance, connections: Mapping[str, Connection], rules: VendorRules) -> None:
-        """Let a TRCV_C feed, or a TSEND_C empty, the ComBuffer that names this instance."""
+        """Let an instance serve the ComBuffer that names it: a TRCV_C feeds it, a TSEND_C empties it."""
         connection = connections.get(instance.decl.connect)
         for buffer in self._decls.values() if connection is not None else ():
             if instance.name in (buffer.source, buffer.line) and instance.name not in self._decls:
@@ -167,7 +167,7 @@ class SerialLines:
             self._run_safely(name, self._streams[name].check_connection)
 
     def _run_safely(self, name: str, do: Callable[[], object]) -> None:
-        """Serve one line; if that raises, its port is closed and it is no longer served."""
+        """Serve one line; if this raises, close the line's port, and never serve the line again."""
         part = "line", name
         if part not in self._containment.out:
             self._containment.attempt(part, do)

@@ -46,7 +46,7 @@ def declare_connect(config: ConnectConfig, indent: str = "") -> str:
 
 
 def addr_declaration(addr: AddrParam, indent: str = "") -> str:
-    """Return the declaration of an ADDR: a structure, or its bytes if they are no whole structure."""
+    """Return the declaration of an ADDR: as a structure, or as bytes if the structure is not complete."""
     description = addr.effective_description
     if not _is_whole(description):
         what = f"{len(description.data)} bytes, {description.structure.name} has {description.structure.size}"

@@ -1,6 +1,6 @@
 """A project in another dialect: the same program, wires and partners with the answers of another vendor.
 
-Rule: nothing is made up. What the other dialect does not have is left out, and a note says so; a CONNECT
+Rule: nothing is made up. A part that the other dialect does not have is left out, with a note. A CONNECT
 that the other dialect cannot describe is refused.
 """
 
@@ -147,7 +147,7 @@ def _convert(
 
 
 def _convert_structure(config: ConnectConfig, dialect: Dialect, notes: list[str]) -> ConnectConfig:
-    """Return a CONNECT in a structure that the other dialect takes, or with a flaw if it takes none."""
+    """Return a CONNECT in a structure that the other dialect takes; with a flaw if no structure fits."""
     description, taken = config.description, dialect.structures
     if description is None or not taken or description.structure.name in taken:
         return config

@@ -1,6 +1,6 @@
 """CONNECT and ADDR in a dialect with connection descriptions: read and written, by field or as bytes of a DB.
 
-Rule: only what fits no type is refused; what a CPU would find wrong is a `flaw`, which the block shows.
+Rule: a value is refused only if it fits no type. One that a CPU rejects is a `flaw`, shown by the block.
 There are also keys of the bench, which no CPU has: these keys set what this machine does.
 """
 
@@ -180,8 +180,8 @@ def resolve_tls(
 ) -> TlsSettings | DescriptionFlaw:
     """Return the TLS settings: the active end trusts TLSServerCertRef and shows TLSClientCertRef.
 
-    On the passive end it is the other way round. If the number of the trusted certificate is 0,
-    all certificates without a key are trusted; if the number of its own certificate is 0, it shows none.
+    The passive end uses these fields the other way round. If the number of the trusted certificate is 0,
+    all certificates without a key are trusted. An end shows no certificate if its own number is 0.
     """
     server, client = description.number("TLSServerCertRef"), description.number("TLSClientCertRef")
     own, trusted = (client, server) if spec.is_active else (server, client)
@@ -389,7 +389,7 @@ def check_bench_keys(table: Table, description: Description) -> None:
 
 
 def read_description(table: Table, number: int, structures: tuple[str, ...]) -> WrittenDescription | None:
-    """Return the description of a table, by its fields or as bytes; `number` is the default of its ID."""
+    """Return the description in a table, by its fields or as bytes; `number`: the ID if none is given."""
     type_name = table.read("type", STRUCTURE)
     if type_name is not None and type_name not in CONNECTIONS:
         table.add_unknown_name("type", type_name, CONNECTIONS, "structure")
@@ -440,7 +440,7 @@ def _read_fields(table: Table, structure: Structure, number: int, is_plain: bool
 
 
 def _default_values(structure: Structure, number: int, given: dict[str, FieldValue]) -> dict[str, FieldValue]:
-    """Return the values that STEP 7 writes into a new description, with the lengths of the given fields."""
+    """Return STEP 7's values for a new description; lengths are taken from the given fields."""
     kind = connection_types_of(structure.name)[0]
     if structure.name != "TCON_Param":
         return {"InterfaceId": USUAL_INTERFACE, "ID": number, "ConnectionType": kind}
@@ -467,7 +467,7 @@ def make_config_fields(
     certificates: Certificates,
     structures: tuple[str, ...],
 ) -> dict[str, Any]:
-    """Return a CONNECT's arguments without its name; the instructions take `structures` only, (): all."""
+    """Return a CONNECT's arguments without its name. `structures`: the ones that blocks accept, (): all."""
     spec = read_spec(written.description)
     session = _make_session(written.description, spec, bench, rules, certificates)
     remote, name_flaw = _remote_address(written, spec, bench)
@@ -587,7 +587,7 @@ def iso_port_of(config: ConnectConfig) -> int | str | None:
 
 
 def listen_port_of(config: ConnectConfig) -> int | None:
-    """Return ListenPort, None if the CONNECT listens nowhere, or by its description or IsoPort."""
+    """Return ListenPort; None if nothing listens, or if the description or IsoPort gives the port."""
     spec, port = read_spec(_require_description(config)), config.local.port
     if spec.protocol is Transport.ISO or config.active:
         return None

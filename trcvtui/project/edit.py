@@ -96,7 +96,7 @@ def _field(key: str, ask: Hint, project: Project, block: str) -> AddField:
 
 
 def default_block(project: Project) -> str:
-    """Return the block that a form begins with; for a first instance one that connects and receives."""
+    """Return the block that a form begins with; the first instance gets one that connects and receives."""
     blocks = project.dialect.blocks
     receivers = [block for block in blocks if (row := block_row(block)).owns_link and row.receives_on_net]
     return receivers[0] if receivers and not project.instances else blocks[0]
@@ -120,7 +120,7 @@ def read_entry(
 ) -> Declaration:
     """Return the declaration of one table; raise UserError with all of its mistakes.
 
-    `content` has TOML values, or texts as SetOverride with the key as its path. `number`: the place of
+    `content`: TOML values, or texts as SetOverride (its path is the key). `number`: the place of
     the entry among its kind, from 1 on; 0: after the last entry.
     """
     problems: list[Problem] = []

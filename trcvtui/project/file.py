@@ -1,9 +1,9 @@
 """Reads a project file into a Project, or reports all of its mistakes together.
 
-Rule 1: only what fits no type is refused; every value that a pin or a CONNECT can hold goes to the block.
-Rule 2: an instance and a DATA variable may not have the same name, because `expect NAME` takes either; nor
-may CONNECTs, UDP_CONFIGs and peers, because `@NAME` takes any of them. `peer`, a word of the bench commands,
-is no name for an instance or DATA.
+Rule 1: a value is refused only if it fits no type; any value of a pin or a CONNECT goes to the block.
+Rule 2: an instance and a DATA variable may not have the same name: `expect NAME` takes both kinds.
+CONNECTs, UDP_CONFIGs and peers may not share a name: `@NAME` takes all three. `peer`, a word of the bench
+commands, is no name for an instance or DATA.
 """
 
 from __future__ import annotations
@@ -71,8 +71,8 @@ def all_names(
     """Return the names that keys may refer to, by kind and by use.
 
     `blocks`: names of instances with their blocks. `ports`: ComBuffers with a port. Uses: `stream_in`,
-    `stream_out`: instances that can feed or empty a ComBuffer; `port`; `udp_end`: what may receive datagrams,
-    also a CONNECT if `describes`, as a description can be for UDP.
+    `stream_out`: instances that can feed or empty a ComBuffer; `port`; `udp_end`: UDP_CONFIGs, and CONNECTs
+    if `describes`, because a description can be for UDP.
     """
     builders = [(name, row) for name, block in blocks if (row := block_row(block)).owns_link]
     found = {
@@ -361,7 +361,7 @@ class DocumentReader:
         }
 
     def check_names(self, tables: Mapping[str, list[Table]], around: Context) -> None:
-        """Report every name that is declared twice, and every one that is used but not declared."""
+        """Report every name that is declared twice, and every name that is used but not declared."""
         done: set[str] = set()
         for kind in TABLES:
             if kind not in done and kind != "certificate":

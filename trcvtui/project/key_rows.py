@@ -70,8 +70,8 @@ def offer_fixed(*texts: str) -> Offer:
 class Hint(Struct, frozen=True):
     """What a form and completion offer: hint, known values, and the value that is filled in at first.
 
-    `where`: whether a form asks for it, by project and block. `is_bare`: a line has the value alone.
-    `is_quoted`: its text may have blanks. `is_of_change`: only the form that changes an entry asks for it.
+    `where(project, block)`: whether a form asks for the key. `is_bare`: a line has the value alone.
+    `is_quoted`: the text may have blanks. `is_of_change`: only a form that changes an entry asks for it.
     """
 
     hint: str | Callable[[Project, str], str]
@@ -86,7 +86,7 @@ class Hint(Struct, frozen=True):
 class NameUse(NamedTuple):
     """The kinds of names that a key takes (`file.NamesByKind`); `by_at`: written as `@NAME`.
 
-    `words`: other values that it takes; `or_none`: it also takes "". `what`: the names in messages.
+    `words`: other values of the key; `or_none`: the key may be "". `what`: the word for names in messages.
     """
 
     what: str
@@ -101,10 +101,10 @@ def _is_always_allowed(table: Table, around: Context) -> bool:
 
 
 class Key(Struct, frozen=True):
-    """One key. Without a `kind` it is read together with another one.
+    """One key. A key without a `kind` is read together with another key.
 
-    `of`: where the declaration keeps the value, as `local.port`. `writes`: returns the value to write
-    instead, None: the key is left out. `default`: the value of a missing key. `is_said`: a default value is
+    `of`: where the declaration keeps the value, as `local.port`. `writes`: makes the value out of the whole
+    declaration, None: no key. `default`: the value of a missing key. `is_said`: a default value is
     written, too. `only`: whether the table may have the key, or why not. `reads`: reads the key together
     with other keys. `is_played`: a replay with another value gives a true answer (replay/partners.py):
     the key changes what the PLC does with its input, not the input. `help`: one sentence.
@@ -168,7 +168,7 @@ def _no_keys(decl: Any) -> KeyPairs:
 class TableRow(Struct, frozen=True):
     """One kind of table, `[[kind]]`: its keys, and the declaration that they make.
 
-    `field`: the field of Project with its entries. `what`: its name in a sentence; `title`: in a form.
+    `field`: the field of Project with the entries. `what`: the kind's name in sentences; `title`: in forms.
     `first_name`: how proposed names begin. `makes`: the class, or a function that makes a declaration.
     `shares`: kinds whose names may not be used again here. `asks_first`: the first keys of a form.
     `head`, `tail`: keys that have no row.

@@ -79,7 +79,7 @@ class ComBufferDecl(Struct, frozen=True):
     """One ComBuffer. `source`: `sim`, `serial`, an instance of TRCV_C, or another ComBuffer, as over a cable.
 
     `serial`: the port of the source `serial`; in a simulated network bench commands feed it, as with `sim`.
-    `line`: what sends the bytes written into this one: a ComBuffer with a port, or an instance of TSEND_C.
+    `line`: a ComBuffer with a port, or an instance of TSEND_C, which sends the bytes written into this one.
     `size` in bytes, 0: the source sets it. `per_cycle`: how many written bytes leave in a scan, 0: all.
     `is_written`: a send block fills it; `is_fed`: a TRCV_C fills it. `history`: how many bytes are kept.
     """
@@ -96,7 +96,7 @@ class ComBufferDecl(Struct, frozen=True):
 
 
 class PeerDecl(Struct, frozen=True):
-    """One partner. `end`: where an active peer connects to (`@C1`: where C1 listens), else where it listens.
+    """One partner. An active peer connects to `end` (`@C1`: where C1 listens), a passive one listens there.
 
     `source`: the local end of an active peer, if the file gives one. By itself the peer connects again
     `reconnect_ns` after a close (0: never) and sends the messages `says` in turn, one every `every_ns`, each
@@ -138,7 +138,7 @@ class SequenceDecl(Struct, frozen=True):
 class WatchDecl(Struct, frozen=True):
     """One watched line: the instances on `connect` are shadows that receive what comes to the PLC end `plc`.
 
-    Ends are ADDR or ADDR:PORT; `partner` "": any. `back`: the CONNECT for what `plc` sends, "": none.
+    Ends are ADDR or ADDR:PORT; `partner` "": any. `back`: the CONNECT for bytes that `plc` sends, "": none.
     """
 
     name: str
@@ -333,7 +333,7 @@ class Project(Struct, frozen=True, eq=False):
         return replace(self, layout=decl.choice.rules(self.layout), data=as_peer)
 
     def layout_rules_of(self, type_name: str) -> LayoutRules:
-        """Return the layout of a UDT in messages: the one that all its DATA have, else the PLC's."""
+        """Return the layout of a UDT in messages: the layout that all its DATA share, or else the PLC's."""
         choices = {d.choice for d in self.data if d.type_name.casefold() == type_name.casefold()}
         return choices.pop().rules(self.layout) if len(choices) == 1 else self.layout
 

@@ -1,4 +1,4 @@
-"""Reads a TOML file, each table key by key: all that is wrong, missing or left over is a Problem.
+"""Reads a TOML file, each table key by key: a wrong, missing or unknown key is a Problem.
 
 Rule: every key has a Kind, and a Kind reads both a TOML value and the text of `--set PATH=VALUE`.
 """
@@ -43,7 +43,7 @@ def parse_reference(text: str | None) -> str | None:
 
 
 def expected_name(wrong: str, known: Iterable[str], what: str) -> str:
-    """Return what was expected instead of a wrong name: the nearest known one, or all of them.
+    """Return what was expected instead of a wrong name: the nearest known name, or a list of known names.
 
     `what` says what the names are, such as `CONNECT`.
     """
@@ -63,7 +63,7 @@ def with_article(word: str) -> str:
 
 
 def find_nearest(wrong: str, known: Iterable[str]) -> str | None:
-    """Return the known name that the wrong one was most likely meant to be, None when none is near."""
+    """Return the known name that is most like the wrong name, None when no known name is near."""
     folded = {name.casefold(): name for name in known}
     if wrong.casefold() in folded:
         return folded[wrong.casefold()]
@@ -212,7 +212,7 @@ def _duration_parser(least: int) -> Callable[[str], int | None]:
 
 
 def _milliseconds(text: str) -> int | None:
-    """Return a TIME in ms, None if that is no whole number below 2^32; TwinCAT has this limit."""
+    """Return a TIME in ms, None if it is no whole number of ms below 2^32, the limit of TwinCAT."""
     is_count = text.isascii() and text.isdigit() and len(text) < 11
     ns = int(text) * 1_000_000 if is_count else parse_duration(text)
     return None if ns is None or ns % 1_000_000 or not 0 <= ns < 1_000_000 << 32 else ns // 1_000_000
@@ -292,7 +292,7 @@ LINT: Final = integer(*ELEMENTARY["LINT"].limits)
 
 
 def addresses_by_name(value: Any) -> tuple[tuple[str, str], ...] | None:
-    """Return the names of a table with their addresses, None if one of these is no address."""
+    """Return the names of a table with their addresses, None if the value of a name is no address."""
     if not isinstance(value, Mapping):
         return None
     found = [(name, parse_address(address)) for name, address in value.items() if isinstance(address, str)]
@@ -380,7 +380,7 @@ class Table:
         self._known: list[str] = []
 
     def get(self, key: str, kind: Kind[T], default: T) -> T:
-        """Return the value of an optional key; the default also where the value is wrong."""
+        """Return the value of an optional key, the default if the key is missing or the value is wrong."""
         found = self.read(key, kind)
         return default if found is None else found
 

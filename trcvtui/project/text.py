@@ -1,7 +1,7 @@
 """Edits the text of a project file: comments, order, quotes and blanks stay as they are.
 
 Rule 1: a new entry comes after the last one of its kind if tomlkit can keep the rest of the text unchanged,
-else at the end of the file, which means the same to the loader.
+else at the end of the file. The loader reads the same project either way.
 Rule 2: the new text is parsed and compared with the wanted document; a text that differs is not returned.
 """
 

@@ -1,7 +1,7 @@
 """Notes on bytes that a recorded PLC has not read, made after its blocks have read and before a close.
 
 Rule 1: bytes that a block reads are in the entry of that read; the notes have only the unread ones.
-Rule 2: unread bytes came before the scan's reads; after them (LATE) if the handle was emptied or not ready.
+Rule 2: unread bytes came before the scan's reads; LATE ones after: the handle was emptied or not ready.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class ArrivalRecorder:
             self._seen = {*self._seen, handle}
 
     def note_read(self, handle: Handle, size: int, room: int) -> None:
-        """Count a read of a stream: it got `size` bytes, and had room for `room`."""
+        """Count a read of a stream: `size` bytes were read, at most `room` bytes could be read."""
         queue = self._queues.get(handle)
         if size < room:  # a short read has emptied the handle
             self._emptied.add(handle)
@@ -91,7 +91,7 @@ class ArrivalRecorder:
     # -- notes ---------------------------------------------------------------------------------------------
 
     def note_all_unread(self) -> None:
-        """Note what the blocks of a scan have left unread."""
+        """Note what the blocks of a scan have not read."""
         seen, queues = self._seen, self._queues
         looked_at = queues if seen is None else seen
         for handle in self._kernel.list_unread(looked_at) if looked_at else ():
@@ -133,7 +133,7 @@ class ArrivalRecorder:
         self._log_arrival(BYTES_ARRIVED, handle, (handle, whole, found.size, flags), found.data)
 
     def _note_message(self, handle: Handle, source: Endpoint, data: bytes, whole: int, flags: int) -> None:
-        """Note a message; note a datagram at the wire, too: a session has other bytes at the wire."""
+        """Note a message, a datagram also at the wire; messages of a session are different at the wire."""
         if self._queues[handle].is_udp:
             self._log.note_wire(self._get_owner(handle), MESSAGE, handle, (source, whole), None, data)
         self._log_arrival(MESSAGE, handle, (handle, source, whole, flags), data)

@@ -1,6 +1,6 @@
 """The newest part of a run, always kept in memory: `record` writes it, and what follows, into a file.
 
-Rule 1: at most MOST_KEPT_BYTES are kept; dropped entries are counted. When half that is new, a process
+Rule 1: at most MOST_KEPT_BYTES are kept; dropped entries are counted. When half that size is new, a process
 replays the kept entries and returns the last state: the keyframe of a file that begins in the middle.
 Rule 2: processes write the files; only the end of the run waits for them.
 Rule 3: a box that takes too much time gives up (recorder.py), unless it is recording into a file.
@@ -190,14 +190,14 @@ class BlackBox:
         self._ending.append(writer)
 
     def start_recording(self, path: Path) -> str:
-        """Write what is kept, and what follows, into a new file; return the answer; raise UserError."""
+        """Write the kept entries and all later ones into a new file; return the answer; raise UserError."""
         if self._recording is not None:
             raise mistake("prompt", f"{self._recording.path.name}, which is recorded", "`record stop` first")
         self._recording = self._start_writer(path)
         return f"recording into {path.absolute()}, with all that is kept of the run so far"
 
     def stop_recording(self) -> str:
-        """End the file that gets what follows; return the answer; raise UserError if there is none."""
+        """End the file of `start_recording`; return the answer; raise UserError if there is none."""
         writer = self._recording
         if writer is None:
             raise mistake("prompt", "no recording under way", "`record [FILE]` first")

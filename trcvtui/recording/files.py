@@ -4,8 +4,8 @@ Rule 1: a name is never used again; only files of this run are removed.
 Rule 2: each file begins with `RunHeader`. If scans are missing after it, `LostEntries` is next: such a file
 is replayed from its first keyframe.
 Rule 3: if a replay process makes keyframes, a file that begins in the middle gets one before it ends.
-Rule 4: a file of a trigger has the journal from the beginning of the run, of at most MOST_OLD_BYTES: a
-what-if begins there. The file has keyframes, too.
+Rule 4: a file of a trigger has the journal from the beginning of the run, or the newest MOST_OLD_BYTES of
+it: a what-if begins there. The file has keyframes, too.
 Rule 5: connections keep sequence numbers and ports from file to file, even across entries that no file has.
 Bound: MOST_WAITING entries wait for a trigger.
 """
@@ -53,7 +53,7 @@ MOST_KEYFRAMES: Final = 64  # keyframes of these; beyond them every second one i
 
 
 class EntrySink(Protocol):
-    """What writes entries; `trouble`: why nothing more is written, or ""."""
+    """Writes entries; `trouble`: why nothing more is written, or ""."""
 
     @property
     def trouble(self) -> str: ...
@@ -65,7 +65,7 @@ class EntrySink(Protocol):
 
 
 class FileSink(EntrySink, Protocol):
-    """What writes a file, with keyframes."""
+    """A sink that writes a file, with keyframes."""
 
     first_scan: int  # scans of the run before a file that begins in the middle
     is_followed: bool  # by a run beside, which makes keyframes
@@ -76,7 +76,7 @@ class FileSink(EntrySink, Protocol):
 
 
 class NumberedFile(FileSink, Protocol):
-    """What writes one of several files of a run; `size` is in bytes."""
+    """A sink that writes one of several files of a run; `size` is in bytes."""
 
     size: int
 
@@ -93,7 +93,7 @@ class OldBlock(NamedTuple):
 
 
 class FileLimits(NamedTuple):
-    """Bytes of one file and of all files, 0: no limit; ns before and after a trigger, -1: all is kept."""
+    """Bytes of one file and of all files, 0: no limit; ns kept before and after a trigger, -1: no limit."""
 
     split: int
     ring: int

@@ -67,7 +67,7 @@ class RunHeader(NamedTuple):
     """The first entry of a journal: what is needed to run again, without a disk.
 
     `path` and `options` (`PATH=VALUE` of `--set`) come from the command line; `wall_ns`: UTC of time 0
-    of the run, ns from 1970. `files`: names as they were requested, and contents; relative ones begin in
+    of the run, ns from 1970. `files`: names as they were requested, and contents; relative names start at
     `folder`. `digests` has the SHA-256 of certificates and keys.
     """
 
@@ -255,7 +255,7 @@ def _list_hint_types(hint: Any) -> tuple[type, ...]:
 
 
 def encode_value(value: object) -> bytes:
-    """Return the bytes of a value: a tag of one byte, then what the tag says."""
+    """Return the bytes of a value: a tag of one byte, then the content in the form of this tag."""
     match value:
         case None:
             return bytes([_NONE])
@@ -448,7 +448,7 @@ _REPEATED_HEAD: Final = struct.Struct("<BI")
 
 
 class BlockWriter:
-    """The entries of one block: each different one once, then the order in which they came."""
+    """The entries of one block: first each different entry once, then the order of all entries."""
 
     def __init__(self, number: int) -> None:
         self.number = number

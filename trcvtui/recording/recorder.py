@@ -43,7 +43,7 @@ TLS_MODULE: Final = "trcvtui.net.layers.tls"
 
 
 class RecordedBench(Protocol):
-    """What a recorder uses of a bench (trcvtui.bench)."""
+    """The part of a bench (trcvtui.bench) that a recorder uses."""
 
     kernel_name: str
     reports: Path | None  # where reports of internal errors go
@@ -219,7 +219,7 @@ class RunRecorder:
 
     @property
     def last_error(self) -> str:
-        """Return the last error of the run's own file, else of the file of `record`; "" for none."""
+        """Return the last error of the run's file, or of the file of the `record` command; "" for none."""
         return self.trouble or (self.box.file_trouble if self.box is not None else "")
 
     def describe_status(self) -> str:
@@ -231,7 +231,7 @@ class RunRecorder:
 
 
 def attach_black_box(recorder: RunRecorder | None, reads: FilesRead) -> tuple[RunRecorder, BlackBox]:
-    """Return the recorder, if None a new one with `reads`, and a black box that gets all its entries."""
+    """Return the recorder (None: a new one with `reads`), and a black box that gets all its entries."""
     from trcvtui.recording.black_box import BlackBox
 
     box = BlackBox()
@@ -244,7 +244,7 @@ def attach_black_box(recorder: RunRecorder | None, reads: FilesRead) -> tuple[Ru
 
 
 def make_recorder(record: RecordTarget, file: Path, waits: bool) -> RunRecorder:
-    """Return a recorder into a file; if the run `waits`, this process writes the file, else another."""
+    """Return a recorder that writes a file: in this process if the run `waits`, else in another process."""
 
     def make_sink() -> EntrySink:
         if waits:

@@ -60,7 +60,7 @@ AT_DATA: Final = 28  # of a block with a packet
 
 
 class BlockPlace(NamedTuple):
-    """Where a block of the journal is; `scans` began before it, when the run's time was `ns`."""
+    """Where a block of the journal is; before it, `scans` scans had begun, and the run's time was `ns`."""
 
     packets_at: int
     journal_at: int
@@ -182,7 +182,7 @@ class RecordingWriter:
         return b"".join([pcap.packet_block(JOURNAL, ns, mark + piece, text) for mark, piece, text in parts])
 
     def _write(self, data: bytes) -> None:
-        """Append all or nothing; raise UserError if the disk does not take it: the file ends there."""
+        """Append all or nothing; if the disk refuses the data, end the file here and raise UserError."""
         try:
             rest = memoryview(data)
             while rest:

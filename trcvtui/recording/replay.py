@@ -57,7 +57,7 @@ class ReplaySeam:
             self.front = next(entries, None)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return the state for a keyframe: no file name, no entries: the keyframe has their position."""
+        """Return the state for a keyframe, without file name and entries: a keyframe has the position."""
         return self.__dict__ | {"entries": None, "where": ""}
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
@@ -83,7 +83,7 @@ class ReplaySeam:
     def bind_call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
     ) -> Callable[..., T]:
-        """Return a function for this call: it answers from the next entry if this fits, else by `ask`."""
+        """Return a function for this call: it answers from the next entry if that fits, else by `ask`."""
         nothing = cast(Callable[[], T], None)
 
         def answer_call(handle: Handle, *args: object) -> T:
@@ -202,7 +202,7 @@ class ReplaySeam:
 
 
 def make_early_end_error(where: str, lost: str, scan: int, left: int = 0) -> UserError:
-    """Return the error of a journal that ends before its run, or has a gap with `left` scans after it."""
+    """Return the error of a journal that ends before its run, or has a gap; `left` scans follow the gap."""
     # Keyframes are made from the journal: after a gap there are none.
     more = f", and {left} more that cannot run again after it" if left else ""
     return mistake(

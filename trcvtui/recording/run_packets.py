@@ -1,8 +1,8 @@
 """The packets of a run, made entry by entry: packets of the present block, pointers to them, and comments.
 
-Rule 1: an entry points to packets of its block that have its bytes; if there are none, it keeps the bytes.
+Rule 1: an entry points to packets in its block that carry its bytes; else the entry keeps the bytes.
 Rule 2: the end of a job is a comment at the packet with the last byte of the job. If this block does not
-have that packet, the comment says so. It is then at the connection's newest packet here, or at the block.
+have that packet, the comment says so and is at the connection's newest packet here, or at the block.
 Rule 3: files of a run share one RunPackets, so that open connections keep their sequence numbers, ports
 and unread bytes in the next file.
 """

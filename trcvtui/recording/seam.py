@@ -412,7 +412,7 @@ class SeamPort:
 
 
 class SeamBudget(ScanBudget):
-    """The bound of a scan's work; handshakes and records below the seam take their share of it, too."""
+    """The bound of a scan's work. Handshakes and records below the seam also count as work of the scan."""
 
     def __init__(self, seam: Seam, clock: Callable[[], int]) -> None:
         super().__init__(clock)

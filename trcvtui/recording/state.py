@@ -1,6 +1,6 @@
-"""The state of a run as bytes, and back: objects, their contents, and which objects are the same one.
+"""The state of a run as bytes, and back: objects, contents, and which references mean the same object.
 
-Rule 1: what both sides have (SharedObjects: project, beginning; constants of modules) is named, not written.
+Rule 1: objects of both sides (SharedObjects: project, beginning; constants of modules) are only named.
 Rule 2: nothing is unpickled. A class, function or constant comes from the modules of MAY_HOLD alone, by name.
 Rule 3: no length and no number of an object is trusted; what does not fit raises UserError.
 """
@@ -52,7 +52,7 @@ def is_allowed_module(module: str) -> bool:
 
 
 class SharedObjects:
-    """Objects that writer and reader both have, by number: all that `roots` hold at the beginning."""
+    """Numbered objects that writer and reader both have: all objects that `roots` hold at the beginning."""
 
     def __init__(self, roots: Iterable[object]) -> None:
         self.objects: list[object] = []

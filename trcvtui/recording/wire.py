@@ -398,7 +398,7 @@ class WirePackets:
     # -- the next file ----------------------------------------------------------------------------------
 
     def list_open_streams(self) -> Iterator[tuple[str, int, Flow, int]]:
-        """Yield of each open stream: owner, handle, flow to the PLC, the partner's FIN or RST (0: none)."""
+        """Yield for each open stream: owner, handle, flow to the PLC, partner's FIN or RST (0: none)."""
         for handle, stream in self._streams.items():
             if stream.is_open:
                 yield stream.owners[0], handle, stream.flows[1], stream.coming_end & (FIN | RST)

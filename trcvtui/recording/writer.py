@@ -1,7 +1,7 @@
 """The writer of a recording is another process. It gets entries by a pipe, between scans: no scan waits.
 
 Rule 1: bytes that the pipe does not take wait. New entries are left out while more than MOST_WAITING_BYTES
-wait, new whole blocks while more than twice that wait. The journal counts what is lost (`LostEntries`).
+wait, whole blocks while more than twice MOST_WAITING_BYTES wait. `LostEntries` counts the lost entries.
 Rule 2: without the writer the bench continues; `trouble` says in one line why nothing is recorded any more.
 Rule 3: when its pipe ends, even by a kill of the run, the writer writes what it has and ends the file.
 """
@@ -40,7 +40,7 @@ WRITER_MAIN, STATE_MAIN = ("follower", "writer_main"), ("follower", "state_main"
 
 
 class WriterProcess:
-    """The sink of a run that must not wait. `waits`: only begin if the writer can write, else UserError."""
+    """The sink of a run that must not wait. `waits`: wait for the writer's start; UserError if it fails."""
 
     def __init__(
         self, path: Path, record: RecordTarget, waits: bool = True, main: tuple[str, str] = WRITER_MAIN
@@ -110,7 +110,7 @@ class WriterProcess:
         self._waiting_bytes += LENGTH_PREFIX.size + len(block)
 
     def finish(self) -> None:
-        """Let the file end as soon as all is sent; `advance` finds out when it has."""
+        """Let the file end as soon as all bytes are sent; `advance` notices that the file has ended."""
         self._is_finishing = True
 
     def advance(self) -> None:

@@ -31,7 +31,7 @@ def check_replay(run: ReplayRun) -> str:
 
 
 def print_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
-    """Write what the run printed, or would have printed; return whether all expectations held."""
+    """Write the lines that the run printed, or would have printed; return whether all expectations held."""
     bench, scenario = run.bench, run.scenario
     report = JsonLines(write, bench.runtime.interval_ns, bench)
     if scenario is None or bench.runtime.scans:  # in the middle of a run, nothing says which step is next

@@ -107,7 +107,7 @@ class RecordedRunWriter:
         return self._sink.trouble
 
     def add_block(self, block: bytes) -> None:
-        """Write the entries of a block; the run takes them when it gets there."""
+        """Write the entries of a block at once; the run takes them later."""
         self._sink.add_entries(decode_entries([block], self._where))  # Rule 1
         if not self._is_off:
             self._blocks.append(block)

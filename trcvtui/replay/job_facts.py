@@ -1,4 +1,4 @@
-"""What a recording shows beside its packets: what the instances expect, and what its program did wrong."""
+"""Facts of a recording besides its packets: what the instances expect, and faults of the PLC's program."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class _StackWaits:
             self._paths[connect] = [each for each in paths if each[0] >= second]
 
     def find_floods(self) -> Iterator[tuple[str, int, int]]:
-        """Yield each CONNECT on which unread bytes grow although jobs read: from when, for how many s."""
+        """Yield each CONNECT on which unread bytes grow although jobs read: since when, for how long."""
         for connect, least in self._least.items():
             read = self._read.get(connect, set())
             since, run = 0, 0
@@ -130,7 +130,7 @@ class _StackWaits:
             yield from ((connect, *run) for run in _find_long_run(waiting))
 
     def find_partner_not_reading(self) -> Iterator[tuple[str, int, int]]:
-        """Yield each CONNECT on which unsent bytes wait although all sent ones are acknowledged."""
+        """Yield each CONNECT on which unsent bytes wait although all sent bytes are acknowledged."""
         for connect, paths in self._paths.items():
             waiting = [second for second, path in paths if path.unsent and not path.unacked]
             yield from ((connect, *run) for run in _find_long_run(waiting))
@@ -157,7 +157,7 @@ def collect_recorded_facts(
     """Return the facts of a recording; None: the file is no recording of trcvtui, or cannot run again.
 
     `sets`: other parameters, as `instance.TRCV_C_1.LEN=20`; raise UserError for a wrong one. While the run
-    continues, the present pins count: a remedy that was applied is no fault any more. `tell` is called for
+    continues, the present pins are judged: a fault that was mended is not reported. `tell` is called for
     each scan.
     """
     try:

@@ -75,7 +75,7 @@ class PositionedEntries(JournalPosition):
 
 
 class Keyframes:
-    """The keyframes from which a run can continue: those in the journal, and those kept in memory."""
+    """The keyframes from which a run can continue: keyframes in the journal, and keyframes in memory."""
 
     def __init__(self, journal: Journal, where: str, project: Project | None = None) -> None:
         self._journal, self._where = journal, where

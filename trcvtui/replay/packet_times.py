@@ -1,4 +1,4 @@
-"""The times of a recording's packets, read during the replay. Scans read the bytes of a packet later."""
+"""The times of a recording's packets, read during the replay. A block reads a packet's bytes later."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class GuessReason(StrEnum):
 
 
 class _Socket:
-    """One handle of the bench that asks. `attempt`: of an active CONNECT; `partner`: the other end."""
+    """One handle of the asking bench. `attempt`: only of an active CONNECT; `partner`: the other end."""
 
     def __init__(self, owner: str) -> None:
         self.owner = owner

@@ -73,7 +73,7 @@ class Partner:
 
     @property
     def may_hold_back(self) -> bool:
-        """Return whether the recorded run leaves so much unread that the partner may be held back."""
+        """Return whether so many bytes are unread in the recorded run that the partner may be held back."""
         return self.whole - self.read >= self.full_from
 
     @property
@@ -125,7 +125,7 @@ class DialledAttempt:
 
 
 class InheritedSocket(NamedTuple):
-    """A socket that a CONNECT has when a file begins in the middle, and its use."""
+    """A socket that a CONNECT already has when a file begins in the middle; `use`: the socket's use."""
 
     owner: str
     handle: int
@@ -206,7 +206,7 @@ class RecordedRun:
             known.append((self.scan, now))
 
     def listens(self, owner: str, scan: int) -> bool:
-        """Return whether a CONNECT listens at the end of a scan: only of the two newest scans."""
+        """Return whether a CONNECT listens at the end of `scan`; this must be one of the two newest."""
         known = self.listening.get(owner, ())
         return bool(next((handles for since, handles in reversed(known) if since <= scan), ()))
 

@@ -83,7 +83,7 @@ class Survey:
         return ns + (scan - before) * took // scans
 
     def scan_at(self, ns: int) -> int:
-        """Return the first scan at this time or later; if there is none, the one after the last scan."""
+        """Return the first scan at this time or later; if there is none, the number after the last scan."""
         at = bisect_left(self.times, ns)
         if at == len(self.times):
             return self.last_scan + 1
@@ -91,7 +91,7 @@ class Survey:
         return before + scans if scans == 1 or not took else before - (began - ns) * scans // took
 
     def _get_stretch(self, at: int) -> tuple[int, int, int, int]:
-        """Return the scan at the index before `at`, its time, and scans and ns from there to index `at`."""
+        """Return the scan at index `at` - 1 and its time, and how many scans and ns `at` is later."""
         scan, ns = (self._scans[at - 1], self.times[at - 1]) if at else (self.first, 0)
         return scan, ns, self._scans[at] - scan, self.times[at] - ns
 

@@ -173,7 +173,7 @@ class CaptureRun(NamedTuple):
 
 
 class TimeLine:
-    """Where a replay is and where it goes."""
+    """The scan that a replay shows, and the scan to which it goes."""
 
     def __init__(
         self, journal: Journal, where: str, at: int | Search = 1, capture: CaptureRun | None = None

@@ -1,1 +1,1 @@
-"""A run as one page for a colleague: what it showed, why, and with which bytes."""
+"""A run as one page for a colleague: what the run showed, why, and with which bytes."""

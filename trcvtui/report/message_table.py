@@ -88,7 +88,7 @@ class MessageTable:
         self._second, self._date = -1, ""
 
     def write(self, labels: tuple[str, ...], row: MessageRow, of: str | None = None) -> None:
-        """Write a row; `of`: the instance or direction that has the row's type; None: the first label."""
+        """Write a row; `of`: the instance or direction with the row's type, None: the first of `labels`."""
         if not self.rows and self._form != "jsonl":
             self._write_cells([*self._columns, *self._names])
         self.rows += 1

@@ -118,7 +118,7 @@ class _FilteredRows:
         self.begun_ns = 0
 
     def begin_table(self, project: Project | None, begun_ns: int) -> None:
-        """Begin the table for a project's instances, or (None) for both directions of a capture."""
+        """Begin the table for a project's instances; None: for both directions of a capture."""
         asked, self.project, self.begun_ns = self.asked, project, begun_ns
         if project is None and asked.instance is not None:
             raise mistake("--instance", "a capture without instances", "--project beside it, or a recording")
@@ -316,7 +316,7 @@ def _warn_about_capture(found: Conversations, troubles: Sequence[Problem]) -> No
 
 
 class _CaptureMessages:
-    """Cuts both directions of each conversation into messages; only those to the PLC have the type."""
+    """Cuts both directions of each conversation into messages; only messages to the PLC have the type."""
 
     def __init__(self, rows: _FilteredRows) -> None:
         self._found, self._rows, self._zero_ns = Conversations(self._add_event), rows, 0

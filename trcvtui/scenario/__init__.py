@@ -1,1 +1,1 @@
-"""Scenarios: read, played, judged, reported; sessions kept as scenarios; one in several dialects."""
+"""Scenarios: read, played, judged, reported; sessions kept as scenarios; a scenario in several dialects."""

@@ -36,7 +36,7 @@ TRAFFIC_COMMANDS: Final = (words.PeerSend, words.PeerPlaySequence, words.AddRepl
 def convert_scenario(names: Sequence[str], scenario: Scenario, path: Path) -> list[Scenario]:
     """Return the scenario in each of these dialects; each line of `about` says what the dialect lacks.
 
-    Raises UserError if one of them cannot describe a CONNECT.
+    Raises UserError if one of these dialects cannot describe a CONNECT.
     """
     dialects = [find_dialect(name) for name in names]
     if len(set(names)) < max(2, len(names)):
@@ -104,7 +104,7 @@ class DialectReport(JsonLines):
         self._runs.append(DialectRun(scenario))
 
     def write_record(self, record: Mapping[str, object]) -> None:
-        """Write a line with the name of its dialect; the line of a wrong file has none."""
+        """Write a line with the name of its dialect; the line of a file with mistakes has no dialect."""
         if self._is_json:
             super().write_record({"dialect": self._runs[-1].dialect, **record} if self._runs else record)
 

@@ -426,8 +426,8 @@ FAR_FOLDER: Final = os.path.join(os.pardir, os.pardir, os.pardir)
 def scenario_text(session: RecordedSession, bench: Bench, path: Path, before: str | None = None) -> str:
     """Return the text of a scenario file for `path`.
 
-    `before`: the project's text at the start of the session, if its file has changed since. This text goes
-    into the scenario. So does a project of the installation: no file names a path of the installation.
+    `before`: the project's text at the start of the session, if its file has changed since. The scenario
+    has a copy. A project of the installation is copied, too: no file names a path of the installation.
     """
     old, new = bench.project.base, path.parent
     lines = [_rebase_step(line, old, new) for line in session.steps()]
@@ -484,7 +484,7 @@ def parse_toml_path(name: str, where: str) -> Path:
 
 
 def write_new(path: Path, text: str, ours: Iterable[str], where: str) -> str:
-    """Write a new file, or a file of `ours` again; return the real path; UserError for any other file."""
+    """Write a new file, or overwrite one of `ours`; return the real path; raise UserError for any other."""
     whole = os.path.realpath(path)
     is_own = whole in ours
     write_file(path, text, where, is_own=is_own, is_new=not is_own)

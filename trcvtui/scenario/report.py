@@ -84,7 +84,7 @@ class Report:
 
 
 class Junit(Report):
-    """The document of one call; it is written at its end, when the sums are known."""
+    """The document of one command; it is written after the last file, when the sums are known."""
 
     def __init__(self, write: Write) -> None:
         super().__init__(write)
@@ -135,7 +135,7 @@ def _make_skipped_cases(steps: Iterable[Step]) -> Iterator[JunitCase]:
 
 
 def _add_rest_case(cases: tuple[JunitCase, ...], verdict: Verdict) -> tuple[JunitCase, ...]:
-    """Return the cases; add a case for time outside all cases, or if there is no case."""
+    """Return the cases; add one more if some time is in no case, or if there is no case."""
     whole = verdict.taken[-1].until_ns if verdict.taken else 0
     rest = whole - sum(case.ns for case in cases)
     return (*cases, JunitCase(WHOLE_CASE_NAME, rest)) if rest or not cases else cases

@@ -75,7 +75,7 @@ class Trace:
         return section
 
     def newest_text(self, most: int) -> str:
-        """Return the newest runs in the notation of a pattern, `...` for those before them."""
+        """Return the newest runs in the notation of a pattern, `...` for earlier runs."""
         kept = self._since if self._is_cut else self._first
         runs = list(islice(reversed(kept), most))[::-1]
         older = self._is_cut or len(kept) > most
@@ -102,7 +102,7 @@ class Failure(Struct, frozen=True):
 
 
 class StepRunner:
-    """Steps on one bench; `failure` and doctor's `answer`: of the last step; `is_over`: a `wait` failed."""
+    """Runs steps on a bench. `failure`, doctor's `answer`: of the last step; `is_over`: a `wait` failed."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -147,7 +147,7 @@ class StepRunner:
 
     @property
     def elapsed_ns(self) -> int:
-        """Return the end of the last scan's interval: in virtual time, on a live bench in real time."""
+        """Return the end of the last scan's interval, in virtual time; on a live bench in real time."""
         runtime = self.bench.runtime
         return self.bench.now + runtime.interval_ns if runtime.scans else 0
 

@@ -8,7 +8,7 @@ from msgspec import Struct
 class LineAnswer(Struct, frozen=True):
     """The answer to one line: `error` is "" on success; `message` is a result beyond "done".
 
-    `edit`: the line with all its values, if it has changed the program and not only inputs.
+    `edit`: the line with all its values, if the line has changed the program and not only inputs.
     """
 
     number: int
@@ -43,7 +43,7 @@ class TriggerEvent(Struct, frozen=True):
 
 
 class ReplySnapshot(Struct, frozen=True):
-    """A reply rule as in `replies` of a project; `missed`: hits without a reply: too many had come."""
+    """A reply rule as in `replies` of a project; `missed`: matches without room for a reply."""
 
     rule: str
     hits: int
@@ -65,7 +65,7 @@ class TrafficTally(Struct, frozen=True):
 
 
 class TrafficSnapshot(Struct, frozen=True):
-    """Self-checking traffic: frames sent; `data`: tally of frames in DATA; `echo`: of returned frames."""
+    """Self-checking traffic: frames sent; tallies of the frames in DATA (`data`) and returned (`echo`)."""
 
     sent: int
     data: TrafficTally | None

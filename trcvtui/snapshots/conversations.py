@@ -47,5 +47,5 @@ class ConversationSnapshot(Struct, frozen=True):
 
     @property
     def held_ns(self) -> int | None:
-        """Return how long a tap has held a direction (the longer time of two); None: it holds neither."""
+        """Return how long a tap has held a direction, of two the longer time; None: neither is held."""
         return max((w.held_ns for w in (self.to_plc, self.from_plc) if w.held is not None), default=None)

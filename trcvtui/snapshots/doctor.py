@@ -8,9 +8,9 @@ from trcvtui.blocks.conditions import Condition
 
 
 class Remedy(Struct, frozen=True, forbid_unknown_fields=True):
-    """One remedy in words; `command` is its bench command, `set` its `--set` of a what-if; None: it has none.
+    """One remedy in words, as a bench `command`, and as `--set` of a what-if (`set`); None: not possible.
 
-    `tried`: a second check with the remedy did not find this cause, and no new one. Otherwise it is advice.
+    `tried`: a second check with the remedy found neither this cause nor a new one. If False: only advice.
     """
 
     text: str
@@ -34,10 +34,10 @@ class Ends(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Finding(Struct, frozen=True, forbid_unknown_fields=True):
-    """One cause: confidence (0 to 1), evidence, place, remedies; empty `mend`: the usual ones of `cause`.
+    """One cause: confidence (0 to 1), evidence, place; `mend`: remedies, empty: the usual ones of `cause`.
 
     `way`: to-plc, from-plc, or "": both; `at`: UTC in ns, byte of the direction, size, packet; `instance`
-    and `connect`: "" if several or none are meant. The protocol proves a fact; a remark is no fault.
+    and `connect`: "" if several or none are meant. `is_fact`: the protocol proves it. A remark is no fault.
     `packets` are numbers in the capture, `filter` is for Wireshark; `status`: STATUS words in hex that the
     cause leads to; `explains`: symptoms of blocks. `t_s` is in the capture, `t_ns` and `scan` in the run.
     """

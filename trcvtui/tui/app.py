@@ -228,7 +228,7 @@ class BenchApp(TerminalApp):
             self.main.prompt.show_sent_line(line, number)
 
     def push_screen(self, screen: Any, *how: Any, **more: Any) -> Any:
-        """Open a screen; a read-only app refuses most screens, a replay screens that change the bench."""
+        """Open a screen; a read-only app refuses most, a replay refuses screens that change the bench."""
         if (self.only_looks and not may_open(screen)) or (self._is_replay and not _is_for_replay(screen)):
             self._refuse()
             return AwaitMount(self.screen, [])
@@ -455,7 +455,7 @@ class BenchApp(TerminalApp):
     async def action_quit(self) -> None:
         """End the bench, after a warning about unsaved edits and connections that are cut.
 
-        After any other key the warning about edits comes again. A tab of `serve` keeps them: no warning.
+        The warning about edits comes again after any other key. A tab of `serve` keeps edits: no warning.
         """
         picture, unsaved = self.view_model.live, self.view_model.unsaved
         if unsaved and not self.last_words and not self._engine.is_shared:

@@ -45,7 +45,7 @@ class TimeWindow:
         return end - span, end
 
     def zoom(self, by: float) -> None:
-        """Multiply the time in view; the middle stays, but the end if the view follows new messages."""
+        """Multiply the time in view; the middle stays, or the end if the view follows new messages."""
         begin, end = self.bounds
         span = max(SHORTEST_WINDOW_NS, int((end - begin) * by))
         is_whole = span >= self.whole[1] - self.whole[0]

@@ -30,7 +30,7 @@ def lamp(on: bool, glowing: bool = False) -> str:
 
 
 def measure(text: str) -> int:
-    """Return how many columns a text takes: a wide character two, a combining one none."""
+    """Return how many columns a text takes: a wide character takes two, a combining one takes none."""
     return len(text) if text.isascii() else cell_len(text)
 
 
@@ -42,7 +42,7 @@ def clip(text: str, width: int) -> str:
 
 
 def pad(text: str, width: int, right: bool = False) -> str:
-    """Return text padded to `width` columns: blanks after it, or before it (`right`)."""
+    """Return text padded to `width` columns: blanks follow the text, or precede it if `right`."""
     blanks = " " * max(0, width - measure(text))
     return blanks + text if right else text + blanks
 

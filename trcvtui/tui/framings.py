@@ -23,7 +23,7 @@ GOOD_ENDINGS: Final = ("suffix", "size reached")
 
 
 def buffer_for(view_model: ViewModel) -> str:
-    """Return the ComBuffer of the selected instance, else one that this instance feeds, else the first."""
+    """Return the ComBuffer that the selected instance reads or feeds, else the project's first one."""
     project, instance = view_model.project, view_model.instance
     if instance is not None and block_row(instance.block).buffer_pin:
         return instance.connect
@@ -33,7 +33,7 @@ def buffer_for(view_model: ViewModel) -> str:
 
 
 def find_framed_block(buffer: str, view_model: ViewModel) -> str:
-    """Return the first instance that cuts this ComBuffer's bytes, but prefer the selected one."""
+    """Return the instance that cuts this ComBuffer's bytes: the selected one if it does, else the first."""
     readers = [
         i.name for i in view_model.project.instances if i.connect == buffer and block_row(i.block).affix_pins
     ]

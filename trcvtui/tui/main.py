@@ -252,7 +252,7 @@ class MainScreen(FullScreen[None]):
         self._show_keys()
 
     def show_soon(self) -> None:
-        """Draw the panes below a dialog twice a second only: each time Textual paints both screens."""
+        """Draw panes below a dialog only twice a second: each drawing makes Textual paint both screens."""
         self.prompt.show_answers(self._view_model.answers)
         self.peer.show_trial()
         if self._owed is None:
@@ -398,14 +398,14 @@ class MainScreen(FullScreen[None]):
         self.set_focus(self._focus_target(digit))
 
     def watch_focused(self) -> None:
-        """Frame the pane with the focus; CSS `:focus-within` would style all of its parts again."""
+        """Give the pane with the focus a class: `:focus-within` would style all of its parts again."""
         for pane in (self.received, self.peer):
             if pane.has_class(WITHIN_CLASS) != pane.has_focus_within:
                 pane.set_class(pane.has_focus_within, WITHIN_CLASS, update=False)
                 self.app.stylesheet.apply(pane)
 
     def go_to_place(self, place: DoctorTarget) -> None:
-        """Show a scan of an instance in the timing pane, or a byte of its received stream."""
+        """Show a scan of an instance in the timing pane, or a received byte of the instance in pane 5."""
         if place.instance != self._view_model.selected:
             self._view_model.selected = place.instance
             self.follow_selected()
@@ -458,7 +458,7 @@ class MainScreen(FullScreen[None]):
         return next((pair for pair in (*PANE_PAIRS, {3, 7}) if self._pane in pair), {self._pane})
 
     def action_zoom(self) -> None:
-        """Give the whole screen to the open pane, or to a focused, long list of instances; or undo that."""
+        """Toggle the zoom of the open pane, or of the list of instances if it is long and has the focus."""
         long_list = self.focused is self.instances and self.instances.show_vertical_scrollbar
         zoomed = next((each for each in (ZOOM, LIST) if self.has_class(each)), LIST if long_list else ZOOM)
         self.toggle_class(zoomed)
@@ -486,7 +486,7 @@ class MainScreen(FullScreen[None]):
         self.table.show()
 
     def action_theirs(self) -> None:
-        """View DATA in the layout that fits the received bytes; without one, in the PLC's own layout."""
+        """Show DATA in the layout that fits the received bytes; if none fits, in the PLC's own layout."""
         from trcvtui.diagnosis.data_view import make_view_command  # read when first asked for
 
         decl, offer = self._view_model.declaration, self.status.offer()
@@ -530,7 +530,7 @@ class MainScreen(FullScreen[None]):
         return self.focused.id or "" if self.focused is not None else ""
 
     def _find_copy_source(self, pane: str) -> CopySource | None:
-        """Return what a pane shows; None if its bytes are missing: then the prompt shows why."""
+        """Return what to copy from a pane. If bytes are missing, return None and show why in the prompt."""
         from trcvtui.tui.copy_formats import make_copy_source
 
         if pane in ("peers", "payload"):

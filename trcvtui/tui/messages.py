@@ -89,7 +89,7 @@ class RowSelected(Message):
 
 @dataclass
 class FitWanted(Message):
-    """Take a profile of the ranking, by its number, as theirs."""
+    """Request to take the profile with this number in the ranking as theirs."""
 
     number: int
 

@@ -87,7 +87,7 @@ def make_try_line(peer: str, mode: str, payload: str, instance: str, gap: str) -
 
 
 def receiver_for(link: str, selected: str, project: Project) -> str:
-    """Return the instance that receives from a peer: the selected one, else the first on its CONNECT."""
+    """Return the receiving instance on a peer's CONNECT: the selected one if possible, else the first."""
     names = [i.name for i in project.instances if i.connect == link and block_row(i.block).receives_stream]
     return selected if selected in names else next(iter(names), "")
 

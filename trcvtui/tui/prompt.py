@@ -38,7 +38,7 @@ class EchoLine(LineView, can_focus=False):
     def show_answer(
         self, line: str, error: str = "", waits: bool = False, text: str = "", stays: bool = False
     ) -> None:
-        """Show a command and its answer for MESSAGE_TIME_S; `waits` or `stays`: until the next answer."""
+        """Show a command and its answer for MESSAGE_TIME_S, with `waits` or `stays` until the next one."""
         if self._end is not None:
             self._end.stop()
         expires = bool(line or error or text) and not (waits or stays)
@@ -111,7 +111,7 @@ class PromptInput(TypedField):
 
 
 class Prompt(Vertical):
-    """Echo line and, while open, the input; keeps the history of lines, and the lines to send next."""
+    """The echo line, and the input while it is open; keeps the typed lines and the lines to send next."""
 
     DEFAULT_CSS = "Prompt { height: auto; background: $background; }"
 
@@ -171,7 +171,7 @@ class Prompt(Vertical):
         self.screen.set_focus(self._input)
 
     def close(self) -> None:
-        """Close the command line; the focus returns at once to the pane that had it."""
+        """Close the command line, and return the focus at once to the pane that had it before."""
         before, self._focus_before = self._focus_before, None
         self.screen.set_focus(before)
         self._open_line.display, self._echo.display = False, True

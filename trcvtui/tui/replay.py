@@ -150,7 +150,7 @@ def _position_parts(position: ReplayPosition, holding: bool) -> Iterator[Part]:
 
 
 class ReplayScreen(MainScreen):
-    """All panes at one scan of a recording. A focused pane gets keys first; 9 and esc leave it."""
+    """All panes at one scan of a recording. A focused pane gets keys first; 9 and esc leave the pane."""
 
     BINDINGS: ClassVar = [
         Binding("left,comma", "at('-1')", "scan back", show=False),

@@ -67,7 +67,7 @@ def refuse_root(write: bool, as_root: bool) -> None:
 
 
 class AccessControl:
-    """Which requests are served: those of our own pages (rule 1) with the token or its cookie (rule 2)."""
+    """Decides which requests are served: from our own pages (rule 1), with token or cookie (rule 2)."""
 
     def __init__(self, port: int) -> None:
         self.token = secrets.token_urlsafe(32)
@@ -82,7 +82,7 @@ class AccessControl:
         return f"{self.address}/?{TOKEN_PARAMETER}={self.token}"
 
     def find_refusal(self, host: str, origin: str | None, is_socket: bool) -> str:
-        """Return why a request is refused, whatever token it shows; "" if it is not.
+        """Return why a request is refused even with the right token; "" if it is not refused.
 
         A browser always names the Origin of a websocket: a request without it is not from our page.
         """
@@ -92,11 +92,11 @@ class AccessControl:
         return FOREIGN_REFUSAL if origin is not None and (scheme != "http" or named not in self._own) else ""
 
     def is_token(self, shown: str | None) -> bool:
-        """Return whether a text is the token; the time taken does not depend on where the two differ."""
+        """Return whether a text is the token, in a time that does not show where the texts differ."""
         return hmac.compare_digest((shown or "").encode(), self.token.encode())
 
     def grant_cookie(self) -> web.Response:
-        """Set the cookie and redirect to the address without the token: the history never has the token."""
+        """Set the cookie, and redirect: the address in the browser's history then has no token."""
         from aiohttp import web
 
         answer = web.Response(status=303, headers={"Location": f"{self.address}/", **QUIET_HEADERS})

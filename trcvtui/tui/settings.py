@@ -35,7 +35,7 @@ EXPECTED_KEY: Final = "one character, or a key such as f5, ctrl+k or pageup"
 
 @dataclass(frozen=True, slots=True)
 class ScreenSettings:
-    """`keymap`: the keys of an action; `names`: the new name of a default key that was changed."""
+    """`keymap`: the keys of each changed action; `names`: the new name for each changed default key."""
 
     theme: str = "dark"
     keymap: Mapping[str, str] = field(default_factory=dict)
@@ -50,7 +50,7 @@ def config_folder() -> Path:
 
 
 def load_settings(bindings: Iterable[BindingType], theme: str | None = None) -> ScreenSettings:
-    """Return the settings; `theme` of the command line wins."""
+    """Return the settings; NO_COLOR decides the theme, else `theme` of the command line, else the file."""
     own = [binding for binding in bindings if isinstance(binding, Binding)]
     folder, problems = config_folder(), list[str]()
     config = _read_table(folder / CONFIG_FILE, problems)
@@ -136,7 +136,7 @@ def _parse_keys(given: object, own: set[str], kept: Mapping[str, str]) -> list[s
 
 
 def _parse_key(text: str) -> str | None:
-    """Return the name that key events give a key; None if the text is no key."""
+    """Return the name of a key in key events; None if the text is no key."""
     if len(text) == 1:
         return _character_to_key(text) if text.isprintable() and not text.isspace() else None
     if text in KEY_NAMES or text in ("full_stop", "colon", "backslash", "question_mark"):

@@ -66,9 +66,9 @@ class MemberSpec(NamedTuple):
 
 
 class StructSpec(NamedTuple):
-    """STRUCT, or UNION; `base` is what it EXTENDS, `pack` its pack_mode attribute in bytes.
+    """STRUCT or UNION; `base` is the type after EXTENDS, `pack` the pack_mode attribute in bytes.
 
-    `is_class`: a class of C++, whose members may begin in the padding at the end of its base.
+    `is_class`: a class of C++; its members may begin in the padding at the end of its base.
     """
 
     members: tuple[MemberSpec, ...]
@@ -81,8 +81,8 @@ class StructSpec(NamedTuple):
 class EnumSpec(NamedTuple):
     """Enumeration; without a `base` the layout chooses it (INT for most).
 
-    None in place of a number: one more than the number before it, or 0 for the first. `is_scoped`: the
-    names are known only inside the enumeration.
+    A number None means one more than the number before it, or 0 for the first. `is_scoped`: the names are
+    known only inside the enumeration.
     """
 
     base: Reference | None
@@ -95,7 +95,7 @@ Spec = Reference | StringType | Pointer | Unplaced | TextSpec | RangeSpec | Arra
 
 
 class Declaration(NamedTuple):
-    """One declared type; `problems` are mistakes in its own text, `spec` is None if it is unreadable.
+    """One declared type; `problems` are mistakes in its text, `spec` is None if the text is unreadable.
 
     `notes` are shown beside the type and are not mistakes (optimised access, another name).
     `is_data`: a data block or variables, which cannot be the type of a member.

@@ -144,7 +144,7 @@ class SearchPatterns:
 
 
 def parse_search(text: str) -> SearchPatterns:
-    """Return the patterns of a quoted text, a number after `=`, hex, else any text; raise UserError."""
+    """Read a quoted text, a number after `=`, hex, or any other text as patterns; raise UserError."""
     text = text.strip()
     if text[:1] in ('"', "'"):
         found = _parse_text_search(text)
@@ -220,7 +220,7 @@ def find_first(content: bytes, patterns: tuple[bytes, ...], start: int = 0) -> i
 
 
 def find_last(content: bytes, patterns: tuple[bytes, ...], before: int) -> int | None:
-    """Return the last place of any pattern before `before`."""
+    """Return the last place before `before` at which a pattern begins, None if there is none."""
     if before <= 0:
         return None
     found = [place for p in patterns if (place := content.rfind(p, 0, before - 1 + len(p))) >= 0]

@@ -29,7 +29,7 @@ from trcvtui.udt.types import Enumeration, Struct, Type, Union, all_parts
 
 
 def notes_of(types: TypeSet, name: str, type_: Type, rules: LayoutRules) -> list[str]:
-    """Return the notes of a type and of all types in it, each once, with the name of the type before it."""
+    """Return the notes of a type and of all types in it, each note once, after the name of its type."""
     found = {f"{name}: {note}": None for note in types.notes.get(name.casefold(), ())}
     for inner in all_parts(type_):
         if isinstance(inner, Struct | Union | Enumeration):
@@ -146,7 +146,7 @@ def compare(args: SimpleNamespace) -> tuple[str, bool]:
 
 
 def fit(args: SimpleNamespace) -> tuple[str, bool]:
-    """Return the answer of `udt fit`, and if a layout fits best; ours may be unable to hold the type."""
+    """Return the answer of `udt fit`, and whether a layout fits best; our layout may not hold the type."""
     from trcvtui.udt.compare.fit import rank
     from trcvtui.udt.compare.fit_report import fit_json, fit_text
 
@@ -195,7 +195,7 @@ class TypeChoice(NamedTuple):
     choice: LayoutChoice = NO_CHOICE
 
     def rules(self) -> tuple[LayoutRules, list[str]]:
-        """Return the rules, with notes: a layout decided or suggested by the source, unverified offsets."""
+        """Return the rules, and notes on a layout from the type's source or on unverified offsets."""
         choice, name, sender = self.choice, self.name, self.types.sender(self.name)
         unsure = [f"{name}: {each}: {UNVERIFIED_NOTE}" for each in unverified_in(self.type)]
         if choice.layout is not None or not sender.layout:
@@ -236,7 +236,7 @@ def layout_of(args: SimpleNamespace) -> Layout:
 
 
 def read_file_layout(path: str) -> tuple[Layout, SenderLayout]:
-    """Return the layout of a file's only type that no other contains, and its sender's likely layout."""
+    """Return the layout of a file's only type that is in no other type, and its sender's likely layout."""
     types, own = read_all_types(SimpleNamespace(file=path, others=(), constant=()), None)
     inner = {
         part.name.casefold()

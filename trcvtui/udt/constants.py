@@ -1,7 +1,7 @@
 """Formulas with names in them, and the constants of the user, of files and of enumerations.
 
 Rules: a formula is data of a file: bounded, and never evaluated as Python. A constant is found by its whole
-name, else by its end; the user's constants come before those of files. With two numbers it has no value.
+name, else by its end; the user's constants come before a file's. A name with two numbers has no value.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ class Constants:
             self._add(f"{enumeration}.{name}", 2, number, offset, enumeration)
 
     def value(self, number: Number, unknown: list[str], scope: str = "") -> int | None:
-        """Return the value of a number, else add its unknown names to `unknown`, or raise UserError."""
+        """Return the value of a number, or None: then `unknown` gets its unknown names. Raise UserError."""
 
         if self.is_first:  # once in the order of the files: a long chain then refers to known values only
             self.is_first = False
@@ -181,7 +181,7 @@ class Constants:
         return evaluate(number, look_up)
 
     def reason(self, name: str) -> str:
-        """Return why a declared name has no value, `which is 1 and 2 (b.st:3:1)`; "" if not declared."""
+        """Return why a declared name has no value, such as `which is 1 and 2 (b.st:3:1)`, else ""."""
         return self.reasons.get(name.casefold(), "")
 
     def _add(

@@ -132,7 +132,7 @@ class Resolver:
     # -- one specification -------------------------------------------------------------------------------
 
     def build(self, spec: ast.Spec, name: str, user: str) -> tuple[Type | None, int]:
-        """Return the type of a specification, None if something in it is bad, and how deep it nests."""
+        """Return the type of a specification (None if a part is bad), and how deep the type nests."""
         match spec:
             case StringType() | Pointer() | Unplaced():
                 return spec, 0
@@ -305,7 +305,7 @@ class Resolver:
         return None
 
     def limits(self, low: ast.Number, high: ast.Number, user: str) -> tuple[int, int] | None:
-        """Return the numbers of `low..high`; None, with a problem, if one is unknown or they are reversed."""
+        """Return the numbers of `low..high`; None, with a problem, if one is unknown or `high` < `low`."""
         first, last = self.evaluate_number(low, user), self.evaluate_number(high, user)
         if first is None or last is None:
             return None

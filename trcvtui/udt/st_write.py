@@ -229,7 +229,7 @@ def _scl_body(type_: Struct, indent: str, rules: LayoutRules) -> str:
 
 
 def join_arrays(type_: Array, rules: LayoutRules) -> Array:
-    """Return an ARRAY of ARRAYs as one with all their bounds, for SCL; unchanged if that moves elements."""
+    """Return an ARRAY of ARRAYs as one ARRAY with all bounds, for SCL; unchanged if that moves elements."""
     if not isinstance(type_.element, Array):
         return type_
     inner = join_arrays(type_.element, rules)

@@ -147,7 +147,7 @@ class Unplaced:
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """ARRAY with its declared bounds, first index first; elements are stored with the last index fastest."""
+    """ARRAY with its bounds in declared order; in memory the last index varies fastest."""
 
     bounds: tuple[tuple[int, int], ...]
     element: Type
@@ -225,7 +225,7 @@ LeafType = Elementary | StringType | Subrange | Pointer | Enumeration
 
 
 def all_members(type_: Struct | Union | None) -> list[Member]:
-    """Return the members, those of the type that it EXTENDS first; none for None."""
+    """Return the members of a STRUCT, inherited ones (EXTENDS) first; no members for None."""
     return [*all_members(type_.base), *type_.members] if type_ else []
 
 

@@ -76,7 +76,7 @@ class Peer:
         return self.queues.outbox.unsent
 
     def has_received(self, payload: bytes) -> bool:
-        """Return whether exactly these bytes came on this connection, or since the last match."""
+        """Return whether `payload` is all that came on this connection, or all since the last match."""
         return self.queues.inbox.is_exactly(payload)
 
     def snapshot(self) -> PeerSnapshot:
@@ -132,7 +132,7 @@ class Peer:
         return self.transport.send_due(now)
 
     def step(self, now: int) -> None:
-        """Let the transport do its own work between scans: read, accept, send. `now`: ns of the run."""
+        """Between scans: let the transport read, accept and send. `now`: ns of the run."""
         self.transport.step(now, self.stalled)
 
 
@@ -143,7 +143,7 @@ class Peer:
 
 
 def next_due(planned: int, every_ns: int, now: int) -> int:
-    """Return the planned time plus one period; if that has passed, one period from now."""
+    """Return the planned time plus one period; if that time has passed, the time one period from now."""
     due = planned + every_ns
     return due if due > now else now + every_ns
 

@@ -1,10 +1,10 @@
 """The queues of a peer: received bytes, bytes to send, and the rules by which it answers.
 
-Inbox: the last bytes of each connection, and how many bytes came on it.
+Inbox: the last bytes that came on a connection, and how many bytes came in all.
 Outbox: times are planned from the first chunk on, so that pauses do not add up to a drift. A send waits for
 the send before it; messages of two sends never mix.
-Replies: rules over the received stream, in whatever pieces it comes. A rule keeps fewer bytes than it looks
-for; a rule on a field keeps at most one UDT. A match without room for its answer is counted as missed.
+Replies: rules over the received stream; the stream may come in any pieces. A rule keeps fewer bytes than
+its pattern, a rule on a field at most one UDT. A match without room for its answer is counted as missed.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Inbox:
         return bytes(self._last[-KEPT_BYTES:])
 
     def is_exactly(self, payload: bytes) -> bool:
-        """Return whether these are all bytes of this connection, or all bytes since the last match.
+        """Return whether `payload` is all that came on this connection, or all since the last match.
 
         A match stays true until more bytes arrive.
         """
@@ -141,7 +141,7 @@ class Outbox:
         self._sendings: deque[_SendProgress] = deque()
 
     def put(self, send: PeerSend, now: int, number: int = 0, pause_ns: int = 0) -> None:
-        """Queue one send command; its first chunk is due `pause_ns` from now, or after the sends before it.
+        """Queue one send command; its first chunk is due `pause_ns` after now, or after earlier sends end.
 
         `number`: the number of the first message of this send; the fills use it.
         """
@@ -153,7 +153,7 @@ class Outbox:
         return max(0, MOST_WAITING_ANSWERS - len(self._sendings))
 
     def next_due(self, now: int) -> int | None:
-        """Return when a chunk is due next; None: no chunk waits, or a due one waits for the stack."""
+        """Return when a chunk is due next; None: no chunk waits, or the due chunk waits for the stack."""
         return self._sendings[0].due if self._sendings and self._sendings[0].due > now else None
 
     def due_bytes(self, now: int) -> memoryview | None:
@@ -164,7 +164,7 @@ class Outbox:
 
     @property
     def message_start(self) -> tuple[int, bytes]:
-        """Return size and beginning of the message that the due bytes begin; size 0: they begin none."""
+        """Return size and first bytes of the message that begins with the due bytes; size 0: none does."""
         first = self._sendings[0]
         return (len(first.send.payload), first.first_bytes) if first.is_fresh else (0, b"")
 
@@ -207,7 +207,7 @@ class _ContentMatcher:
 
 
 class _StartMatcher:
-    """Looks at the first bytes of each scan; a beginning that is incomplete continues in the next scan."""
+    """Compares the first bytes of a scan with a pattern; an incomplete match continues in the next scan."""
 
     def __init__(self, match: Starts) -> None:
         self._wanted = match.payload
@@ -291,7 +291,7 @@ class ReplyRules:
         return ""
 
     def remove(self, number: int, peer: str) -> str:
-        """Remove a rule, counted from 1, or with 0 all of them."""
+        """Remove the rule of this number, counted from 1; 0 removes all rules."""
         if number > len(self._rules):
             return f"{peer} has {len(self._rules)} rules, no number {number}"
         if number:
@@ -305,7 +305,7 @@ class ReplyRules:
             rule.looking.reset()
 
     def find_answers(self, arrived: bytes, now: int, room: int) -> Iterator[tuple[PeerSend, int]]:
-        """Yield the answers to arrived bytes, at most `room`: each message and its number from 0."""
+        """Yield at most `room` answers to the arrived bytes: the message, and its number from 0."""
         for rule in self._rules:
             hits = rule.looking.count_matches(arrived, now)
             answers = min(hits, room)
@@ -343,7 +343,7 @@ class PeerQueues:
         self.replies.reset()
 
     def handle_received(self, size: int, now: int, may_answer: bool = True) -> None:
-        """Take `size` bytes of `landing`, and queue the answers to them."""
+        """Take the first `size` bytes of `landing` as received; queue the answers to these bytes."""
         self.inbox.add_bytes(self.landing[:size])
         if self.replies:
             room = self.outbox.room if may_answer else 0
@@ -351,7 +351,7 @@ class PeerQueues:
                 self.outbox.put(send, now, number)
 
     def note_sent(self, count: int, local: str, remote: str, offset: int) -> None:
-        """Count bytes of the due chunk as sent; if a message begins with them, record it with `offset`."""
+        """Count bytes of the due chunk as sent; record a message that begins with them, and `offset`."""
         size, begin = self.outbox.message_start
         if size:
             self.messages += 1
@@ -360,11 +360,11 @@ class PeerQueues:
         self.bytes_sent += count
 
     def drop_unsent(self) -> None:
-        """Drop what is not sent yet, and record how many bytes that were."""
+        """Drop what is not sent yet; note in the ledger how many bytes were dropped."""
         unsent = self.outbox.clear()
         if unsent:
             self.note("not sent", f"{unsent} bytes")
 
     def note(self, what: str, detail: str = "", end: str = "") -> None:
-        """Write an event into the journal; `end` is this peer's own address, if it matters."""
+        """Write an event into the journal; `end`: this peer's own address, "" if it does not matter."""
         self._journal(BenchNote(self._name, what, detail, end))

@@ -93,8 +93,8 @@ class StreamTransport(_Transport):
     def is_in_state(self, state: str) -> bool:
         """Return whether a state word of the bench commands is true of this peer.
 
-        closed, reset and refused say how the last connection or attempt ended, also while a passive peer
-        listens again; after the peer's own RST both reset and closed are true.
+        `closed`, `reset` and `refused` say how the last connection or attempt ended; they stay true while a
+        passive peer listens again. After the peer's own RST, `reset` and `closed` are both true.
         """
         if state == self.state:
             return True
@@ -173,7 +173,7 @@ class StreamTransport(_Transport):
             self._end_connection(("closed",), "closed")
 
     def rst(self) -> str:
-        """Send RST, or nothing without a connection."""
+        """Send RST; without a connection do nothing."""
         if self._handle is not None:
             self._kernel.abort(self._handle)
             self._end_connection(("reset", "closed"), "sent RST")
@@ -278,7 +278,7 @@ class StreamTransport(_Transport):
             self._handle_partner_end(handle)
 
     def _read(self, handle: Handle, lost: Fault | None = None) -> None:
-        """Read what has arrived; `lost`: the error of a send; it is handled after these bytes."""
+        """Read what has arrived. `lost`: an error of a send; it is handled after the arrived bytes."""
         for _ in range(MOST_READS):
             got = self._kernel.recv(handle, self._queues.landing)
             if lost is not None and not (isinstance(got, int) and got):
@@ -382,7 +382,7 @@ class DatagramTransport(_Transport):
         return ""
 
     def close(self) -> str:
-        """Close the socket; received datagrams in it, and bytes to send, are lost."""
+        """Close the socket; its unread datagrams are lost, and so are the bytes to send."""
         if self._handle is not None:
             self.free_sockets()
             self._queues.note("stopped listening")
@@ -443,7 +443,7 @@ class DatagramTransport(_Transport):
             self._queues.handle_received(got.size, now)
 
     def send_due(self, now: int) -> str:
-        """Send what is due; return why a datagram was not sent. It is not sent later."""
+        """Send what is due; return why a datagram was not sent, or "". It will not be sent later."""
         wrong, outbox = "", self._queues.outbox
         while self._handle is not None and (chunk := outbox.due_bytes(now)) is not None:
             target = self.remote

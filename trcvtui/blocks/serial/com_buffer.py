@@ -23,7 +23,7 @@ MOST_RECORDED_CHUNKS: Final = 8192
 
 
 class LineChunk(NamedTuple):
-    """Bytes that came in one scan, at `t_ns` of the run. `begins`: a connection begins with them."""
+    """Bytes that came in one scan, at `t_ns` of the run. `begins`: a connection begins with these bytes."""
 
     t_ns: int
     payload: bytes
@@ -91,7 +91,7 @@ class LineRecorder:
         return LineRecording(source, tuple(self._chunks), until, tick, self._dropped)
 
     def _drop_oldest(self) -> None:
-        """Drop the whole oldest chunk, so that the rest begins with a chunk; cut the only chunk instead."""
+        """Drop the whole oldest chunk; if it is the only chunk, drop only its oldest bytes."""
         if len(self._chunks) == 1:
             (last,) = self._chunks
             over = self._size - MOST_RECORDED_BYTES
@@ -143,7 +143,7 @@ class ComBuffer:
 
     @property
     def free(self) -> int:
-        """Return how many bytes have room."""
+        """Return how many more bytes the ComBuffer can take."""
         return self.size - len(self._bytes)
 
     @property
@@ -153,7 +153,7 @@ class ComBuffer:
     # -- the line's side --------------------------------------------------------------------------------
 
     def put(self, payload: bytes, is_received: bool = True) -> int:
-        """Append bytes, received ones or those of a send block; return how many had room."""
+        """Append received bytes, or bytes of a send block; return how many of these bytes had room."""
         self.recorded.add(payload, self._now())
         taken = min(len(payload), self.free)
         position = self.received.append(payload) if is_received else -1
@@ -204,7 +204,7 @@ class ComBuffer:
 
 
 class SerialBinding(Struct, frozen=True):
-    """`data`, `prefix` and `suffix` None: the pointer is 0. `priority`: the priority of its task."""
+    """None in `data`, `prefix` or `suffix`: that pointer is 0. `priority`: the priority of the task."""
 
     env: Environment
     buffer: ComBuffer

@@ -29,7 +29,7 @@ RESET: Final = Outcome(Condition.FRAME_AWAITED, Cause(CauseKind.INPUT, "Reset is
 
 
 class FrameReceiveJob:
-    """The frames of one instance, and the job of its block. `deliver` puts a frame into the data."""
+    """The receive job of one instance; it cuts the frames. `deliver` writes a frame into the variable."""
 
     adhoc = False
 
@@ -146,7 +146,7 @@ class FrameReceiveJob:
         return shown
 
     def _discard_spoilt(self, frame: Frame) -> Outcome:
-        """Drop a text that a byte 00 has ended: a STRING cannot hold it."""
+        """Drop a text that a byte 00 has ended: a STRING cannot hold that byte."""
         size, reason = len(frame.content), str(frame.ending)
         self._note_dropped(frame.content, reason)
         self._idle = Outcome(
@@ -205,7 +205,7 @@ class ReceiveData(JobBlock):
         return None
 
     def _deliver(self, content: bytes) -> None:
-        """Write a frame into the data; the bytes after it keep their old values."""
+        """Write a frame into the data; the bytes after the frame keep their old values."""
         assert self._data is not None
         self._data.write(0, content)
 

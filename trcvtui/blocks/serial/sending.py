@@ -37,7 +37,7 @@ class SendBlock(NoJob):
         return self._remember_outcome(self._send(inputs))
 
     def stop(self, reason: str) -> None:
-        """Forget the rest; bytes that are in the ComBuffer still leave."""
+        """Forget the bytes that are not in the ComBuffer yet; bytes in the ComBuffer are still sent."""
         self.running = False
 
     detach = stop

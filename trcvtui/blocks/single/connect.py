@@ -28,7 +28,7 @@ NO_ENDPOINT: Final = Cause(CauseKind.INPUT, "REQ rose where no such connection i
 
 
 def no_socket_outcome(port: UdpEndpoint, pin: str, asked: str) -> Outcome:
-    """Return 80A1 for a UDP_CONFIG without a socket, with the fault of its opening, if any."""
+    """Return 80A1 for a UDP_CONFIG without a socket, with the error of opening one, if there was any."""
     return _cached_no_socket_outcome(port.failure, pin, asked)
 
 
@@ -46,7 +46,7 @@ def with_condition(condition: Condition, outcome: Outcome) -> Outcome:
 
 
 def end_job(loss: ConnectionLoss, job: StoppableJob, course: StatusSequence, failed: Condition) -> Outcome:
-    """End a job whose connection is gone; after a close by our side the job shows "not connected"."""
+    """End a job that has lost its connection; if our side closed it, the job shows "not connected"."""
     is_ours = loss.kind is LossKind.OURS
     condition = Condition.NOT_CONNECTED if is_ours else course.job_loss.get(loss.kind, failed)
     cause = loss_cause(loss, job)
@@ -185,7 +185,7 @@ class SingleScriptBlock(ScriptBlock):
 
 
 class SingleTdiscon(SingleScriptBlock):
-    """One TDISCON instance; 80A3 if no connection is there to close, 80C4 while one is being built."""
+    """One TDISCON instance; 80A3 without a connection to close, 80C4 while a connection is being built."""
 
     def _advance(self) -> Outcome:
         shown = super()._advance()
@@ -217,10 +217,7 @@ class SingleTdiscon(SingleScriptBlock):
 
 
 class SingleTReset(SingleScriptBlock):
-    """One T_RESET instance; 0001 with DONE where nothing is established.
-
-    The endpoint stays: the block that keeps the connection rebuilds it.
-    """
+    """One T_RESET instance; 0001 with DONE if no connection is established."""
 
     def _begin(self) -> Outcome:
         if self._connection.state is State.CLOSED:

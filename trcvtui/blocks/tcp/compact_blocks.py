@@ -50,7 +50,7 @@ class TrcvC(JobBlock):
         return (inputs.cont or self._course.request_connects) and self.job.would_read(inputs, waits)
 
     def _should_receive(self, inputs: Inputs) -> bool:
-        """Return whether the job may work: EN_R is 1, or a job that has begun outlives EN_R."""
+        """Return whether the job may work: EN_R is 1, or a begun job may continue without EN_R."""
         return inputs.en_r or self.job.outlives_en_r(self._begins)
 
     def _has_request(self, inputs: Inputs) -> bool:
@@ -189,10 +189,7 @@ class TsendC(JobBlock):
         return not_connected("REQ", "REQ rose without a connection", self._connection)
 
     def _keep_request(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
-        """Keep a REQ that stays 1, to send once the connection is up; a REQ that falls before is lost.
-
-        An edge that connects is kept even if REQ falls.
-        """
+        """Keep a REQ that stays 1, to send once the connection is up; a REQ that falls earlier is lost."""
         if self._course.request_connects:
             self._edge = self._edge and not outcome.error
         else:

@@ -66,7 +66,7 @@ class ConnectionDemand:
     def update(self, cont: bool, asks: bool, is_closing: bool) -> bool:
         """Return whether the connection is wanted.
 
-        `asks`: a request waits for the connection, or a job runs; `is_closing`: a close has codes to show.
+        `asks`: a request waits for the connection, or a job runs; `is_closing`: a close still shows codes.
         """
         if self._reasons is None:
             return cont
@@ -91,7 +91,7 @@ class ConnectionDemand:
             self.is_due, self.ends_by = True, self._reasons.ended
 
     def keep_connection(self) -> None:
-        """Keep the connection while it is rebuilt: the job that was to end it no longer exists."""
+        """Keep the connection while it is rebuilt: the job that would have ended it no longer exists."""
         self.is_due = self._is_single = False
 
 
@@ -99,7 +99,7 @@ class ConnectionDemand:
 
 
 def disconnect(connection: Connection, cause: Cause) -> list[Outcome]:
-    """Close the connection and the listener: closing, closed by us."""
+    """Close the connection and the listener; return the outcomes "closing" and "closed by us"."""
     peer = connection.partner
     fault = connection.disconnect()
     if fault is not None:
@@ -108,7 +108,7 @@ def disconnect(connection: Connection, cause: Cause) -> list[Outcome]:
 
 
 def reset(connection: Connection, cause: Cause, shown: Iterable[Condition]) -> list[Outcome]:
-    """Abort the connection with RST and return the outcomes of `shown`; the listener stays."""
+    """Abort the connection with RST; return an outcome for each condition `shown`. The listener stays."""
     peer = connection.partner
     fault = connection.reset()
     if fault is not None:
@@ -126,7 +126,7 @@ def _failure_condition(fault: Fault, otherwise: Condition) -> Condition:
 
 
 class RivalWatch:
-    """Looks for rivals of a block that wants to build a connection: blocks of another priority."""
+    """Looks for rivals: blocks of another priority that keep a block from building its connection."""
 
     def __init__(self, env: Environment, connection: Connection, claim: Claim) -> None:
         self.rival = ""  # the instance in the way at the last check, "" for none
@@ -162,7 +162,7 @@ class Phase(Enum):
 
 
 class ConnectionControl:
-    """Shows the phases of a connection on STATUS; `call` returns None when the job decides."""
+    """Shows the phases of a connection on STATUS; `call` returns None when the job decides what shows."""
 
     def __init__(
         self,
@@ -194,7 +194,7 @@ class ConnectionControl:
         self._wait: tuple[tuple[str, str, str, str, bool], Outcome] | None = None
 
     def is_steady(self) -> bool:
-        """Return whether the connection is up and unchanged inputs leave everything to the job."""
+        """Return whether the connection is up, and only the job decides until an input changes."""
         return (
             self.phase is Phase.CONNECTED
             and self._connection.is_up
@@ -206,13 +206,13 @@ class ConnectionControl:
 
     @property
     def is_closing(self) -> bool:
-        """Return whether codes of a close remain to be shown."""
+        """Return whether codes of a close are still to be shown."""
         return not self.cont and (bool(self._script) or self._close_wanted)
 
     def call(
         self, cont: bool, com_rst: bool, asks: bool = False, job_error: Condition | None = None
     ) -> Outcome | None:
-        """Answer for this scan, or None while connected and undisturbed.
+        """Return the outcome of this scan; None: the connection is up, and the job decides.
 
         `asks`: a job waits for the connection; `job_error`: what a reset shows first if a job runs.
         """
@@ -330,7 +330,7 @@ class ConnectionControl:
         return Outcome(begins or Condition.CONNECTED, cause)
 
     def first_scan_outcome(self, begun: Outcome, reserved: bool) -> Outcome:
-        """Return what a connection shows first: `begun` if a job is `reserved`, else `established`."""
+        """Return a connection's first outcome: `begun`, but "established" if no job is `reserved`."""
         if reserved:
             return begun
         return replace(begun, condition=self._course.established or Condition.CONNECTED)

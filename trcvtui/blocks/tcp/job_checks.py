@@ -43,7 +43,7 @@ def acquire(
     claim: Claim,
     connect: str,
 ) -> Outcome | None:
-    """Return why no job can start: DATA, LEN, CONNECT, then a buffer; None: claim and buffer are taken."""
+    """Check DATA, LEN, CONNECT, then a buffer; return what is wrong. None: claim and buffer are taken."""
     unfit = _find_length_misfit(env, data, request)  # 80A4, 80A5 come before 80C3 and 80A7
     if unfit is not None:
         return unfit

@@ -1,4 +1,4 @@
-"""What shows without a connection: a loss, 80A1, and a connection that another block builds."""
+"""What a block shows without a connection: a loss, 80A1, and a connection that another block builds."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class StandingRequest:
         self._armed = False
 
     def consume(self) -> bool:
-        """Return whether 80A1 shows in this scan; PULSE shows it once per edge (7.15.1, 80A1)."""
+        """Return whether 80A1 shows in this scan; with PULSE, 80A1 shows once per edge (7.15.1)."""
         shows = self._en_r and (
             self._rule is NotConnectedRule.HOLD or (self._rule is NotConnectedRule.PULSE and self._armed)
         )
@@ -116,7 +116,7 @@ class StandingRequest:
 
 
 class KnownIncarnation:
-    """The incarnation of the connection that one block knows, and what its loss shows in later scans."""
+    """The incarnation that one block knows of its connection, and outcomes of a loss for later scans."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection

@@ -91,7 +91,7 @@ class ReceiveJob(IncomingJob):
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether EN_R asks for a job that can start, now or once another reader frees the lock.
 
-        `waits` False: return False also if the owner of that lock has asked for a job and was refused.
+        `waits` False: return False also if the owner of the lock asked for a job and was refused.
         """
         if not inputs.en_r or self._unfit is not None:
             return False
@@ -168,7 +168,7 @@ class ReceiveJob(IncomingJob):
         return self.connection.check_loss(self.claim)
 
     def end_by_loss(self, loss: ConnectionLoss) -> list[Outcome]:
-        """Return what a loss shows, one scan each, and end the job."""
+        """End the job; return the outcomes that the loss shows, one a scan."""
         failed = Condition.RECEIVE_FAILED if self.running else None
         is_short = bool(self.have and not self.adhoc)
         outcomes = show_loss(loss, self._env.rules, self, failed, short_frame=is_short)
@@ -185,7 +185,7 @@ class ReceiveJob(IncomingJob):
         return _receiving_outcome(self.have, self.need, self.complete, part)
 
     def _deliver(self) -> Outcome:
-        """Write the job's bytes to DATA and end it; what a smaller DATA cannot hold is dropped."""
+        """Write the job's bytes to DATA and end the job; bytes beyond a smaller DATA are dropped."""
         size, data = self.have, self.data
         assert data is not None
         if self.whole > size:
@@ -211,7 +211,7 @@ class ReceiveJob(IncomingJob):
         return Outcome(Condition.MESSAGE_TOO_LONG, cause)
 
     def abandon(self, reason: str) -> None:
-        """End a running job without DONE; what it had collected is dropped and noted."""
+        """End a running job without DONE; its collected bytes are dropped and noted."""
         if self.running:
             self._drop_collected(0, reason)
             self._end(done=False, reason=reason, size=self.have)

@@ -1,7 +1,7 @@
 """The send job: what TSEND does between a rising edge of REQ and DONE.
 
 Rule 1: DATA is copied at the edge, at most LEN bytes; no edge is seen until the job has ended (7.15.2).
-Rule 2: the job looks for a loss before each send and before DONE: never DONE after a FIN.
+Rule 2: the job checks for a loss before each send and before DONE: no DONE comes after a FIN.
 Rule 3: the REQ scan shows "sending" even when the stack took everything; DONE means that the local
 stack has every byte, not that the partner has.
 """
@@ -91,7 +91,7 @@ class SendJob(OutgoingJob):
         )
 
     def advance(self) -> Outcome | ConnectionLoss:
-        """Send the rest; end the job once the stack has all of it."""
+        """Send the remaining bytes; end the job once the stack has all its bytes."""
         if self._must_stay and (changed := self._end_if_changed()) is not None:
             return changed
         ended: Outcome | ConnectionLoss | None = self.connection.check_before_sending()  # rule 2
@@ -145,7 +145,7 @@ class SendJob(OutgoingJob):
         return self.connection.send(self._unsent, self._instance)
 
     def end_by_loss(self, loss: ConnectionLoss, asked: bool) -> list[Outcome]:
-        """Return what a loss shows, one scan each, and end the job; `asked`: REQ rose in this scan."""
+        """End the job; return the outcomes of the loss, one a scan. `asked`: REQ rose in this scan."""
         failed = Condition.SEND_FAILED if self.running or asked else None
         outcomes = show_loss(loss, self._env.rules, self, failed)
         self.abandon(loss.reason)

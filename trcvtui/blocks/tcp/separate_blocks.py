@@ -110,7 +110,7 @@ IDLE = Outcome(Condition.NOT_CALLED, Cause(CauseKind.WAITING, "REQ has not risen
 
 
 class TReset(ScriptBlock):
-    """One T_RESET instance. It rebuilds the connection that it has reset (7.15.7); so may other blocks."""
+    """One T_RESET instance. It rebuilds the connection that it has reset (7.15.7), as other blocks may."""
 
     def __init__(self, bound: ConnectBinding) -> None:
         super().__init__()

@@ -102,7 +102,7 @@ APPLY: Final = "apply"
 
 
 def find_buffer(name: str, project: Project, where: str) -> str:
-    """Return the ComBuffer of that name, or the one that an instance of that name reads."""
+    """Return the ComBuffer of that name, or the ComBuffer that an instance of that name reads."""
     buffers = {each.name: each.name for each in project.combuffers}
     known = buffers | {
         each.name: each.connect for each in project.instances if block_row(each.block).reads_rx_buffer

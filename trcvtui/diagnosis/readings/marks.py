@@ -138,7 +138,7 @@ def is_alternating(starts: Sequence[int], ends: Sequence[int]) -> bool:
 
 
 def rank_mark_splits(mark: bytes, stream: bytes, pauses: Sequence[int]) -> list[int]:
-    """Return likely lengths of a suffix that begins a mark, the likeliest first; the rest is a prefix."""
+    """A mark may be a suffix, then a prefix: return likely lengths of the suffix, the likeliest first."""
     starts = sorted({0, *pauses})
     ends = [*[place for place in starts if place], len(stream)]
     votes = []
@@ -349,7 +349,7 @@ def count_bytes_between(clean: Sequence[LocatedFrame]) -> int:
 
 
 def count_noisy_frames(frames: Sequence[LocatedFrame], clean: Sequence[LocatedFrame]) -> int:
-    """Return how many frames contain bytes from between two clean frames, or from before the first."""
+    """Return how many frames contain bytes that are between clean frames, or before the first of them."""
     starts, ends = [frame.start for frame in clean], [frame.end for frame in clean]
     if not starts:
         return 0

@@ -234,7 +234,7 @@ def list_doubts(kind: CutKind, framing: Framing, made: Cut, recording: LineRecor
 
 
 def _is_delimiter(framing: Framing) -> bool:
-    """Return whether the prefix is a usual one; 01 without a suffix is not: it is as often an address."""
+    """Return whether the prefix is a usual one; False for 01 without a suffix, which may be an address."""
     if framing.prefix == framing.suffix:
         return True
     return framing.prefix in KNOWN_STARTS and (framing.suffix != b"" or framing.prefix != b"\x01")

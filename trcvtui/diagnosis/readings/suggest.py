@@ -35,7 +35,7 @@ MOST_DATA: Final = 65_536
 class Suggestion(NamedTuple):
     """A way to receive the messages of one conversation; `size` is the size of DATA.
 
-    With `framing` ReceiveData receives, with `is_datagram` URECV_C, else TRCV_C with ADHOC as `adhoc` says.
+    ReceiveData receives if there is a `framing`, URECV_C if `is_datagram`, else TRCV_C (ADHOC: `adhoc`).
     """
 
     line: LineFacts
@@ -48,7 +48,7 @@ class Suggestion(NamedTuple):
 
 
 def suggest_project(paths: Sequence[str], plc: str | None, project: Path) -> tuple[str, ...]:
-    """Write a project, and beside it its types; return a line of proof per PLC end. Raise UserError."""
+    """Write a project and a file of its types; return a line of proof per PLC end. Raise UserError."""
     given = None if plc is None else parse_plc(plc)
     lines = [line for path in paths for line in collect_facts([path], given, receives=True).lines]
     best: dict[object, Suggestion] = {}

@@ -262,7 +262,7 @@ class Connection:
         return [(State.CREATED, None), (State.ESTABLISHING, self._prepare(now))]
 
     def _note_early_faults(self) -> None:
-        """Note the faults of early steps that no block was shown, because the set-up was ended first."""
+        """Note the faults of early steps; no block has got them, as the set-up ended first."""
         for _, failed in self._early:
             if failed is not None:
                 self._note(EventKind.ATTEMPT_FAILED, self.set_up.remote, failed.detail, failed.fault)
@@ -393,7 +393,7 @@ class Connection:
     # -- data: TRCV -----------------------------------------------------------------------------
 
     def receive(self, into: memoryview, instance: str = "") -> int | WouldBlock | ConnectionLoss:
-        """Read at most len(into) bytes; after the last byte, release a lost connection, return its loss."""
+        """Read up to len(into) bytes; after the last byte release a lost connection and return its loss."""
         assert self.handle is not None
         got = self._kernel.recv(self.handle, into)
         if got is WOULD_BLOCK and self.pending_loss is not None:
@@ -411,7 +411,7 @@ class Connection:
         return WOULD_BLOCK  # HELD_BACK, or a planned EAGAIN
 
     def _end_after_last_byte(self, loss: ConnectionLoss) -> WouldBlock | ConnectionLoss:
-        """Release the connection; while a block has a whole frame that is not shown yet, wait."""
+        """Release the connection, but not while a block has a whole frame that it has not shown yet."""
         if not self.receiving.has_frame():
             return self._release_lost(loss)
         self.pending_loss = loss

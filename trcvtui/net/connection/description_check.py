@@ -1,6 +1,6 @@
 """The meaning of a connection description, and the first flaw that a CPU would report (STEP 7 help, TCON).
 
-Rule: each check is a row of a table (`_CHECKS`), called in this order; the first flaw is the answer.
+Rule: each check is a row of a table (`_CHECKS`); the checks run in its order; the first flaw is reported.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ def ignore_wait(owner: str, what: EventKind, partner: str, why: str) -> None:
 
 
 class BudgetShare:
-    """The share of one party. `what` is the kind of event that reports that the party has to wait."""
+    """The share of one party. `what`: the kind of the event that is reported when the party must wait."""
 
     def __init__(self, work: ScanBudget, owner: str, what: EventKind) -> None:
         self.work, self.owner, self.what = work, owner, what
@@ -175,7 +175,7 @@ class ScanBudget:
 
 
 class Claim:
-    """The claim of one instance; `priority`: the priority of its task; None: claims lock across all tasks.
+    """The claim of one instance; `priority`: its task's priority; None: one claim for all tasks.
 
     `has_frame`: the job has read a whole frame, and shows it in the next call. `is_refused`: the
     instance's last call could start no job: the instance reads nothing, but keeps other instances out.
@@ -362,7 +362,7 @@ class ConnectionBudget:
         self._holders: dict[str, None] = {}
 
     def acquire(self, owner: str) -> Fault | None:
-        """Count a CONNECT, or return a Fault."""
+        """Count a CONNECT; return a Fault if too many are in use."""
         if owner in self._holders:  # it is counted already
             return None
         if len(self._holders) >= self.limit:

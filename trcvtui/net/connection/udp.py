@@ -1,7 +1,7 @@
 """A UDP endpoint: its socket is up as soon as it is bound. An ADDR has the target or source of a datagram.
 
-Rule 1: no partner can end it. A receive call that fails ends the socket of a CONNECT, which is then set up
-again. With a UDP_CONFIG the block gets the fault, and the socket stays.
+Rule 1: no partner can end the socket. A failed receive call ends the socket of a CONNECT, which is then set
+up again. With a UDP_CONFIG the block gets the fault, and the socket stays.
 Rule 2: `incarnation` counts the sockets; so a block whose socket is gone sees another number.
 """
 
@@ -190,7 +190,7 @@ class UdpEndpoint(Connection):
         return got
 
     def describe_target(self, to: RemoteAddress) -> str:
-        """Return where a datagram to this ADDR goes, the text of the ADDR while the target is unknown."""
+        """Return where a datagram to this ADDR goes; while that is unknown, return the text of the ADDR."""
         end = to.resolve_target(self._resolve)
         return str(end if isinstance(end, Endpoint) else to)
 

@@ -5,7 +5,7 @@ Rule 2: at most one message is put together, up to `cap` bytes; its bytes beyond
 Complete messages wait; once MOST_WAITING_MESSAGES or `cap` bytes wait, no more may be fed (`wants_more`). A
 message longer than MOST_CAPS caps ends the connection; so does a message in more pieces than the cap
 has bytes, or with too many empty pieces.
-Rule 3: invalid input ends the connection, with the reason; no exception is raised.
+Rule 3: invalid input ends the connection, and the reason is kept; no exception is raised.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class ConnectTpdu(NamedTuple):
 
     @property
     def unfit(self) -> str:
-        """Return what in this TPDU class 0 cannot agree to, "" for nothing."""
+        """Return, as text, why class 0 cannot agree to this TPDU; "" if it can."""
         if self.other_class:
             return f"class {self.other_class} in a {self.code.name}"
         if self.size_code is not None and self.size_code < LEAST_SIZE_CODE:
@@ -304,7 +304,7 @@ class IsoPhase(Enum):
 
 
 class IsoSettings(Struct, frozen=True):
-    """Settings of a CONNECT: both TSAPs and the longest message in bytes; an empty `remote` fits any.
+    """Settings of a CONNECT: both TSAPs and the longest message in bytes; empty `remote`: any TSAP.
 
     `size_code` n: TPDUs of at most 2**n bytes are proposed, and accepted. `default_dt_bytes`: the size of a
     DT to a partner that names no size.
@@ -406,7 +406,7 @@ class IsoSession:
         return False  # class 0 ends with its stream
 
     def note_partner_end(self) -> None:
-        """Note the end of the stream, which ends a connection of class 0; before the CC it is a refusal."""
+        """Note the end of the stream: a connection of class 0 ends; before the CC this is a refusal."""
         if self.phase is IsoPhase.WAITS_FOR_CC:
             self._end("ECONNREFUSED", "closed instead of a CC")
 

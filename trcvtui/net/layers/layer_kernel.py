@@ -1,6 +1,6 @@
 """A kernel in front of an inner kernel: it runs the session (ISO-on-TCP, TLS) that a CONNECT asks for.
 
-For its callers a connection is up when its session is: `connect_result` and `accept` wait for the
+For the callers a connection is up when its session is up: `connect_result` and `accept` wait for the
 handshake, `recv` and `recv_from` return what the session has unpacked. All other handles pass through.
 Rule 1: `poll` reads the stream, and so does a call that finds no data; each time a bounded number of bytes.
 Rule 2: a client that sends nothing, too much, or nonsense is dropped. The ledger has a note on each dropped
@@ -169,7 +169,7 @@ class LayerKernel(KernelProxy):
         return made
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
-        """Set the options. They name the CONNECT that takes a client: its handshake is then answered."""
+        """Set the options. They name the CONNECT for a client; then answer the client's handshake."""
         refused = self.inner.set_options(handle, options)
         stream = self._streams.get(handle)
         if stream is None:
@@ -311,12 +311,12 @@ class LayerKernel(KernelProxy):
         return self.inner.loss(handle)
 
     def unread(self, handle: Handle) -> int:
-        """Return how many received bytes wait: raw ones in the stack, unpacked ones in the session."""
+        """Return how many received bytes wait: raw bytes in the stack, unpacked bytes in the session."""
         stream = self._streams.get(handle)
         return self.inner.unread(handle) + (stream.session.held_bytes if stream else 0)
 
     def list_unread(self, handles: Collection[Handle]) -> list[Handle]:
-        """Return those of `handles` at which something is unread, and all that have a session."""
+        """Return the handles at which something is unread, and all handles that have a session."""
         plain = [
             handle for handle in handles if handle not in self._streams and handle not in self._listeners
         ]
@@ -353,8 +353,8 @@ class LayerKernel(KernelProxy):
     def abort(self, handle: Handle) -> Fault | None:
         """Send RST and free the handle; a client that waits for an answer to its CR gets a DR.
 
-        A session with a goodbye (close_notify) sends that and a FIN, no RST. At a fixed local port
-        an RST is sent: after a FIN the port would be blocked for a minute (TIME_WAIT).
+        A session with a goodbye (close_notify) sends the goodbye and a FIN instead of the RST. At a fixed
+        local port the RST is sent all the same: a FIN would block the port for a minute (TIME_WAIT).
         """
         stream = self._streams.get(handle)
         choice = None if stream is None else find_choice_session(stream.session)

@@ -58,7 +58,7 @@ class LayeredStream:
     # -- in -----------------------------------------------------------------------------------------------
 
     def pump(self) -> None:
-        """Read what has come, as far as the session takes it, and answer."""
+        """Read received bytes, as many as the session takes; send the session's answers."""
         for _ in range(READS_A_CALL):  # Rule 1
             # A partner that asks and reads no answer would fill `_output`.
             if self.is_over or not self.session.wants_more or len(self._output) > READ_BYTES:
@@ -131,7 +131,7 @@ class LayeredStream:
 
     @property
     def end_fault(self) -> Fault | None:
-        """Return what ended the session: the kernel's Fault, or one that names the session's own reason."""
+        """Return what ended the session: the kernel's Fault, or a Fault with the session's own reason."""
         if self.fault is not None:
             return self.fault
         ended = self.session.ended
@@ -213,7 +213,7 @@ class LayeredStream:
         return new or WOULD_BLOCK
 
     def _count_taken(self) -> int:
-        """Return how many bytes count as sent; the last of several only when all encoded bytes are sent."""
+        """Return how many bytes count as sent; of 2 or more, the last only after all encoded bytes."""
         if not self._carried:
             return self._data_size
         if self._data_size == 1:  # its first byte, which counts as taken, is its last: the rest waits here

@@ -1,6 +1,6 @@
 """One end of TLS over a stream of bytes, by the standard library's ssl; no sockets.
 
-Rule 1: bytes in, bytes out; no input makes it raise: an input that cannot be right ends the session.
+Rule 1: bytes in, bytes out; no input raises an exception: a wrong input ends the session.
 Rule 2: at most MOST_HELD_BYTES wait here, read or unread; then no more may be fed (`wants_more`).
 One feed reads at most `most` records; the other records wait in front of the library (`has_backlog`).
 Rule 3: a partner whose certificate was not verified is refused, unless the project allows it explicitly.

@@ -1,4 +1,4 @@
-"""The tap's loop: it forwards bytes and ends as they come, and reports them as events to one process.
+"""The tap's loop: it forwards bytes, FINs and RSTs as they come, and reports them as events to one process.
 
 Rule 1: nothing here waits for that process: if it does not read, it misses events, and gets their number.
 Rule 2: while that process does not run, no bytes are held, since nobody could order their release.
@@ -68,7 +68,7 @@ class Forwarder(TapLoop):
         self.routes.append(kinds[route.listen.kind](self, route, len(self.routes)))
 
     def attach_server(self, sock: socket.socket, end: Callable[[], object]) -> None:
-        """Report events to the observer server, and do its orders; call `end` if it ends before the tap."""
+        """Report events to the observer server, and do its orders; if the server ends first, call `end`."""
 
         def drop_pipe() -> None:
             self.pipe = None
@@ -97,7 +97,7 @@ class Forwarder(TapLoop):
                 self.execute_order(order)
 
     def _report_time(self) -> None:
-        """Report the time (shadows run by it), and every FIGURES_TICKS ticks the figures of the ends."""
+        """Report the time, which the shadows need, and every FIGURES_TICKS ticks the ends' figures."""
         self._ticks += 1
         if self.pipe is not None and not self.pipe.is_behind:
             if not self._ticks % FIGURES_TICKS:
@@ -118,7 +118,7 @@ class Forwarder(TapLoop):
                         )
 
     def release_all(self) -> None:
-        """Stop holding and delaying."""
+        """Forward all held and delayed bytes, and hold no new bytes."""
         self.holds = False
         for lane in self._list_lanes():
             lane.release_all()
@@ -191,7 +191,7 @@ class Forwarder(TapLoop):
     # -- the loop ------------------------------------------------------------------------------------------
 
     def run(self) -> None:
-        """Forward until SIGTERM or Ctrl+C, also without the terminal; then close all conversations."""
+        """Forward until SIGTERM or Ctrl+C, even if the terminal closes; then close all conversations."""
         wakes, wakened = socket.socketpair()  # a signal alone would not wake the poll set
         for sock in (wakes, wakened):
             sock.setblocking(False)

@@ -207,7 +207,7 @@ class OsKernel:
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
         """Return the verdict: connected only when writable, without error and with a partner.
 
-        Bytes prove that it was connected: if the partner sent bytes and then RST, the bytes are read first.
+        If the partner sent bytes and then RST, return None too: the connection was up; recv gets the bytes.
         """
         sock = self._sockets.get(handle)
         if sock is None:

@@ -97,7 +97,7 @@ def _unshare() -> str:
 
 
 def _map_ids(user: int, group: int) -> None:
-    """Become root in this namespace: programs started from here keep the rights; files are the user's."""
+    """Become root in this namespace, so that child programs keep the rights; files are the user's."""
     with suppress(OSError):  # this process has the rights also without a map: only its programs need one
         Path("/proc/self/setgroups").write_text("deny")  # required before gid_map: user_namespaces(7)
         Path("/proc/self/uid_map").write_text(f"0 {user} 1")
@@ -232,7 +232,7 @@ def _c_library() -> ctypes.CDLL | None:
 def interface_addresses() -> tuple[LocalAddress, ...] | None:
     """Return every IPv4 address with its interface, None if the system cannot list them now (EMFILE).
 
-    Without getifaddrs return (): the addresses are unknown. If no interface has one, return only 127.0.0.1.
+    Without getifaddrs return (): the addresses are unknown. If no interface has an address: 127.0.0.1 only.
     """
     library = _c_library()
     if library is None:

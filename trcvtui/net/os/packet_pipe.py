@@ -71,7 +71,7 @@ class PacketPipe:
 
 
 def _chunk_reader(fd: int) -> Callable[[float], bytes | None]:
-    """Return a function that waits so many seconds for bytes; it returns the bytes, None if none came."""
+    """Return a function that returns the next bytes; None if it gets none within the given seconds."""
     if hasattr(select, "poll"):
         with suppress(ImportError, OSError):
             import fcntl

@@ -179,7 +179,7 @@ class OsSerialPort:
         return False
 
     def line_errors(self) -> LineErrors | None:
-        """Return the counts of Linux for a UART (TIOCGICOUNT), None for other systems and ports."""
+        """Return Linux's counts of line errors at a UART (TIOCGICOUNT); None on other systems and ports."""
         try:
             from fcntl import ioctl
 

@@ -66,7 +66,7 @@ def new_poll_set() -> PollSet:
 
 
 def poll_once(wanted: dict[int, int], timeout: float = 0) -> list[tuple[int, int]]:
-    """Return (descriptor, events) of all that are ready; wait `timeout` seconds at most (-1: no limit)."""
+    """Return (descriptor, events) of each ready descriptor; wait at most `timeout` s (-1: no limit)."""
     if HAS_POLL:
         poller = select.poll()
         for fd, mask in wanted.items():
@@ -118,7 +118,7 @@ RESET_ON_CLOSE: Final = struct.pack("hh" if sys.platform == "win32" else "ii", 1
 
 
 def apply_options(sock: socket.socket, options: SocketOptions) -> tuple[str, ...]:
-    """Set the options; return the names of those that this system refused."""
+    """Set the options; return the names of the options that this system refused."""
     low, high = KEEP_ALIVE_LIMITS_S
     refused = [
         name
@@ -225,7 +225,7 @@ def may_have_unread(sock: socket.socket) -> bool:
 def peek_at(sock: socket.socket, skip: int, is_gone: bool) -> Unread:
     """Return what is unread at a socket that the poll saw; `is_gone`: the poll saw an end.
 
-    If the system does not count (no FIONREAD) bytes are peeked only while no end has been seen.
+    If the system cannot count unread bytes (no FIONREAD), bytes are peeked only before an end was seen.
     """
     try:
         if sock.type == socket.SOCK_DGRAM:
@@ -332,7 +332,7 @@ SocketEnds = tuple[object, object]
 
 
 class CutLinks:
-    """The owners with cut wires; for each deaf socket (it gets no packets) the owners that made it so."""
+    """The owners whose wires are cut; for each socket that gets no packets, the owners that cut it off."""
 
     def __init__(self, sockets: Mapping[int, socket.socket]) -> None:
         self._sockets = sockets

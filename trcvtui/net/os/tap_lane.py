@@ -65,7 +65,7 @@ class TapLoop:
         return next(self._numbers)
 
     def run_once(self, seconds: float) -> None:
-        """Call all that is due or ready; wait for that at most so many seconds (-1: without limit)."""
+        """Call due timers and ready handlers; wait for them at most `seconds` (-1: no limit)."""
         while self._timers and self._timers[0][0] <= time.monotonic_ns():
             heappop(self._timers)[2]()
             seconds = 0  # the timer may have ended the loop
@@ -110,7 +110,7 @@ class TapConversation:
         """Handle the RST of a lane's source: nothing is left to read."""
 
     def handle_target_reset(self, lane: TapLane, failed: OSError) -> None:
-        """Handle the RST of a lane's target; bytes that it sent before may be unread."""
+        """Handle the RST of a lane's target; bytes that the target sent before may be unread."""
 
     def has_unacknowledged(self, end: TapEnd) -> bool:
         """Return whether the stack has bytes that the end has not acknowledged."""
@@ -297,7 +297,7 @@ class TapLane:
             self.handle_data(memoryview(held))
 
     def insert(self, data: bytes) -> None:
-        """Put our bytes before the held bytes; if the direction is not held, treat ours as new bytes."""
+        """Put our bytes before the held bytes; in a direction that is not held, treat them as new bytes."""
         if self.held is not None:
             self.held[:0] = data
         else:
@@ -343,7 +343,7 @@ class TapLane:
             self.pass_end()
 
     def handle_reset(self, is_read: bool) -> None:
-        """Handle an RST of the source; bytes that it sent before may still be unread (`is_read` False)."""
+        """Handle an RST of the source; `is_read` False: bytes that the source sent before may be unread."""
         back = self.target.reads
         if back.end is TapEventKind.RST:  # both ends have reset it: there is no reader left
             self.talk.pass_reset(self)
@@ -388,7 +388,7 @@ class TapLane:
 
 
 class DatagramLane(TapLane):
-    """One direction of datagrams: they are never joined, and one without room is lost."""
+    """One direction of datagrams: they are never joined; a datagram without room is lost."""
 
     def __init__(self, talk: TapConversation, way: int, source: TapEnd, target: TapEnd) -> None:
         super().__init__(talk, way, source, target)
@@ -424,7 +424,7 @@ class DatagramLane(TapLane):
         super().insert(data)
 
     def drop_held(self, size: int) -> None:
-        """Drop so many held bytes; a datagram without a byte left is dropped, too."""
+        """Drop the first `size` held bytes; a datagram that has no bytes left is dropped, too."""
         super().drop_held(size)
         while size and self._sizes:
             first = self._sizes.popleft()

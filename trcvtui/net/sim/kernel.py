@@ -1,6 +1,6 @@
 """The simulated network: a Kernel with in-memory TCP, a virtual clock and seeded randomness.
 
-It answers as Linux does (the shared facts are tests/net/contract.py). Its time moves only with `advance`.
+It answers as Linux does: tests/net/contract.py checks this. Its time moves only with `advance`.
 As in the real kernel, the result of `poll` holds for the whole scan, for handles of the poll set.
 """
 
@@ -75,7 +75,7 @@ class DatagramWire:
         return [each for target in self._find_sockets(end) for each in target.withdraw()]
 
     def _find_sockets(self, end: Endpoint) -> list[SimDatagramSocket]:
-        """Return a datagram's receivers: one socket; of a broadcast all bound to its address or 0.0.0.0."""
+        """Return the sockets that get a datagram: one; a broadcast: all bound to its address or 0.0.0.0."""
         is_broadcast = self.wire.is_broadcast(end.address)
         holders = self._bound.get(end.port, []) if is_broadcast or self.wire.owns_address(end.address) else []
         heard = (end.address, ANY_ADDRESS)
@@ -187,7 +187,7 @@ LOOPBACK_INTERFACE: Final = LocalAddress(
 
 
 class SeededRandom(random.Random):
-    """Random numbers from a seed. An own class: a run's state may name no class of another package."""
+    """Random numbers from a seed. A class of our own: a run's state names no class of another package."""
 
 
 class SimKernel:
@@ -269,7 +269,7 @@ class SimKernel:
         self._seen = {handle: socket.is_gone for handle, socket in self._ready.items()}
 
     def readable(self, handle: Handle) -> bool:
-        """Return whether the last poll saw the handle; one outside the poll set is tried now."""
+        """Return whether the last poll saw the handle; a handle outside the poll set is tried now."""
         if handle in self._seen:
             return True
         socket = self._sockets.get(handle)

@@ -55,7 +55,7 @@ class PortTable:
         return ""
 
     def claim_free_port(self, claim: PortClaim, address: str) -> bool:
-        """Give a claim without a port a free one for a connect; return whether the claim has a port now."""
+        """Give a claim of a connect a free port if it has none; return whether the claim has a port now."""
         claim.address = address
         if claim.port:
             return True
@@ -74,11 +74,11 @@ class PortTable:
         return ""
 
     def add(self, claim: PortClaim) -> None:
-        """Enter a claim that has its address and port."""
+        """Add a claim that has its address and port to the table."""
         self._claims.setdefault(claim.port, []).append(claim)
 
     def release(self, claim: PortClaim) -> None:
-        """Drop a claim, if it was entered."""
+        """Remove a claim from the table, if the table has it."""
         holders = self._claims.get(claim.port)
         if holders is not None and claim in holders:
             holders.remove(claim)
@@ -122,7 +122,7 @@ class SimListener:
 
 
 class SimWire:
-    """The only machine of the simulated network, for all handles: it has loopback and own addresses."""
+    """The only machine of the simulated network, for all handles: it has loopback and `addresses`."""
 
     def __init__(self, addresses: tuple[str, ...], latency: int) -> None:
         self.addresses = addresses
@@ -175,7 +175,7 @@ class SimWire:
     # -- segments ------------------------------------------------------------------------------------
 
     def carry(self, source: SimStream, segment: Segment) -> None:
-        """Carry a segment to the partner, unless a link is down when it leaves or arrives."""
+        """Carry a segment to the partner, unless a link is down when the segment leaves or arrives."""
         partner = source.partner
         if partner is None or (self._down and not self.is_up(source.owner, partner.owner)):
             return
@@ -248,7 +248,7 @@ class SimWire:
                 self.carry(server, server.make_syn_ack())
 
     def call_as_partner(self, local: Endpoint, target: Endpoint) -> SimStream | None:
-        """Let a played partner call a listener; return its end, None if the two ends are connected."""
+        """Let a played partner call a listener; return the partner's end, None if both are connected."""
         client = self._make_played_stream(local, target)
         if self.has_connection(client):
             return None
@@ -256,7 +256,7 @@ class SimWire:
         return client
 
     def answer_as_partner(self, owner: str) -> SimStream | None:
-        """Let a played partner answer an owner's newest call; return its end, None if there is no call."""
+        """Let a played partner answer an owner's newest call; return the partner's end, None: no call."""
         client = self._take_newest_call(owner)
         if client is None:
             return None
@@ -470,7 +470,7 @@ class SimSocket:
         return "ENOTCONN" if self.stream is None or self.stream.phase is StreamPhase.OVER else ""
 
     def shutdown(self, both: bool) -> str:
-        """Send FIN; a listener stops listening if reading is shut, too (`both`)."""
+        """Send FIN on a connection. A listener stops listening if `both` directions are shut."""
         if self.stream is not None:
             return self.stream.shutdown(both)
         if self.listener is None:

@@ -1,6 +1,6 @@
-"""One end of a simulated TCP connection: handshake, data, FIN, RST and timers, as a program sees Linux.
+"""One end of a simulated TCP connection, as a program on Linux sees it: handshake, data, end and timers.
 
-Rule 1: change the state before a segment is carried: without latency the answer comes inside that call.
+Rule 1: change the state before a call of `carry`: without latency the answer comes inside that call.
 Rule 2: an error is reported to one call; afterwards `read` returns 0 and `write` returns EPIPE.
 """
 
@@ -23,7 +23,7 @@ SEGMENT_BYTES: Final = 1460
 
 
 class SegmentFlag:
-    """What a segment means besides its data. Plain numbers, for speed: each segment is checked often."""
+    """Meanings of a segment besides its data. Plain numbers, for speed: each segment is checked often."""
 
     NONE = 0
     SYN_ACK = 1
@@ -33,7 +33,7 @@ class SegmentFlag:
 
 
 class Segment(NamedTuple):
-    """A TCP segment: the position of its data, what it acknowledges, and the end of the window (`edge`)."""
+    """A TCP segment: position of its data, acknowledged position (`ack`), end of the window (`edge`)."""
 
     seq: int
     ack: int
@@ -271,7 +271,7 @@ class SimStream:
 
     @property
     def is_gone(self) -> bool:
-        """Return whether poll would show RDHUP, ERR or HUP: a FIN, an error or its own shutdown."""
+        """Return whether poll would show RDHUP, ERR or HUP: after a FIN, an error or our own shutdown."""
         return self._in.fin or self.read_shut or self.phase is StreamPhase.OVER
 
     @property
@@ -279,7 +279,7 @@ class SimStream:
         return bool(self._in.inbox) or self.is_gone
 
     def peek(self, skip: int) -> Unread:
-        """Return what is unread, and how the partner has ended."""
+        """Return the unread bytes (their number and a part), and how the partner has ended."""
         half, is_reset = self._in, self.phase is StreamPhase.OVER and self.error == "ECONNRESET"
         end = "rst" if is_reset else "fin" if half.fin else ""
         size = len(half.inbox)
@@ -324,7 +324,7 @@ class SimStream:
         return size
 
     def write(self, data: memoryview) -> int | WouldBlock | str:
-        """Take what the send buffer has room for; a str is an errno name."""
+        """Queue the bytes that have room in the send buffer, return how many; a str is an errno name."""
         if self.phase is StreamPhase.SYN_SENT:
             return WOULD_BLOCK
         if self.error:
@@ -360,7 +360,7 @@ class SimStream:
             self._send_queued()
 
     def close(self) -> None:
-        """Send FIN after the queued data; the stream lives on without its program. Or send RST and end."""
+        """Send RST and end if data is unread; else send the queued data, then FIN; the program is gone."""
         if self.phase is not StreamPhase.OPEN or self._in.inbox:  # RFC 2525 2.17: RST if data is unread
             self.abort()
             return
@@ -385,7 +385,7 @@ class SimStream:
         del inbox[max(len(inbox) - size, 0) :]
 
     def end_by_plc(self) -> None:
-        """End the stream of a played partner as the captured PLC did; the PLC's end gets OWN_END."""
+        """End a played partner's stream as the captured PLC did; the PLC's stream ends with OWN_END."""
         if self.partner is not None and self.partner.phase is StreamPhase.OPEN:
             self.partner.end_with_error(OWN_END)
         self.abort()

@@ -58,7 +58,7 @@ class TimerQueue:
             self._cancelled = 0
 
     def run_until(self, now: int) -> None:
-        """Call each timer that is due up to `now`; in a call `self.now` is its due time."""
+        """Call each timer that is due up to `now`; in a call `self.now` is the due time of this timer."""
         while self._heap and self._heap[0][0] <= now:
             due, _, ticket = heapq.heappop(self._heap)
             act, ticket.act = ticket.act, None
@@ -98,7 +98,7 @@ class KeepAlive:
         self._asked_at = 0
 
     def check_due(self, now: int, heard: int, busy: bool, user_timeout: int) -> TimerResult:
-        """Return what to do at `due`, set the next `due`; `busy`: data is unsent or not acknowledged."""
+        """Return what to do now, and set the next `due`; `busy`: data is unsent or not acknowledged."""
         silent = now - heard
         if heard >= self._asked_at:  # the last probe was answered
             self._probes = 0

@@ -51,14 +51,14 @@ def since_text(t: float | None, wall: float) -> str:
 
 
 def state_of(line: FleetLine) -> str:
-    """Return a word: offline, no scan, finding or stuck; for any other line its connection's state."""
+    """Return offline, no scan, finding or stuck; for any other line the state of its connection."""
     if line.shows in (ERROR, AWAY, HAD, GOOD):
         return line.figures.state if line.figures else "?"
     return STATES[line.shows]
 
 
 def describe_status(line: FleetLine) -> str:
-    """Return the text of the worst instance: finding, received of wanted bytes if stuck, or STATUS."""
+    """Return the text of the worst instance: finding, STATUS, or if it is stuck how many bytes came."""
     status = line.worst_instance.status if line.worst_instance is not None else None
     if status is None:
         return ""
@@ -193,7 +193,7 @@ class FleetTable(LineView, inherit_bindings=False):
         self.go_to(self.cursor + rows)
 
     def action_edge(self, direction: int) -> None:
-        """Go to the last row, or to the first row; at the first, the cursor then stays on the worst row."""
+        """Go to the last or the first row; after a move to the first, the cursor stays on the worst row."""
         self.go_to(direction * len(self.entries))
         self._is_moved = direction > 0
 

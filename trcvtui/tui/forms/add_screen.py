@@ -51,7 +51,7 @@ class ChoiceField(FormField):
         cast("AddScreen", self.screen).submit()
 
     def convert_paste(self, text: str) -> str:
-        """Give a pasted STRUCT to the form, which will write it into a file; show the file's name here."""
+        """Give a pasted STRUCT to the form, and put the name of the future file into this field."""
         is_type = self.key == FILE_KEY and (len(text.splitlines()) > 1 or "END_STRUCT" in text.upper())
         return cast("AddScreen", self.screen).keep_type(text) if is_type else super().convert_paste(text)
 
@@ -160,7 +160,7 @@ class AddScreen(FormDialog[str]):
         return self._paste[0].name
 
     def _check_fields(self, fault: str = "") -> bool:
-        """Show the effect of the line, or its mistake; return whether the engine would take it."""
+        """Show the effect or the mistake of the line; return whether the engine would take the line."""
         line, (file, text) = self.line, self._paste
         is_empty = line == ADD_UDT and not fault
         self._is_pasted = line == f"{ADD_UDT}{file.name}"

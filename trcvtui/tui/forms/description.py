@@ -25,7 +25,7 @@ MOST_ZERO_LINES: Final = 2  # more lines of zeros are shown as one: `00 × N`
 
 
 def description_rows(view: DescriptionView, width: int) -> list[Row]:
-    """Return the whole view; a sign and a style mark the field with the flaw."""
+    """Return all rows of the view; a sign and a style mark the field that has the flaw."""
     rows = [row((line, "strong")) for line in wrap_text(f"{view.structure} · {view.says}", width)]
     if view.warning:
         rows += [row((line, "error strong")) for line in wrap_text(f"! {view.warning}", width)]

@@ -172,7 +172,7 @@ def _column_texts(leaf: Leaf) -> dict[str, str]:
 
 
 def make_udt_form(text: str, mode: str, view_model: ViewModel) -> UdtForm | None:
-    """Return the form of the payload's UDT, else of DATA's, else of the first UDT; None without UDTs."""
+    """Return a form for the payload's UDT, else for DATA's UDT, else for the first UDT, else None."""
     types, declared = view_model.project.types, view_model.declaration
     first = text.split("{")[0].strip() if mode == UDT else ""
     names = [first, declared.type_name if declared else "", *types.names()]

@@ -81,7 +81,7 @@ class FoldTree:
         self._build_rows()
 
     def row_of_leaf(self, leaf: int, opens: bool = False) -> int:
-        """Return the row of a leaf or of a closed branch around it; `opens`: open such branches first."""
+        """Return the row of a leaf, or of the closed branch that hides it; `opens`: open such branches."""
         y = self._row_before(leaf)
         while opens and not self.rows[y].is_leaf:
             self.toggle(self.rows[y].key)

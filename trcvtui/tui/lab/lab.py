@@ -108,7 +108,7 @@ SOURCE_TITLES: Final = {
 
 
 class LabBytes:
-    """The bytes that the lab shows; `back` is how many messages the shown one is older than the newest."""
+    """The bytes that the lab shows; `back` counts the messages that came after the shown message."""
 
     def __init__(self, view_model: ViewModel) -> None:
         self._view_model = view_model
@@ -119,7 +119,7 @@ class LabBytes:
         self._last: JobSpan | None = None
 
     def choose_source(self) -> str:
-        """Unless you chose bytes: choose DATA, or the job if DATA was never written; return a remark."""
+        """Choose DATA, or the job if DATA was never written; keep the user's choice. Return a remark."""
         if self.is_chosen or self.source not in (DATA, JOB):
             return ""
         declared, is_empty = self._view_model.declaration, not any(self._view_model.data)
@@ -135,7 +135,7 @@ class LabBytes:
         return any(one.jobs_done for one in snapshot.instances if one.data == instance.data and not one.sends)
 
     def request(self) -> HistoryRequest | None:
-        """Return the request for the stream: profiles are judged by messages even while DATA is shown."""
+        """Return the request for the stream: its messages rank the profiles, even while DATA is shown."""
         instance = self._view_model.instance
         if instance is None:
             return None
@@ -201,7 +201,7 @@ class LabBytes:
         return [] if self.window() is None else self._view_model.messages
 
     def _doubt(self) -> str:
-        """Return why message ends are unknown, or ""; pauses count if the least size divides all sizes."""
+        """Return why message ends are unknown, or "". Pauses count if the least size divides all sizes."""
         window, messages = self.window(), self.messages()
         sizes = [len(message.content) for message in messages if message.by_pauses]
         is_known = bool(messages) and not any(size % min(sizes) for size in sizes)
@@ -211,9 +211,9 @@ class LabBytes:
         return f" ({cause}: where a message ends is not known)"
 
     def evidence(self) -> tuple[list[bytes], bool]:
-        """Return the bytes to judge profiles by, and whether their lengths are the sender's (rule 1).
+        """Return the bytes to judge profiles by, and whether the sender decided their lengths.
 
-        While DATA or the running job is shown, return the received messages, if known: better evidence.
+        While DATA or the running job is shown, these are the received messages, if their ends are known.
         """
         known = [] if self._doubt() else [message.content for message in self.messages()]
         if known and self._has_messages():
@@ -308,7 +308,7 @@ class Lab:
         self._clear_results()
 
     def _guess_profile(self) -> Profile:
-        """Return the likely profile of a sender: from the type's source, else one of common compilers."""
+        """Return the sender's likely profile: by the type's source, else a common layout unlike ours."""
         ours, sender = self.profiles[OURS], self.files.types.sender(self.type_name).layout
         if sender not in ("", ours.layout):
             return profile_of(LAYOUTS[sender])
@@ -455,12 +455,12 @@ class Lab:
         return self._comparison
 
     def summary(self) -> Summary | None:
-        """Return how many members differ; it compares all of them."""
+        """Compare all members and return the summary, None if there is nothing to compare."""
         comparison = self.comparison()
         return comparison.summary(comparison.rows(self.bytes.content)) if comparison else None
 
     def next_difference(self, leaf: int, step: int) -> int | None:
-        """Return the next leaf that differs, after (`step` > 0) or before `leaf`; None for none."""
+        """Return the nearest differing leaf after `leaf`, or before `leaf` if `step` < 0; None for none."""
         comparison = self.comparison()
         if comparison is None:
             return None

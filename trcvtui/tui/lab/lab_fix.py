@@ -36,7 +36,7 @@ class Cure(NamedTuple):
 
 
 def make_cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) -> Cure:
-    """Return a type that the rules `own` lay out as `wanted`, or the swap code, depending on `kind`."""
+    """Return the cure of this `kind`: a type with the layout `wanted` under `own`, or the swap code."""
     try:
         return _swap_cure(wanted, own, language) if kind == SWAP else _type_cure(wanted, own, kind, language)
     except UserError as refused:
@@ -46,7 +46,7 @@ def make_cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) -
 def format_cures(ours: LayoutRules, theirs: Layout, form: str) -> str:
     """Return the output of `udt cure`: the type for our side and, where byte orders differ, the swap code.
 
-    `form` is the language, `st` or `scl`; `padded`: the type alone, in the language of our side.
+    `form` is the language `st` or `scl`, or `padded`: only the type, in the language of our side.
     """
     from trcvtui.udt.cure.swap import language_of
 
@@ -81,7 +81,7 @@ def _type_cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) 
 
 
 def _find_unions(type_: Type) -> list[str]:
-    """Return the members that are UNIONs or ARRAYs of UNIONs; name inner ones as `STRUCT.member`."""
+    """Return the names of members that are UNIONs or ARRAYs of UNIONs; inner ones as `STRUCT.member`."""
     found = ["all of it"] if isinstance(type_, Union) else []
     for one in (part for part in all_parts(type_) if isinstance(part, Struct)):
         for member in all_members(one):

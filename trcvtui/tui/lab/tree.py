@@ -230,7 +230,7 @@ class LabTree(LineView):
         return "░" * min(place.size, 4) + (" not 0!" if any(there) else "")  # perhaps it is no padding
 
     def differs(self, found: TreeRow) -> bool:
-        """Return whether the sides differ: in a leaf by place, type or value, in a branch by any place."""
+        """Return whether a row differs: a leaf in place, type or value, a branch in any part's place."""
         if self._lab.layout(THEIRS) is None:
             return False
         ours, theirs = self._cells.get((OURS, found.leaf)), self._cells.get((THEIRS, found.leaf))
@@ -255,7 +255,7 @@ class LabTree(LineView):
             self.post_message(RowSelected())
 
     def show_leaf(self, leaf: int, opens: bool = False) -> None:
-        """Move the cursor to a leaf, or to the closed branch around it; `opens`: open such branches."""
+        """Move the cursor to a leaf, or to the closed branch that hides it; `opens`: open such branches."""
         tree = self._lab.tree
         if tree is not None:
             y = tree.row_of_leaf(leaf, opens)
@@ -263,7 +263,7 @@ class LabTree(LineView):
             self.go_to(y, tells=opens)
 
     def action_fold(self, wanted: bool | None) -> None:
-        """Open (True), close (False) or toggle (None) a branch; False if not open: go to the parent."""
+        """Open (True), close (False), toggle (None) a branch; False on any other row: go to the parent."""
         tree, found = self._lab.tree, self.chosen_row
         if tree is None or found is None:
             return

@@ -140,7 +140,7 @@ def _frames(framer: FramerSnapshot) -> Row:
 
 
 def _noise_rows(framer: FramerSnapshot, width: int) -> list[Row]:
-    """Return the rows for bytes that are in no frame: noise before a prefix, and parts without an end."""
+    """Return the rows about bytes outside frames: noise before a prefix, and unfinished frames."""
     tally = framer.tally
     if not framer.discarded and not tally.parts:
         return [row(_label("noise"), ("nothing thrown away", "dim"))]
@@ -229,7 +229,7 @@ class SerialLineList(LineView):
     # -- what is fed -------------------------------------------------------------------------------------
 
     def wrap(self, submit: Callable[[str], None]) -> Callable[[str], None]:
-        """Return a `submit` that also notes the bytes of `feed` lines from the prompt."""
+        """Return a function that calls `submit`, and also keeps the bytes of `feed` lines."""
 
         def submit_and_note(line: str) -> None:
             self._note_fed_bytes(line)

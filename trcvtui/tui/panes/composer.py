@@ -175,7 +175,7 @@ class SplitsLine(OneLine, can_focus=True):
         self._send()
 
     def click(self, x: int, y: int) -> None:
-        """Cut or join between the two bytes at the mouse; a click on a byte acts before this byte."""
+        """Add or remove the cut before the byte under the mouse."""
         place = self._first + x // BYTE_WIDTH
         if 0 < place < len(self.payload) and place < self._first + self._bytes_in_view():
             self.place = place

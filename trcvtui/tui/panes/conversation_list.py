@@ -40,7 +40,7 @@ INTERVENTIONS: Final = (
 
 
 class ConversationList(LineView):
-    """Two rows for each conversation, one a direction; the keys act on the direction under the cursor."""
+    """Two rows for each conversation, one for each direction; keys act on the direction at the cursor."""
 
     KEYS: ClassVar = (*((each.key, each.label) for each in INTERVENTIONS), ("w", "shadow"))
     BINDINGS: ClassVar = [
@@ -115,7 +115,7 @@ class ConversationList(LineView):
         self._actions.submit("watch")
 
     def action_intervene(self, key: str) -> None:
-        """Open the prompt with a key's command; send hold, go and, on an armed tap, RST and FIN at once."""
+        """Put a key's command into the prompt; hold, go and (on an armed tap) RST and FIN run at once."""
         talk, picture = self._find_conversation(), self._view_model.live
         if talk is None or not talk.tap:
             waits = talk is None and self._view_model.project.taps

@@ -1,6 +1,6 @@
 """DATA now as a face of pane 5, and below it the progress of the job.
 
-Of a receive job, the bytes collected but not delivered yet; of a send job, how far the bytes are.
+A receive job shows its bytes that are not delivered yet; a send job shows how far its bytes are.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class JobLine(OneLine):
                 (f"ended by: {framer.ending_text} ", style)]  # fmt: skip
 
     def _sent_parts(self, instance: InstanceSnapshot) -> list[Part]:
-        """Return how far the sent bytes are: DONE only means that the local stack took them."""
+        """Return how far the bytes are sent; DONE only means that the local stack has taken the bytes."""
         parts: list[Part] = [("── ", "dim")]
         if instance.need:
             full, empty = bar(instance.have, instance.need, BAR_WIDTH)

@@ -121,7 +121,7 @@ def output_text(pin: DrawnPin, instance: InstanceSnapshot | None, glowing: bool)
 
 
 def glow_text(pin: DrawnPin, instance: InstanceSnapshot | None, afterglow: Afterglow, t_ns: int) -> str:
-    """Return the afterglow text of an output that was set for one scan: scan, RCVD_LEN, or STATUS."""
+    """Return the text that stays beside an output after a short DONE or ERROR: scan, RCVD_LEN, STATUS."""
     if instance is None:
         return ""
     done = None if instance.outputs.done else afterglow.glow(instance.name, DONE, t_ns)
@@ -452,7 +452,7 @@ class FunctionBlock(LineView):
         return next((pin.letter for pin in self.drawing().inputs if pin.name == name), "")
 
     def toggle(self, pin: DrawnPin) -> None:
-        """Toggle a level or pulse an edge by a command; for a number or a wired pin, open the prompt."""
+        """Send a command that toggles a level or pulses an edge; number or wired pin: open the prompt."""
         instance, snapshot = self._view_model.instance, self._view_model.snapshot
         if instance is None or snapshot is None:
             return

@@ -28,7 +28,7 @@ EMPTY_HINTS: Final = (
 
 
 class ListColumns(NamedTuple):
-    """Widths; `both`: both ends are shown, not only the partner; `bar` 0: no bar, no numbers, no age."""
+    """Widths of columns; `both`: show both ends, not only the partner; `bar` 0: no bar, numbers, age."""
 
     name: int
     partner: int
@@ -50,7 +50,7 @@ class InstanceList(LineView):
     ]
 
     def __init__(self, view_model: ViewModel, selected: Callable[[], None], digit: int = 1) -> None:
-        """Call `selected` at once when you choose another instance: all panes are then painted together."""
+        """`selected` is called at once when you choose an instance: all panes are painted together."""
         super().__init__(id="instances")
         self._selected, self._digit, self._view_model = selected, digit, view_model
         self.words: list[str] = []  # of the filter: a listed instance has all of them
@@ -74,7 +74,7 @@ class InstanceList(LineView):
         return len(self._view_model.instances) or len(self._view_model.project.instances) or len(EMPTY_HINTS)
 
     def show(self) -> None:
-        """Repaint what changed; the title says how many a filter lets through, and how many show an ERROR."""
+        """Repaint changed rows; the title counts instances that pass the filter, and those with ERROR."""
         instances = self._view_model.instances
         self._listed = [each for each in instances if self._has_words(each)] if self.words else instances
         details = [f"{len(self._listed)} of {len(instances)} with {' '.join(self.words)}, esc: all"]
@@ -223,7 +223,7 @@ class InstanceList(LineView):
         self._choose(max(0, min(len(names) - 1, here + rows)))
 
     def action_next_error(self) -> None:
-        """Select the next instance that shows an ERROR; if none does, the next that has had one."""
+        """Select the next instance that shows an ERROR, else the next one that has had an ERROR."""
         names = [instance.name for instance in self._listed]
         here = names.index(self._view_model.selected) if self._view_model.selected in names else -1
         order = [*range(here + 1, len(names)), *range(here + 1)]

@@ -81,7 +81,7 @@ class MessageLines(LineView):
 
     @property
     def _known_messages(self) -> KnownMessages:
-        """Return the rows of the selected instance; while those of another instance are held: no rows."""
+        """Return the rows of the selected instance; none while the rows of another instance are held."""
         known = self._view_model.known_messages
         return known if known.instance == self._view_model.selected else KnownMessages()
 
@@ -159,7 +159,7 @@ class MessageLines(LineView):
         self._listed, self._filtered_to, self._oldest = [], 0, 0
 
     def _measure(self) -> None:
-        """Give columns and members the room that their texts need, while there is room."""
+        """Give each column and member the width of its texts, until the line is full."""
         last = self._row(self._listed[-1]) if self._listed else None
         self.columns = [
             (each, max(each.width, len(each.text(last)) + 1 if last is not None else 0))

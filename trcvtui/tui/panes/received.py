@@ -91,13 +91,13 @@ class ReceivedPane(Vertical):
             self.border_title, self.border_subtitle = title, Content(shown.subtitle)
 
     def on_resize(self) -> None:
-        """Draw again: the width sets the bytes in a row and the room for the title."""
+        """Draw again: the width decides how many bytes a row has, and how long the title may be."""
         self.show()
 
     # -- keys --------------------------------------------------------------------------------------------
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave escape to the screen while no search is marked; change the rulers only in the stream."""
+        """Allow `end_find` only while a search is marked, and `rulers` only in the stream."""
         if action == "end_find":
             return bool(self.stream.patterns)
         return action != "rulers" or self.is_past

@@ -135,7 +135,7 @@ class StatusHistory(LineView):
         self._choose_where(lambda outputs: outputs.error, "ERROR", 1)
 
     def action_hit(self, step: int) -> None:
-        """Choose the next older (`step` 1) or newer (-1) edge with the code of `find`, else with ERROR."""
+        """Choose an older (`step` 1) or newer (-1) edge with the sought code; without a code, an ERROR."""
         code = self.code
         what = "ERROR" if code is None else f"{code:04X}"
         self._choose_where(lambda out: out.error if code is None else out.status == code, what, step)
@@ -205,7 +205,7 @@ FIRST_WORD: Final = re.compile(r"[a-z]+(?=[ ,:])(?! gave )(?! is )")  # a plain 
 
 
 class StatusCard(TextView):
-    """The STATUS of the selected instance, or of a past edge that is chosen in the history."""
+    """The STATUS of the selected instance, now or at the chosen edge of the past."""
 
     BINDINGS: ClassVar = [("enter", "remedy", "type what `do` says")]
 

@@ -160,7 +160,7 @@ class StreamFace(ReceivedFace):
         return self._with_hit(self.stream.cursor, self.stream.difference() + origin)
 
     def message_here(self) -> range:
-        """Return the positions of the message under the cursor, else of a job whose bytes are all here."""
+        """Return the positions of the message under the cursor, else of the job if its bytes are here."""
         place, job = self.stream.cursor, self.job_here()
         of_job = range(job.position, job.stop) if job is not None else range(0)
         found = [each.positions for each in self._view_model.messages if place in each.positions]
@@ -182,7 +182,7 @@ class StreamFace(ReceivedFace):
         return "" if here else NO_MESSAGE
 
     def job_here(self) -> JobSpan | None:
-        """Return the job under the cursor of the stream, also when it has been scrolled out of the window."""
+        """Return the job under the stream's cursor, also after the job was scrolled out of the window."""
         job, place, last = self.stream.spans()[0], self.stream.cursor, self._job_here
         if job is None and last is not None and place is not None and last.position <= place < last.stop:
             return last

@@ -253,7 +253,7 @@ class StreamView(ByteLines):
         return found
 
     def _pair_bytes(self) -> None:
-        """Find what to compare each byte with: the marked message if any, else the job before."""
+        """Find the byte to compare with each byte: in the marked message if any, else in the job before."""
         start, parts = self._compared.start, [(part.position, part.content) for part in self.window.before]
         if self.marked is not None:
             parts = [(start, self.marked[1][: len(self._compared)])]
@@ -293,7 +293,7 @@ class StreamView(ByteLines):
             self.scroll_to(y=max(0, self.scroll_offset.y - rows), animate=False)
 
     def cut_rows(self, messages: Sequence[range]) -> None:
-        """Begin a row with each message, if all have one size that leaves few rows half empty."""
+        """Begin a row at each message, if all messages have one size and few rows stay half empty."""
         size, start = (len(messages[0]), messages[0].start) if len(messages) > 1 else self._cut
         is_even = all(len(each) == size and (each.start - start) % size == 0 for each in messages)
         cut = (size, start % size) if size and is_even else (0, 0)
@@ -372,7 +372,7 @@ class StreamView(ByteLines):
 
     @property
     def _blank(self) -> int:
-        """Return how many blanks are in a row's middle and before its text: 0 if 16 bytes need the room."""
+        """Return 1 for a blank in a row's middle and one before its text, 0 if 16 bytes need the room."""
         return 1 if self.line_width >= self.digits + ROOMY or self.per_row == NARROW else 0
 
     def row_count(self) -> int:
@@ -538,7 +538,7 @@ class StreamView(ByteLines):
             self.select(self.cursor + pages * rows * self.per_row)
 
     def action_edge(self, direction: int) -> None:
-        """Go to the oldest byte; or to the newest, and follow."""
+        """Go to the oldest byte (`direction` < 0), or to the newest byte and follow the stream."""
         if direction < 0:
             self.select(self.window.begin)
         else:

@@ -36,7 +36,7 @@ CURSOR_MARGIN: Final = 4  # columns between the cursor and the edge, if there is
 
 
 class TimingViewport:
-    """`cursor` None is the present. Scans count from 1."""
+    """The scans in view; `cursor` None is the present. Scans count from 1."""
 
     def __init__(self) -> None:
         self.cursor: int | None = None
@@ -99,7 +99,7 @@ STYLES: Final = {"": "faint", "pulse": "strong", "gap": "warn", "mark": "key", "
 
 
 class TimingRow(NamedTuple):
-    """One row of one instance; without a name it is the head of that instance."""
+    """One row of an instance, such as a pin; a row without a name is the head of the instance."""
 
     wave: Waveform
     name: str
@@ -108,7 +108,7 @@ class TimingRow(NamedTuple):
 def list_rows(waves: Sequence[Waveform], is_strip: bool = False) -> list[TimingRow]:
     """Return the rows of these instances, each with a head if there are several; a strip has no CODES row.
 
-    Below each row of an instance comes the same pin of its what-if run.
+    Below each row of an instance comes the same row of its what-if run.
     """
     others = {wave.instance: wave for wave in waves if wave.instance.startswith(WHAT_IF)}
     own = [wave for wave in waves if wave.instance not in others]
@@ -148,7 +148,7 @@ def ruler_row(window: Window, until: int, view: TimingViewport, label: int) -> R
 def wave_row(
     shown: TimingRow, window: Window, cursor: int | None, until: int, label_style: str | None, label: int
 ) -> Row:
-    """Return one row after `label` columns; `label_style` None: it is not the chosen row."""
+    """Return one row; the wave begins after `label` columns. `label_style` None: the row is not chosen."""
     wave, name = shown
     if not name:
         return row((f" {wave.instance} ", "label"), ("─" * (label + window.width), "faint"))
@@ -335,7 +335,7 @@ class Timing(LineView):
             self.go_to(lane.find_next_edge(self._scan, direction), "no further edge of this row is known")
 
     def action_next_error(self) -> None:
-        """Go to the next ERROR: from the present, to the newest; from the last ERROR, to the first."""
+        """Go to the next ERROR; in the present go to the newest ERROR, at the last ERROR to the first."""
         self._search(lambda edge: edge.outputs.error, "no ERROR")
 
     def action_ask_code(self) -> None:
@@ -370,7 +370,7 @@ class Timing(LineView):
         self.show()
 
     def action_follow(self) -> None:
-        """Follow the newest scan, or let the view stay; the cursor keeps its scan."""
+        """Switch following the newest scan on or off; the cursor stays at its scan."""
         self.view.follows = not self.view.follows
         self.show()
 

@@ -167,7 +167,7 @@ class UdtTable(LineView):
     # -- over time ----------------------------------------------------------------------------------
 
     def _choose_spark_messages(self, declared: DataDecl) -> None:
-        """Find the messages of the sparklines: the last is the message whose bytes are shown."""
+        """Find the messages of the sparklines: they end with the message that the table shows."""
         view, known = self._view_model, self._view_model.known_messages
         about = known, known.instance, declared
         if about != self._sparks_of or len(self._sparks) > MOST_KEPT_MEMBERS:
@@ -213,7 +213,7 @@ class UdtTable(LineView):
     # -- both ways ----------------------------------------------------------------------------------
 
     def select_member_at(self, offset: int) -> range:
-        """Select the member at a byte, return its range; in padding, the member before, and no range."""
+        """Select the member at a byte, return its range; for padding, the member before and range(0)."""
         declared = self._view_model.declaration
         if declared is None or offset < 0:
             return range(0)

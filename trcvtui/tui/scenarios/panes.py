@@ -128,7 +128,7 @@ OUTCOME_MARKS: Final = {True: ("✓ ", "done"), False: ("✗ ", "error"), None: 
 
 
 class ScenarioList(LineView, inherit_bindings=False):
-    """One row a file, under the folder's name; `k` does not go up: it chooses the kernel."""
+    """One row for each file, under the folder's name; `k` chooses the kernel and does not go up."""
 
     BINDINGS: ClassVar[list[BindingType]] = ARROW_KEYS
 

@@ -1,6 +1,6 @@
 """The screen of the scenarios: a list of files, and one of them played step by step.
 
-Rule: the engine plays; this screen sends `scenario` lines and shows the player of the pictures.
+Rule: the engine plays a scenario; this screen sends `scenario` lines and shows the player in pictures.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ KEY_ACTIONS: Final = {
 
 
 class ScenariosScreen(SideScreen[Path | None]):
-    """List, text, and the play of one scenario; its answer is the last chosen file."""
+    """The list of scenarios, and the text and progress of one; the answer is the last chosen file."""
 
     BINDINGS: ClassVar = hidden_keys({
         **{str(digit): f"pane({digit})" for digit in range(1, 8)},

@@ -64,7 +64,7 @@ class StatusExplainer:
         return "", SuggestedAction("")
 
     def offer(self) -> Offer | None:
-        """Return the layout of DATA that fits the received bytes, None without evidence for one."""
+        """Return the layout of DATA that fits the received bytes; None if there is no evidence."""
         instance = self._view_model.instance
         evidence = self._evidence(instance.name) if instance else None
         index = self._view_model.stream_index
@@ -80,7 +80,7 @@ class StatusExplainer:
         return DataBytes(view_model.declaration, view_model.data, view_model.job_bytes)
 
     def explain_edge(self, line: Line, edge: StatusEdge) -> Advice:
-        """Explain a past edge from the ledger, but the newest edge, which still holds, as the present."""
+        """Explain a past edge from the ledger; the newest edge still holds: explain it as the present."""
         edges, instance = self._view_model.history.list_edges(edge.instance), self._view_model.instance
         if instance is not None and edges and edges[-1].seq == line.seq:
             return self.explain_now(instance)

@@ -22,7 +22,7 @@ def is_number(layout: Layout, leaf: Leaf) -> bool:
 
 
 def number_in(layout: Layout, leaf: Leaf, row: MessageRow) -> Number | None:
-    """Return the number that a message wrote to DATA; None: it did not write this member."""
+    """Return the member's number in a message, None if the message did not write this member."""
     is_cut = row.reason not in ("", HOLE_REASON)
     if is_cut or row.size < leaf.offset + leaf.size:
         return None

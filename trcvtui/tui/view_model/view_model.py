@@ -45,7 +45,7 @@ class PinPulse:
 
 
 class Afterglow:
-    """The newest pulse of each lamp of each instance. Glows end by run time: none ends in a held PLC."""
+    """The newest pulse of each lamp of each instance. A glow ends by run time: not in a held PLC."""
 
     def __init__(self) -> None:
         self._pulses: dict[tuple[str, str], PinPulse] = {}
@@ -370,7 +370,7 @@ class ViewModel:
 
     @property
     def drawn_instances(self) -> tuple[str, ...]:
-        """Return the instances drawn over time: the selected one, its neighbours if wanted."""
+        """Return the instances to draw over time: the selected one, if wanted others on its CONNECT."""
         instance = self.instance
         if instance is None or not self.draws_neighbours:
             return (self.selected,) if self.selected else ()

@@ -1,7 +1,7 @@
 """Numbers over time in cells: a line of blocks, and a curve of braille; no peak is lost.
 
-A message without the number has None: the number before it stays. NaN and the infinities end a curve
-until the next number.
+None is the number of a message that lacks the member: the number before stays. NaN and the infinities
+end a curve until the next number.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def place_between(number: Number, low: Number, high: Number) -> float:
 
 
 def sparkline(numbers: Numbers) -> str:
-    """Return a block for each message, the lowest one if all numbers are equal; "" if none has a number."""
+    """Return a block for each message, or "" if none has a number; equal numbers get the lowest block."""
     known = list_finite(numbers)
     if not known:
         return ""
@@ -59,7 +59,7 @@ def sparkline(numbers: Numbers) -> str:
 
 
 class Curve(NamedTuple):
-    """Rows of cells from the top, a cell as the bits of its dots; ends of the axis and of the numbers."""
+    """Rows of cells from the top; a cell is the bits of its dots. `least` and `most`: extreme numbers."""
 
     cells: list[list[int]]
     axis: tuple[Number, Number]

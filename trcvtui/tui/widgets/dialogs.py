@@ -140,7 +140,7 @@ class FormDialog(Dialog[Answered], Generic[Answered]):
 
 
 class FormField(TypedField):
-    """One field of a form; up and down go to the one above and the one below."""
+    """One field of a form; up and down go to the field above or below."""
 
     BINDINGS: ClassVar = [Binding("up", "step(-1)", show=False), Binding("down", "step(1)", show=False)]
 

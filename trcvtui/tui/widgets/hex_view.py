@@ -186,7 +186,7 @@ class ByteLines(LineView):
         return 3 * index + (self._blank if self.per_row == WIDE_ROW and index >= NARROW else 0)
 
     def _index_at(self, x: int) -> int | None:
-        """Return the index in its row of the byte at column `x`, in hex or as text."""
+        """Return which byte of a row is at column `x`, as hex or as text; None if there is none."""
         column = x - self.digits - 2
         if column >= self._text_column:
             index = column - self._text_column
@@ -338,7 +338,7 @@ class HexView(ByteLines):
         return [(" ", style), mark] if wide else [mark]
 
     def _sign(self, offset: int) -> str:
-        """Return the sign before a byte that separates data from prefix or suffix."""
+        """Return the sign before this byte that separates data from prefix or suffix, "" for none."""
         return self.frame.sign(offset) if self.frame is not None else ""
 
     def _text(self, start: int, styles: list[str]) -> list[Part]:
@@ -373,7 +373,7 @@ class HexView(ByteLines):
         self.post_message(ByteSelected(offset, self.of_job))
 
     def find(self, patterns: tuple[bytes, ...], is_forward: bool, again: bool) -> bool:
-        """Go to the next or previous match; forward and not `again`: a match at the cursor counts, too."""
+        """Go to the next or previous match; a first search forward also finds a match at the cursor."""
         here = self.cursor if self.cursor is not None else -1 if is_forward else len(self.content)
         if is_forward:
             place = find_first(self.content, patterns, here + 1 if again else max(0, here))

@@ -246,7 +246,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         self.refresh()
 
     def named_style(self, names: str) -> Style:
-        """Return the style of names such as `cursor dim`; each is made once for a theme."""
+        """Return the style for style names such as `cursor dim`; each style is made once for a theme."""
         if self._is_over:
             names = " ".join("faint" if name in LAMP_STYLES else name for name in names.split())
         if names not in self._ready_styles:
@@ -306,7 +306,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
             self.click(*place)
 
     def click(self, x: int, y: int) -> None:
-        """Do what a click on column `x` of row `y` means."""
+        """Handle a click on column `x` of row `y`."""
 
     def place_of(self, event: events.MouseEvent) -> tuple[int, int] | None:
         """Return column and row (of all rows) under the mouse, None outside the rows."""
@@ -330,7 +330,7 @@ class OneLine(LineView, can_focus=False):
 
 
 class TextView(LineView):
-    """A view whose rows `make_rows` makes all at once, and again for each width; `_rows` keeps the rows."""
+    """A view with all rows made at once by `make_rows`, again for each width, and kept in `_rows`."""
 
     def __init__(self, id: str) -> None:
         super().__init__(id=id)

@@ -157,7 +157,7 @@ CONTRASTS: Final = {
 
 
 def readable_colours(theme: Theme, colours: dict[str, str]) -> dict[str, str]:
-    """Return the colours of a Textual theme that must change, so that words and frames are seen."""
+    """Return new values for the colours of a Textual theme that are hard to see."""
     if theme in OWN_THEMES.values():
         return {}
     if theme.ansi:

@@ -2,7 +2,7 @@
 
 Textual puts a key into the queue of the widget that has the focus when the key arrives. A letter acts in
 that queue, but Backspace, enter and tab act only after all widgets above have passed them on: later keys
-overtake them. Here a key acts at once, or after a screen that is just opening has opened.
+overtake them. Here a key acts at once; while a screen is opening, it waits until the screen is open.
 
 Rule: whatever takes text is a TypedField, or a screen that is a LetterReceiver; nothing else reads letters.
 """
@@ -53,7 +53,7 @@ class LetterReceiver(Protocol):
 
 
 async def dispatch_key(app: App[None], event: events.Key | events.Paste) -> bool:
-    """Type the key into the field with the focus, or run its action; return False if neither happened."""
+    """Run the key's action, or type the key into the focused field; return False if neither happened."""
     app.app_focus = True
     mounted: asyncio.Event = app.screen._mounted_event
     await mounted.wait()  # the key before may have opened the screen: now its fields exist
@@ -85,7 +85,7 @@ async def _run_key_action(app: App[None], event: events.Key | events.Paste) -> b
 
 
 class TypedLine(Horizontal):
-    """A sign and a field, shown while open; `back` gets the focus when it closes."""
+    """A sign and a field, shown while the line is open; `back` gets the focus when the line closes."""
 
     DEFAULT_CSS = """
     TypedLine { height: 1; display: none; background: $panel; padding: 0 1; }
@@ -281,7 +281,7 @@ class FindLine(Horizontal):
             return f"✗ {wrong.lines()[0]}"
 
     def submit(self) -> None:
-        """Search; with a mistake, stay open and show it."""
+        """Search, or stay open and show the mistake in the text."""
         if self.target is not None:
             self.close()
             self._find()

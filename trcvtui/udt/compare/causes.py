@@ -124,7 +124,7 @@ CAUSES: Final = (NONE, *SWAP_CAUSES, BLANKS_CAUSE, *EXTRA_CAUSES)
 def cut_messages(
     cause: FitCause, size: int, messages: Sequence[bytes], framed: bool, most: int
 ) -> CutMessages:
-    """Return the last `most` values, each of `size` bytes, in the messages, and the bytes beside each."""
+    """Return the last `most` values in the messages, `size` bytes each, and the bytes beside each value."""
     period = size + cause.front + cause.back
     if period <= 0 or not size:
         return CutMessages((), (), 0, 0)
@@ -152,7 +152,7 @@ def cut_messages(
 
 
 class CutMessages(NamedTuple):
-    """Values, the bytes before and after each, the number of fitting messages, most values in a message."""
+    """Values, the bytes before and after each, how many messages fit, the most values in a message."""
 
     units: tuple[bytes, ...]
     extras: tuple[tuple[bytes, bytes], ...]

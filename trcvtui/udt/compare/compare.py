@@ -23,7 +23,7 @@ LeafPair = tuple[int | None, int | None]  # the number of a leaf on each side; N
 
 
 def pair_leaves(ours: Node, theirs: Node, a: int = 0, b: int = 0) -> Iterator[LeafPair]:
-    """Yield pairs of leaf numbers, from `a`, `b` on; leaves that only theirs has follow their siblings."""
+    """Yield pairs of leaf numbers from `a`, `b` on; leaves only in theirs come last in their STRUCT."""
     if isinstance(ours, PlacedLeaf) and isinstance(theirs, PlacedLeaf):
         yield a, b
         return
@@ -123,7 +123,7 @@ class ComparedLeaf(NamedTuple):
 
 
 class ComparedRow(NamedTuple):
-    """One member on both sides; None if a side has no such path. `differs` has the kinds of difference."""
+    """One member on both sides; a side that lacks the path is None. `differs`: the kinds of difference."""
 
     path: str
     ours: ComparedLeaf | None
@@ -132,7 +132,7 @@ class ComparedRow(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """Both sizes, how many rows differ, the lowest offset of such a row on either side (None: no row)."""
+    """Both sizes; number of rows and differing rows; lowest offset of a differing row on either side."""
 
     our_size: int
     their_size: int

@@ -57,7 +57,7 @@ _StructPart = tuple[str, Type, Node | Span]
 
 
 class _Drift(NamedTuple):
-    """One drift: its cause, the placed type, and a function that makes the type if it is likely."""
+    """One drift: its cause, its placed type, and a function that makes the type of a likely drift."""
 
     cause: FitCause
     lying: Node | Span
@@ -156,7 +156,7 @@ def _own_places(layout: Layout, shift: int = 0) -> tuple[object, ...]:
 
 
 class _StructVariants:
-    """A STRUCT with parts replaced; without bits, later places depend on the end modulo LARGEST_ALIGN."""
+    """A STRUCT with parts replaced. Unless it has bits, later places depend on the end % LARGEST_ALIGN."""
 
     def __init__(self, placing: Placing, type_: Struct, parts: Sequence[_StructPart]) -> None:
         self.placing, self.type, self.parts = placing, type_, parts
@@ -178,7 +178,7 @@ class _StructVariants:
         return start, round_up(start + node.size, self.placing.end_floor(inner)), step
 
     def replace_parts(self, at: int, stop: int, new: _StructPart | None = None) -> tuple[Span, int]:
-        """Return the STRUCT with `new` or nothing as parts `at` to `stop`, and the next part's shift."""
+        """Put `new` or nothing for parts `at` to `stop`; return the STRUCT, and the next part's shift."""
         if self.has_bits or (new and _has_bit([new])):  # with bits a place needs more than the remainder
             parts = [*self.parts[:at], *([new] if new else []), *self.parts[stop:]]
             spots, end, align = self.placing.member_spots(self.type, parts)
@@ -220,7 +220,7 @@ def _has_bit(parts: Sequence[_StructPart]) -> bool:
 
 
 class _DriftSearch:
-    """The drifts of a type in one layout; all are placed, but few types are made: few sizes fit."""
+    """Finds the drifts of a type in one layout; places them all, but makes only types of a fitting size."""
 
     def __init__(self, rules: LayoutRules) -> None:
         self.placing = Placing(rules)

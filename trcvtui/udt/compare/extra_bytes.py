@@ -33,7 +33,7 @@ BOTH_SIDES_POINTS: Final = -5.0  # points of a cause with bytes before and after
 
 
 class ExtraEvidence(NamedTuple):
-    """Points and text of the bytes beside a value, whether they are known, a name for each side."""
+    """Points and text for the bytes beside a value, whether the bytes are known, a name for each side."""
 
     points: float
     text: str
@@ -50,7 +50,7 @@ def usual_length(lengths: Sequence[int]) -> int:
 
 
 def surrounding_causes(size: int, length: int) -> Iterator[FitCause]:
-    """Yield a cause for each place of a type in a longer message that has bytes before and after it."""
+    """Yield a cause for each place in a longer message that leaves bytes before and after the type."""
     extra = length - size
     if size and 1 < extra <= MOST_EXTRA_BYTES and extra % size:  # else it is several values of the type
         for front in range(1, extra):
@@ -139,13 +139,13 @@ def _hex_text(raw: bytes) -> str:
 
 
 def has_length_field(cause: FitCause, messages: Sequence[bytes], size: int) -> bool:
-    """Return whether each header has a length field of at least half its size (else it may be chance)."""
+    """Return whether a length field fills at least half of each header: a smaller one may be chance."""
     found = [find_length_field(one[: cause.n], size) for one in messages]
     return cause.kind == HEADER and all(one is not None and len(one[0]) * 2 >= cause.n for one in found)
 
 
 def find_length_field(extra: bytes, size: int) -> tuple[bytes, str] | None:
-    """Return the bytes of a header that are a length, and what it counts; None if there is none."""
+    """Return the bytes of a header that hold a length, and what the length counts; None if none."""
     for width in (4, 2, 1):
         for at in range(len(extra) - width + 1):
             part = extra[at : at + width]

@@ -86,9 +86,9 @@ def rank(
     """Return every reading of the bytes, the best first.
 
     Each of `messages` is what the sender sent at once, from its first byte: one telegram or several. If not
-    `framed`, they are pieces of one stream that begins with a message, and their lengths mean nothing. Of
-    equal readings the one with the layout `sender` (probable for the source of the type) comes first, then
-    the one with `own`, the rules of our side.
+    `framed`, they are pieces of one stream that begins with a message, and their lengths mean nothing.
+    Equal readings are sorted: the layout `sender` (probable for the source of the type) comes first, then
+    `own`, the rules of our side.
     """
     judged = messages[-MOST_LENGTHS:] if framed else [b"".join(messages)] if messages else []
     chosen = profiles_for(type_) if profiles is None else tuple(profiles)
@@ -122,7 +122,7 @@ def rank(
 
 
 def _find_likeliest_place(look: LayoutView, messages: Sequence[bytes]) -> tuple[FitCause, ...]:
-    """Return the likeliest place of the type in longer messages, whatever is beside it; () if none."""
+    """Return the type's likeliest place in longer messages, judged only by its members; () if none."""
     size, length = look.layout.size, usual_length([len(message) for message in messages])
     members, most = look.members[: MOST_PLACED_AND_MESSAGES[0]], MOST_PLACED_AND_MESSAGES[1]
     some = list(dict.fromkeys(message for message in messages if len(message) == length))[-most:]
@@ -150,12 +150,12 @@ def _strangeness(profile: Profile, own: LayoutRules) -> int:
 
 
 def tied_readings(fits: Sequence[Fit]) -> tuple[Fit, ...]:
-    """Return the best reading and those whose points tie with it."""
+    """Return the best reading, and all readings that tie with it by points."""
     return tuple(fit for fit in fits if fit.score > fits[0].score - TIE_POINTS)
 
 
 def drop_near_drifts(fits: Sequence[Fit]) -> list[Fit]:
-    """Return the readings without drifts that are not clearly ahead: of many, some lead by chance."""
+    """Drop drifts not clearly ahead of all readings without drift: among many, some lead by chance."""
     ahead = max((fit.score for fit in fits if fit.cause.kind not in DRIFTS), default=0.0) + CLEAR_OF_DRIFT
     return [fit for fit in fits if fit.cause.kind not in DRIFTS or fit.score > ahead]
 

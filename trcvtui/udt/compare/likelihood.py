@@ -171,7 +171,7 @@ def _evidence(found: _Likelihood, raw: bytes) -> LeafEvidence:
 
 
 def _judge_number(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder, judge: _Judge) -> LeafEvidence:
-    """Return the evidence of a number; `order` has points only if the number is round in no byte order."""
+    """Return the evidence of a number; its field `order` is 0 if the number is round in any byte order."""
     likely, why = judge(leaf, row, raw, order)
     points = _to_points(likely, raw)
     ways = {raw, raw[::-1], exchange_pairs(raw), exchange_words(raw)}
@@ -192,7 +192,7 @@ def _judge_number(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder, ju
 
 
 def _is_round(raw: bytes) -> bool:
-    """Return whether a number is, in some byte order, a multiple of 256 or one less."""
+    """Return whether a number, in some byte order, is a multiple of 256 or one less than a multiple."""
     return 0 in raw or 255 in raw
 
 

@@ -64,7 +64,7 @@ class ReadMember(NamedTuple):
 
 
 class LayoutView:
-    """The leaves and gaps of a layout that are judged; it shares known evidence with other layouts."""
+    """The leaves and gaps to judge in a layout; layouts share the evidence that is known already."""
 
     def __init__(self, layout: Layout, known: EvidenceCache) -> None:
         self.layout, self.members = layout, []
@@ -237,7 +237,7 @@ class Reading:
             self.judge_steps(member, parts)
 
     def judge_sign(self, member: ReadMember, parts: Sequence[bytes]) -> None:
-        """Note a number whose values would all be negative at half its width."""
+        """Note a number if half its width would make all of its values negative."""
         type_ = member.leaf.type
         if not member.can_narrow or not isinstance(type_, Elementary) or type_.kind is not ValueKind.INTEGER:
             return
@@ -346,7 +346,7 @@ class Reading:
 
     @cached_property
     def places(self) -> object:
-        """Return a value that is equal for readings with the members, and bits, at the same places."""
+        """Return a value that is equal for readings with equal byte order, kind of cause, member places."""
         front = self.cause.front
         return (
             self.order,
@@ -372,7 +372,7 @@ class Reading:
 
     @property
     def widest_number(self) -> int:
-        """Return the size of the largest number; up to 2, exchanged bytes are just another byte order."""
+        """Return the largest size of a number; up to 2, exchanged bytes are only another byte order."""
         return max((member.leaf.size for member, _ in self.read if is_number(member)), default=0)
 
     @cached_property
@@ -384,7 +384,7 @@ class Reading:
         }
 
     def plain_values(self, member: ReadMember, parts: list[bytes]) -> Iterator[object]:
-        """Yield the bytes that make the value of a member in each message, a number in big-endian order."""
+        """Yield the value bytes of a member in each message; for a number, bytes in big-endian order."""
         rules = self.look.layout.rules
         is_little = rules.byte_order == "little"
         if isinstance(member.leaf.type, StringType) and member.leaf.type.wide:

@@ -1,1 +1,1 @@
-"""What mends a mismatch: a padded type, swap code, conversion code."""
+"""The cures of a mismatch: a padded type, or swap code."""

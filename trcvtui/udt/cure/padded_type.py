@@ -1,4 +1,4 @@
-"""The padded type: under one layout, this declaration has the offsets that a type has under another.
+"""The padded type: a declaration that has in one layout the offsets that a type has in another layout.
 
 Gaps become members, and a value that is stored differently becomes a bit string of its size. A member that
 cannot have its place becomes raw bytes, with a reason. Rule: the result is laid out and every member is
@@ -51,7 +51,7 @@ class MemberNote(NamedTuple):
 
 
 def substitute_leaf(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
-    """Return the type that under our rules has a leaf's bytes under theirs, and a note; else None, why."""
+    """Return the type that stores by our rules what a leaf stores by theirs, and a note; or None, why."""
     if node.is_bit:
         if "BOOL" in ours.bits or ours.takes_pack:  # only CODESYS has BIT
             return ELEMENTARY["BOOL" if "BOOL" in ours.bits else "BIT"], ""

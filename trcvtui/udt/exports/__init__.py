@@ -19,7 +19,7 @@ def check_arguments(to: str, port: int | None = None) -> None:
 
 
 def export(layout: Layout, to: str, port: int | None = None) -> str:
-    """Return the type in language `to`; raise UserError like `check_arguments`, or if it has no values."""
+    """Return the type in language `to`; raise UserError for a bad argument, or a type without values."""
     check_arguments(to, port)
     from trcvtui.udt.exports.lua import write_dissector
 

@@ -207,7 +207,7 @@ def _integer_type(row: Elementary) -> str:
 
 
 def structs_of(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, PlacedStruct]]:
-    """Yield every structure and union that has leaves, once, each after those that it uses."""
+    """Yield every structure and union that has leaves, each once and after the types that it uses."""
     seen: set[Struct | Union] = set()
 
     def walk(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, PlacedStruct]]:

@@ -53,7 +53,7 @@ def hex_text(raw: bytes) -> str:
 
 
 def parse_hex_text(value: object, size: int) -> bytes | None:
-    """Return the bytes of `16#...` with all digits of that size, else None."""
+    """Return the bytes of `16#...` if the text has all digits of `size` bytes, else None."""
     if not isinstance(value, str) or not value.startswith("16#") or len(value) != 3 + 2 * size:
         return None
     try:

@@ -45,7 +45,7 @@ __all__ = [
 class Layout:
     """A type laid out; offsets and sizes are in bytes, leaves are numbered from 0 in declared order.
 
-    That is offset order, except for the members of a UNION.
+    Declared order is offset order, except for the members of a UNION.
     """
 
     name: str

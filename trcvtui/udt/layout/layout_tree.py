@@ -32,7 +32,7 @@ class Leaf(NamedTuple):
 
 
 class PlacedLeaf:
-    """A value of elementary type, a text, an enumeration, or one bit. Its parent node has its place."""
+    """A value of elementary type, a text, an enumeration, or one bit. The place is in the parent node."""
 
     __slots__ = ("align", "coding", "is_bit", "size", "type")
     leaves = 1
@@ -81,7 +81,7 @@ class PlacedStruct:
         self.firsts = tuple(firsts)
 
     def flat_members(self, offset: int = 0, first: int = 0) -> Iterator[FlatMember]:
-        """Yield the members, those of its base (EXTENDS) first."""
+        """Yield the members of the structure; the members of its base (EXTENDS) come first."""
         for number, node in enumerate(self.nodes):
             name, at, before = self.names[number], offset + self.offsets[number], first + self.firsts[number]
             if name or not isinstance(node, PlacedStruct):
@@ -134,7 +134,7 @@ Node = PlacedLeaf | PlacedStruct | PlacedArray
 def members_of(
     type_: Struct | Union, node: PlacedStruct
 ) -> Iterator[tuple[str, int, int | None, Node, Type]]:
-    """Yield name, offset, bit, node and type of every member, those of its base (EXTENDS) first."""
+    """Yield name, offset, bit, node and type of every member; members of a base (EXTENDS) come first."""
     for one, member in zip(node.flat_members(), all_members(type_), strict=True):
         yield one.name, one.offset, one.bit, one.node, member.type
 
@@ -238,9 +238,9 @@ class Codec:
 
 
 def codec_of(leaves: Sequence[Leaf], order: str) -> Codec | None:
-    """Return the codec of leaves that share no byte, else None.
+    """Return the codec of the leaves; None if leaves share a byte.
 
-    Bits share their byte, members of a UNION share all bytes: these are read one by one.
+    Bits share a byte, and members of a UNION share bytes: such leaves are read one by one.
     """
     end = 0
     for leaf in leaves:

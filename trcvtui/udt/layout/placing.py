@@ -50,7 +50,7 @@ class Span(NamedTuple):
 
 
 class Placing:
-    """Places the types of one layout; keeps those that are placed so far."""
+    """Places the types of one layout, and keeps the types that are placed so far."""
 
     def __init__(self, rules: LayoutRules) -> None:
         self.rules = rules
@@ -101,14 +101,14 @@ class Placing:
         return _check_size(PlacedArray(type_, element, pitch, align), where)
 
     def pitch(self, element: Node | Span) -> tuple[int, int]:
-        """Return the distance between the elements of an ARRAY, and its alignment."""
+        """Return the distance between the elements of an ARRAY, and the alignment of the ARRAY."""
         pitch = round_up(element.size, min(element.align, self.rules.cap))
         return pitch, max(element.align, self.rules.array_floor)
 
     def place_members(self, type_: Struct | Union, where: str) -> list[tuple[str, Type, Node]]:
-        """Return the members; the type that it EXTENDS comes first, as a member without a name.
+        """Return the members of a STRUCT; the type after EXTENDS comes first, as a member without a name.
 
-        Raise UserError with the problems of all of them.
+        Raise UserError with the problems of all members.
         """
         members: list[tuple[str, Type]] = [] if type_.base is None else [("", type_.base)]
         members += [(member.name, member.type) for member in type_.members]
@@ -155,10 +155,10 @@ class Placing:
         return spots, end, align
 
     def place_bit_fields(self, type_: Struct | Union, at: int, end: int, align: int) -> tuple[int, int]:
-        """Return where the bit-fields before a member end, and the alignment: as gcc does on x86-64.
+        """Return the end of the bit-fields before a member, and the alignment, as gcc does on x86-64.
 
-        A bit-field does not cross a bound of its type, except under any `#pragma pack`. One of width 0 moves
-        to the next bound.
+        A bit-field does not cross a bound of its type, except under any `#pragma pack`. A bit-field of
+        width 0 moves to the next bound.
         """
         cap, place = self.cap(type_), 8 * end
         is_packed = cap < 8 or (type_.pack is not None and self.rules.takes_pack)
@@ -288,7 +288,7 @@ class Builder:
             self.put(name, Array(((0, size - 1),), BYTE), offset, None, path)
 
     def least_size(self, size: int) -> int:
-        """Return the smallest size from `size` on that the type can have."""
+        """Return the smallest possible size of the type that is at least `size`."""
         return round_up(max(size, self.end), self.align)
 
     def pad_to_size(self, size: int, path: str) -> None:
@@ -328,7 +328,7 @@ class Builder:
             raise Unreachable(path, why)
 
     def _pad_once(self, offset: int) -> bool:
-        """Add one padding member before the offset: an ARRAY if one can be there, else a BYTE."""
+        """Add one padding member before the offset: an ARRAY if it can begin there, else a BYTE."""
         floor, member_floor = self.rules.array_floor, self.rules.member_floor
         size = offset - self.end
         if round_up(self.end + size, floor) > offset:

@@ -30,8 +30,8 @@ _T = TypeVar("_T")
 class TextForm:
     """How a STRING is stored: `extra` units (bytes; words in a WSTRING) beside its characters.
 
-    With `header` they are [longest][actual] before the characters, else NULs after them. `default` is the
-    length of a STRING without one, `longest` and `longest_wide` are the limits of STRING and WSTRING.
+    With `header` these are [longest][actual] before the characters, else NULs after them. `default` is the
+    length of a STRING without a length, `longest` and `longest_wide` are the limits of STRING and WSTRING.
     """
 
     name: str
@@ -101,7 +101,7 @@ class LayoutRules:
         return type_
 
     def storage(self, type_: Elementary | Subrange | Pointer | Enumeration) -> Elementary:
-        """Return the elementary type that decides the bytes, as this layout stores it."""
+        """Return the elementary type in which this layout stores the values of a type."""
         match type_:
             case Elementary():
                 return self.row(type_)
@@ -176,7 +176,7 @@ def rules_for(
     pointer_size: int | None = None,
     string_even: bool | None = None,
 ) -> LayoutRules:
-    """Return the rules of a layout, or these rules, with the given settings; raise UserError."""
+    """Return the rules of a layout, or the given rules, changed by the settings; raise UserError."""
     rules = layout
     if isinstance(rules, str):
         rules = _look_up("layout", LAYOUT_ALIASES.get(rules, rules), LAYOUTS, layout_names())

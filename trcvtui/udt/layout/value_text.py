@@ -65,7 +65,7 @@ NO_DATA: Final = "no data"
 
 
 def value_text(leaf: Leaf, value: Value | None, raw: bytes = b"") -> str:
-    """Return the text of a leaf's value, and its mark if `raw` has the leaf's own bytes."""
+    """Return the text of a leaf's value, with a mark if the leaf's own bytes `raw` are odd."""
     if value is None:
         return NO_DATA
     text, mark = _plain_text(leaf.type, leaf.size, value), mark_text(leaf, raw)

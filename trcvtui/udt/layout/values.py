@@ -59,7 +59,7 @@ def _write_overlapping(layout: Layout, data: bytearray, parts: Sequence[tuple[Le
 
 
 def _equivalent(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
-    """Return other bytes of the same value: a full text with a length beyond its field, TRUE as 16#FF."""
+    """Return other bytes that mean the same value: a text with a length beyond its field, TRUE as 16#FF."""
     if not isinstance(leaf.type, StringType):
         return b"\xff" * len(part) if any(part) and leaf.coding.code == "?" else part
     if not layout.rules.text.header:
@@ -78,7 +78,7 @@ def _needed_mask(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
 
 
 def _write_order(layout: Layout, leaf: Leaf, part: bytes) -> int:
-    """Return a rank: it is higher if more other bytes have the same value; 0: each bit counts."""
+    """Return a rank: higher if more other bytes mean the same value; 0 if every bit counts."""
     if isinstance(leaf.type, StringType):
         return 2 if leaf.type.wide else 1
     value = decode_leaf(layout, leaf, part)
@@ -96,7 +96,7 @@ LONGEST_VALUE_SHOWN = 60
 def encode(layout: Layout, values: Mapping[str, object]) -> bytes:
     """Return the bytes of values by path; missing values, None and gaps are 0.
 
-    Where members overlap, a later one leaves earlier bytes unchanged if they already mean its value.
+    Where members overlap, a later member leaves bytes unchanged that already mean its value.
     Raise UserError with one problem for each unknown path and each value out of range.
     """
     data = bytearray(layout.size)

@@ -61,7 +61,7 @@ def _read_codesys_2(text: str, name: str) -> Declarations:
 
 
 def _lazy_reader(module: str, kind: str = "") -> Callable[..., Declarations]:
-    """Return a reader of XML or C whose module is imported when the first such file is read."""
+    """Return a reader that imports the module for XML or C when the first such file is read."""
 
     def read(*given: Any) -> Declarations:
         reader = getattr(import_module(f"{__name__}.{module}"), f"read_{kind or module}")
@@ -143,7 +143,7 @@ def parse_source(text: str, name: str, extension: str = "") -> Declarations:
 
 
 def parse_xml_source(text: str, name: str) -> Declarations:
-    """Return what an XML file declares: its root element decides the format, whatever its extension."""
+    """Return what an XML file declares; its root element decides the format, not its extension."""
     from trcvtui.udt.sources.xml_source import read_xml
 
     root = read_xml(text, name)
@@ -172,7 +172,7 @@ def read_files(
 
 
 def qualify_variables(read: Declarations, path: SourcePath, paths: Iterable[SourcePath]) -> Declarations:
-    """Return what a file declares; variables are `folder/name` if another file has the same name."""
+    """Return what a file declares; its variables are named `folder/name` if two files have one name."""
     folder, name = os.path.split(str(path))
     if not folder or not any(VARIABLES_NOTE in each.notes for each in read.types):
         return read

@@ -42,7 +42,7 @@ def read_element_text(text: Element) -> ast.Declarations:
 
 
 def note_other_name(declaration: ast.Declaration, name: str) -> ast.Declaration:
-    """Return the declaration, with a note if the XML around it gives it another name."""
+    """Return the declaration; add a note if the XML gives the type another name."""
     if not name or name.casefold() == declaration.name.casefold():
         return declaration
     note = f"the XML calls it '{name}', the declaration '{declaration.name}'"

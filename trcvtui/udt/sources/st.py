@@ -164,7 +164,7 @@ class Parser(SpecParser):
         return ast.Declaration(name, spec, self.where(first), tuple(own), tuple(dict.fromkeys(self.notes)))
 
     def parse_after_name(self, is_block: bool) -> ast.Spec:
-        """Return the type that follows its name, EXTENDS, and a colon or a header."""
+        """Return the type that follows EXTENDS, if any, and a colon or a header."""
         base = self.extends()
         self.skip_header(is_block)
         if base is None and (base := self.extends()):

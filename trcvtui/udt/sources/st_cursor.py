@@ -89,7 +89,7 @@ _LINE_END = re.compile(r"\r\n|\r|\n")
 
 
 class Source:
-    """A text with a name, and the tokens in it; it may begin within a file, in its line `first_line`."""
+    """A text with a name, and its tokens; the text may begin within a file, at line `first_line`."""
 
     def __init__(self, name: str, text: str, first_line: int = 1, nests_comments: bool = True) -> None:
         self.name, self.text, self.first_line = name, text, first_line
@@ -155,14 +155,14 @@ class Source:
         return first + 2 if first >= 0 else 0
 
     def find_values_end(self, place: int) -> int:
-        """Return the end of the data block whose start values begin at `place`; else `place`."""
+        """Return the end of a data block if its start values begin at `place`, else `place`."""
         if self.text[place : place + 40].lstrip()[:1] in (":", ","):  # a member of that name
             return place
         found = _START_VALUES.finditer(self.text, place)
         return next((one.start() for one in found if one["END"]), place)
 
     def find_unclosed_end(self, text: str, place: int) -> int:
-        """Return where reading resumes: at the end of the line for an open quote, else of the text."""
+        """Return where reading resumes: for an open quote at the line's end, else at the text's end."""
         line_end = _LINE_END.search(self.text, place) if text in "'\"" else None
         return line_end.start() if line_end else len(self.text)
 
@@ -232,7 +232,7 @@ class Cursor:
         return names
 
     def is_name(self, ahead: int = 0) -> bool:
-        """Return whether this token, or one ahead, is a word or a quoted name."""
+        """Return whether the token at the cursor, or `ahead` tokens after it, is a word or quoted name."""
         token = self.tokens[min(self.at + ahead, len(self.tokens) - 1)]
         if token.shape is Shape.QUOTED:
             return token.text[0] != "'" and len(token.text) > 2
@@ -319,7 +319,7 @@ class Cursor:
             self.advance()
 
     def skip_statement(self) -> None:
-        """Skip this statement, with its semicolon or END_, or up to what surely follows it."""
+        """Skip this statement with its semicolon or END_; stop before a word that ends the block."""
         depth = 0
         while not self.block_ends():
             if depth == 0 and self.sees(*CLOSERS):

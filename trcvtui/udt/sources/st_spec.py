@@ -20,7 +20,7 @@ _UTF8_ATTRIBUTE = r"""(?i)attribute\s+['"]TcEncoding['"]\s*:=\s*['"]UTF-?8['"]""
 
 
 class SpecParser(Cursor):
-    """One method for each rule of the grammar; it leaves the cursor after what it read."""
+    """One method for each rule of the grammar; a method leaves the cursor after the text that it read."""
 
     def __init__(self, source: Source, dialect: SourceDialect = IEC) -> None:
         super().__init__(source)
@@ -80,7 +80,7 @@ class SpecParser(Cursor):
         return [ast.MemberSpec(name.name, spec, self.where(name)) for name in names]
 
     def pragmas_between(self, first: int, last: int) -> list[str]:
-        """Return the pragmas in front of the tokens of number first..last."""
+        """Return the pragmas in front of the tokens number `first` to `last`."""
         pragmas = self.source.pragmas
         start, stop = bisect_left(pragmas, (first, "")), bisect_left(pragmas, (last + 1, ""))
         return [text for _, text in pragmas[start:stop]]
@@ -96,7 +96,7 @@ class SpecParser(Cursor):
             self.expect(";")
 
     def skip_initial_value(self) -> None:
-        """Skip a value: everything up to a semicolon or to what ends the STRUCT or TYPE."""
+        """Skip a value: everything up to a semicolon, or to a word that ends the STRUCT or TYPE."""
         if self.sees(";", *MEMBER_ENDS):
             raise self.refusal("a value")
         before = self.token
@@ -126,7 +126,7 @@ class SpecParser(Cursor):
         return low, high
 
     def text(self) -> ast.Spec:
-        """Return STRING or WSTRING, with a length as `[n]` or `(n)` or without."""
+        """Return STRING or WSTRING, with the length `[n]` or `(n)` if there is one."""
         wide = self.advance().upper == "WSTRING"
         closer = {"[": "]", "(": ")"}.get(self.token.upper)
         if closer is None:

@@ -65,7 +65,7 @@ class TypeFolder:
         return texts
 
     def declarations(self, file: str) -> Declarations:
-        """Return a file's declarations, none if unreadable; a generated header: only types no .typ has."""
+        """Return a file's declarations, none if unreadable; of a generated header, no types of a .typ."""
         if file not in self.read:
             self.read[file] = Declarations(())
             with collect_problems(self.problems):
@@ -88,7 +88,7 @@ class TypeFolder:
         return found
 
     def find_declaring(self, name: str, kind: str) -> dict[str, Declarations]:
-        """Return the files with a good declaration of a name; if there is none, those with a bad one."""
+        """Return the files with a good declaration of a name, else the files with a bad one."""
         last = plain_name(name).casefold().rpartition(".")[2]
         spelled = re.sub("^(udt|db)([0-9])", r"\1[ \\t]*\2", re.escape(last))
         sought = re.compile(rf"(?<!\w){spelled}(?!\w)")
@@ -132,7 +132,7 @@ def find_types(
     where: str,
     constants: Mapping[str, int],
 ) -> tuple[TypeSet, list[str]]:
-    """Return the types of files and what `names` need from folders, with a note for each folder used."""
+    """Return the types of files, and the types that `names` need from folders; note each used folder."""
     found_in: dict[str, dict[str, dict[str, Declarations]]] = {}
     sought: set[tuple[str, str]] = set()
     types = join_files(files, where, constants)

@@ -59,14 +59,14 @@ class Element:
         return (child for child in self.children if child.name in names)
 
     def find(self, *path: str) -> Element | None:
-        """Return the element at a path of names, each the first child of its name; None without one."""
+        """Follow a path of names, each time to the first child of the name; return the element or None."""
         found: Element | None = self
         for name in path:
             found = next(found.each(name), None) if found is not None else None
         return found
 
     def search(self, *names: str) -> Iterator[Element]:
-        """Yield the elements of these names in file order, at any depth; none inside another of them."""
+        """Yield the elements with these names in file order, at any depth, but none inside a found one."""
         waiting = [self]
         while waiting:
             element = waiting.pop()

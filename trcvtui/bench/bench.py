@@ -627,7 +627,7 @@ class Bench:
         return wrong
 
     def order_tap(self, command: words.TapAct) -> str:
-        """Send the order to the tap that feeds this bench; later events of the tap report its work."""
+        """Send the order to the tap that feeds this bench; events say later what the tap did."""
         return self.on_tap(command) if self.on_tap else f"no tap runs here: `trcvtui tap` runs {command.tap}"
 
     def arm_fault(self, command: words.FaultOn) -> str:
@@ -660,7 +660,7 @@ class Bench:
 
 
 def _do_nothing() -> None:
-    """Do nothing; a seam records only that this call took place."""
+    """Do nothing; a seam records the call and its arguments."""
 
 
 def _make_sim_kernel(project: Project) -> SimKernel:

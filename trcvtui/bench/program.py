@@ -38,7 +38,7 @@ def read_program(project: Project) -> tuple[words.Step, ...]:
 
 
 class Program:
-    """Runs steps on one bench, once. A `wait` that times out ends the program; the ledger has a note."""
+    """Runs steps on one bench, once. A `wait` that times out ends the program; the ledger notes this."""
 
     def __init__(self, steps: Sequence[words.Step], bench: ProgrammedBench) -> None:
         self._bench = bench

@@ -37,7 +37,7 @@ class ConnectBinding(JobBinding, frozen=True):
     address: RemoteAddress | None = None
 
     def class_of(self, row: BlockRow) -> str:
-        """Return the row's `datagrams`, else `single` with single instructions, else `shared`."""
+        """Return the row's `datagrams`, else `single` for a vendor that has such blocks, else `shared`."""
         is_single = bool(row.single) and self.env.rules.single_instructions
         return row.datagrams or (row.single if is_single else row.shared)
 

@@ -65,7 +65,7 @@ class DataArea:
 
     @property
     def shape(self) -> tuple[str, int]:
-        """Return type and size; a running job compares them to notice another DATA."""
+        """Return type and size; jobs compare them to notice that the DATA has changed."""
         return self.type_name, self.size
 
     def resize(

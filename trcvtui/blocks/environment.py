@@ -21,13 +21,13 @@ class BytesArrived(NamedTuple):
 
 
 class BytesLost(NamedTuple):
-    """Bytes had no room in a ComBuffer, or were dropped unread. `offset`: the place of the next byte."""
+    """Bytes had no room in a ComBuffer, or left it unread. `offset`: where the next byte enters."""
 
     buffer: str
     offset: int
     size: int
     reason: str
-    position: int = -1
+    position: int = -1  # of the first lost byte in its ring; -1: the last bytes before `offset` are lost
 
 
 class FrameEnded(NamedTuple):

@@ -156,7 +156,7 @@ class Framer:
 
 
 def _longest_prefix_start(joined: bytes, head: bytes) -> int:
-    """Return how many bytes at the end of `joined` are an incomplete `head`, the most that can be."""
+    """Return the length of the longest end of `joined` that is a beginning of `head`, but not all of it."""
     longest = min(len(head) - 1, len(joined))
     return next((n for n in range(longest, 0, -1) if joined.endswith(head[:n])), 0)
 

@@ -95,10 +95,10 @@ class NotConnectedRule(Enum):
 class DataAreaRules(Struct, frozen=True):
     """What a vendor asks of DATA and LEN.
 
-    `missing`, `longer`: the error if DATA is open, or LEN larger than DATA. `refuses_bits`: no BOOL, no
+    `missing`, `longer`: the error if DATA is open, or LEN exceeds DATA. `refuses_bits`: no BOOL, no
     ARRAY OF BOOL. `symbolic_alone`: a symbolic DATA takes LEN = 0 only. `symbolic_bytes`: in ad-hoc jobs
-    its elements have 8 bits. `must_stay`: a change of DATA or LEN ends the running job. `adhoc_lens`: the
-    LENs that mean ad-hoc. `texts_whole`: LEN of a STRING or WSTRING is 0, or covers the whole text (send
+    only elements of 8 bits. `must_stay`: a change of DATA or LEN ends the running job. `adhoc_lens`: the
+    LENs that mean ad-hoc. `texts_whole`: LEN of a STRING or WSTRING is 0, or covers all of it (send
     job) or its header (receive job). `datagram_needs_len`: TUSEND takes LEN = 0 only with a symbolic DATA.
     """
 

@@ -198,7 +198,7 @@ class _Change(NamedTuple):
 
 @dataclass(slots=True)
 class _Owner:
-    """The device that has an address: when it was last seen, how often it was seen since a change."""
+    """The device that has an address: when it was last seen, and how often since the last change."""
 
     mac: bytes
     ns: int
@@ -262,7 +262,7 @@ class HostNotes:
     ) -> Iterator[HostFact]:
         """Yield the facts at the end of the capture.
 
-        `heard_ns`: a host's last TCP or UDP packet. `lacking`: the number of incomplete datagrams, by ends.
+        `heard_ns`: time of a host's last TCP/UDP packet. `lacking`: number of incomplete datagrams by ends.
         """
         for ends, n in lacking.items():
             there, here = map(ip_address, ends)

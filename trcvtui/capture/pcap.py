@@ -328,7 +328,7 @@ def _text(value: bytes) -> str:
 
 
 def gunzip(read: Callable[[int], bytes], first: bytes) -> Callable[[int], bytes]:
-    """Return a `read` of the unpacked bytes of all members of a .gz; a cut member raises EOFError."""
+    """Return a `read` of the unpacked bytes of all members of a .gz; EOFError: a member is cut off."""
     import zlib
 
     unpacker = zlib.decompressobj(31)

@@ -327,7 +327,7 @@ class Conversations:
                 self._skip_missing(conversation.last_ns, direction, direction.position + left)
 
     def forget_silent(self, ns: int) -> list[int]:
-        """Forget conversations that ended long ago, and in a full list silent ones; return the numbers."""
+        """Forget conversations that ended long ago or (UDP, or if many) are silent; return the numbers."""
         is_full = len(self.all) > MOST_CONVERSATIONS // 2
         over = [
             each for each in self.all if ns - each.last_ns > (SILENT_NS if is_full else each.forget_after_ns)

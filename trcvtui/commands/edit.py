@@ -198,7 +198,7 @@ def _read_udt_file(name: str, project: Project, where: str) -> UdtFile:
 
 
 def _types_with_file(decl: UdtFile, project: Project) -> tuple[TypeSet, list[str], list[Problem]]:
-    """Return all types and the types of one more file, the names of the new types, the file's mistakes."""
+    """Return the types including one more file, the names of the new types, and mistakes in the file."""
     types = append_entry(project, decl).types
     own = types.senders.keys() - project.types.senders.keys()
     names = [name for key, (name, _) in types.types.items() if key in own]

@@ -168,7 +168,7 @@ def parse_resize(words: Words, project: Project) -> Retype:
 
 
 def declare_data(name: str, type_name: str, project: Project, where: str) -> DataDecl:
-    """Return a variable of this type: a known one in its layout, else in the project's; raise UserError."""
+    """Return a global variable; a known one keeps its layout, others get the project's; raise UserError."""
     type_ = parse_type(type_name, project.types, where)
     known = project.data_decl(name)
     choice = known.choice if known is not None else NO_CHOICE

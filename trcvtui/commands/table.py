@@ -217,7 +217,7 @@ class BenchActions(Protocol):
 
 
 class WordRow(Struct, frozen=True):
-    """One frozen command: `write` returns its line, `act` carries it out (None: a runner, with scans)."""
+    """One frozen command: `write` returns its line, `act` does it; None: a runner does, scans may pass."""
 
     record: type
     write: Callable[[Any], str]

@@ -464,7 +464,7 @@ def _attempt_code(e: Evidence) -> int | None:
 
 
 def _describe_failed_attempt(e: Evidence, words: str) -> tuple[AdvisedCause, ...]:
-    """Return causes and remedies of the last attempt if its code showed; `words`: a cause if none fits."""
+    """Return causes and remedies of the last attempt if its code showed (`words` if no rule fits)."""
     attempt = e.facts.attempt
     if attempt is None or _attempt_code(e) is None:
         return ()

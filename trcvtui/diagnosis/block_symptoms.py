@@ -196,7 +196,7 @@ class BlockSymptoms:
             yield self._finding(shown.name, "not-connected", text, since, connect=shown.connect)
 
     def _unfinished(self, shown: InstanceSnapshot) -> Iterator[Finding]:
-        """Yield a finding if a job waits 2 usual pauses and QUIET_NS; without known pauses, 10 QUIET_NS."""
+        """Yield a finding if a job waits 2 usual pauses, at least QUIET_NS; without any, 10 QUIET_NS."""
         last = shown.last_receive_ns
         if not block_row(shown.block).receives_on_net or not 0 < shown.have < shown.need or last is None:
             return

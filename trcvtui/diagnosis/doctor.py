@@ -153,7 +153,7 @@ def _judge_hosts(
     facts: CaptureFacts, asked: DoctorQuestion, given: PlcEnd | None, cases: Sequence[LineCase],
     verdicts: Sequence[LineVerdict],
 ) -> list[Finding]:  # fmt: skip
-    """Return findings on hosts that belong to no conversation; add the others to one as remarks."""
+    """Return findings that `list_host_facts` marks True; add the others to conversations as remarks."""
     alone, of_host = [], dict[bytes, list[tuple[LineFacts, LineVerdict]]]()
     for case, made in zip(cases, verdicts, strict=True):
         for host in {case.line.plc_end[0], case.line.partner_end[0]}:
@@ -270,7 +270,7 @@ def judge_line(case: LineCase, troubles: Sequence[Finding] = (), is_running: boo
 
 
 def _merge_findings(troubles: Sequence[Finding], found: list[Finding]) -> list[Finding]:
-    """Return one finding per cause; if program and packets both prove it, keep the packets' finding."""
+    """Return one finding per cause; if program and packets both show it, keep the packets' finding."""
     alone, number_of = [], {one.cause: number for number, one in enumerate(found)}
     for one in troubles:
         if (number := number_of.get(one.cause)) is None:

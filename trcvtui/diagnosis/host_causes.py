@@ -124,7 +124,7 @@ def _is_only_small_arriving(flow: DirectionFacts) -> bool:
 def list_host_facts(
     facts: CaptureFacts, receivers: Sequence[Receiver], plc: bytes
 ) -> Iterator[tuple[HostFact, bool]]:
-    """Yield facts on addresses that no host answers, or that two devices have but no conversation.
+    """Yield facts on missing hosts, lost fragments, and addresses of two devices without a conversation.
 
     With each: True if it is in the project, is `plc` (the chosen address), or if all lines are services.
     """

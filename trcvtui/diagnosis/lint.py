@@ -243,7 +243,7 @@ def _judge_ids(project: Project) -> Iterator[Finding]:
 
 
 def _judge_ports(project: Project) -> Iterator[Finding]:
-    """Yield two CONNECTs with the same local address and port, if both use TCP or both use UDP."""
+    """Yield a finding if two CONNECTs share a local address and port of TCP (not ISO-on-TCP) or of UDP."""
     first: dict[tuple[bool, str, int], ConnectConfig] = {}
     mend = Remedy("give each of them its own LocalPort")
     for config in project.connects:

@@ -43,7 +43,7 @@ class LengthPlace(NamedTuple):
 
 
 def find_length_field(messages: Sequence[bytes]) -> LengthPlace | None:
-    """Return the length field that is right in each message; None: no field is, or only by chance."""
+    """Return the length field that is right in each message; None: no field is, or that may be chance."""
     lengths = {len(one) for one in messages}
     if len(lengths) < 2 or len(messages) < LEAST_MESSAGES:
         return None

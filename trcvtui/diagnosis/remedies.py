@@ -12,7 +12,7 @@ from trcvtui.snapshots.doctor import Finding, Remedy
 
 
 class CauseRule(NamedTuple):
-    """One row. `silenced_by`: causes that explain this cause; `weakened_by`: causes that may explain it.
+    """One row. `silenced_by`: causes that, if found, explain this one; `weakened_by`: ones that may do so.
 
     `blind`: qualities of a capture with which the row cannot judge.
     """

@@ -1,7 +1,7 @@
 """Symptoms: what a block showed that is wrong, and which causes explain it.
 
 A symptom is a Finding: `at` is its first time (UTC), `leads_to` the condition of an ERROR, `evidence` its
-text, then STATUS card sentences. A symptom is a fact (better remedy) if it shows why TLS failed.
+text, then STATUS card sentences. A symptom is a fact (better remedy) if the block knows why TLS failed.
 Rule: a symptom without a cause is itself a finding, so that a run with an ERROR is never healthy.
 """
 

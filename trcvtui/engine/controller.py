@@ -439,19 +439,19 @@ class Controller:
 
     @property
     def hurries(self) -> bool:
-        """Return whether scans pass as fast as possible: while a simulated scenario plays to its end."""
+        """Return whether scans pass as fast as possible: if a simulated scenario plays to its end."""
         player = self.player
         simulated = self.bench.kernel_name == "sim"
         return player is not None and simulated and player.is_to_end and player.wants_scan
 
     def scan(self, now: int | None = None) -> bool:
-        """Run the next scan, unless scans are held; then let the readers of the ledger catch up."""
+        """Run the next scan if it may pass (`holding`); then let the readers of the ledger catch up."""
         passed = self.step(now)
         self.catch_up()
         return passed
 
     def step(self, now: int | None = None) -> bool:
-        """Run the next scan, unless scans are held; return whether it ran. The ledger is read later."""
+        """Run the next scan if it may pass (`holding`); return whether it ran. The ledger is read later."""
         if not self._may_scan():
             return False
         self.bench.step(now)

@@ -87,7 +87,7 @@ def path_prefixes(instance: str, data: DataDecl | Layout | None) -> tuple[str, .
 def find_member(layout: Layout | None, name: str, *before: str) -> tuple[int, Node] | None:
     """Return the number of the first leaf at a path, and the node at the path; None: there is no node.
 
-    `data`, the type's name or one of `before` may precede the path; it is the path if a type is one value.
+    `data`, the type's name or one of `before` may precede the path, or stand alone if a type is one value.
     """
     if layout is None or not layout.leaf_count:
         return None

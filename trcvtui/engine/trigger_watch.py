@@ -59,7 +59,7 @@ class PinCondition(Struct, frozen=True):
         return OPERATORS[self.operator](pin_now(bench, self.instance, self.pin), self.value)
 
     def fires_by(self, event: InputEdge) -> bool:
-        """Return whether an input's edge makes the condition true; a later edge may undo that at once."""
+        """Return whether an input's edge makes the condition true, even if for a part of the scan."""
         is_it = (event.instance, event.pin) == (self.instance, self.pin)
         return is_it and OPERATORS[self.operator](event.value, self.value)
 

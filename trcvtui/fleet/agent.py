@@ -371,7 +371,7 @@ class Agent:
 
 
 def run_agent(settings: AgentSettings, project: Project) -> int:
-    """Run a project until SIGTERM or Ctrl+C; raise UserError if the settings do not fit it."""
+    """Run a project until SIGTERM or Ctrl+C; raise UserError if it cannot run with these settings."""
     where, program = settings.project, settings.packets[:1]
     if project.taps and project.watches:
         raise mistake(f"{where}", "[[watch]] beside [[tap]]", "one of them: an agent runs one project each")

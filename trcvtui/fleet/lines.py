@@ -36,7 +36,7 @@ class AgentInstance:
         self._base = 0, 0  # counts of the engines before
 
     def edge(self, boot: str, at: float, edge: StatusEdge, place: dict[str, object]) -> EventMessage | None:
-        """Return an event if ERROR is new or has a new STATUS; `place`: the scan and file of the edge."""
+        """Return an event if ERROR is new or has a new STATUS, else None; `place`: its scan and file."""
         shown = edge.outputs.error, edge.outputs.status
         is_new = edge.outputs.error and shown != self._last
         self._last = shown

@@ -263,7 +263,7 @@ class FleetModel:
             self._add_events(line, instance, (message,), wall)
 
     def mark_missing(self, wall: float) -> None:
-        """Mark agents without a state on this connection offline: a restarted broker loses last wills."""
+        """Mark as offline agents whose state has not come again: a restarted broker loses last wills."""
         for agent in self.agents.values():
             if not agent.is_heard and not agent.is_offline and agent.state is not None:
                 agent.state, agent.since = replace(agent.state, state="offline", t=wall), wall

@@ -56,7 +56,7 @@ CONTENT_INDEX: Final = MessageRow._fields.index("content")
 
 
 class MessagesDelta(Struct, frozen=True):
-    """Rows from number `first` on, of the `count` rows of an instance; rows before `oldest` lost bytes."""
+    """Rows of an instance from number `first` on, of `count`; rows before `oldest` lost their bytes."""
 
     instance: str
     first: int

@@ -92,7 +92,7 @@ class PinWaveform:
         return Column(low, high, inside[-1], end - begin)
 
     def list_columns(self, window: Window, until: int) -> list[Column | None]:
-        """Return a window's columns, None for columns after scan `until`; whole columns are made once."""
+        """Return a window's columns, None for columns after scan `until`; keep the complete columns."""
         if self._zoom != window.zoom or len(self._columns) > 8 * window.width + 1024:
             self._columns, self._zoom = {}, window.zoom
         return [self._get_column(window, number, until) for number in range(window.width)]
@@ -175,7 +175,7 @@ class PinChange(NamedTuple):
 class WaveformDelta(Struct, frozen=True):
     """The changes of one instance, in order; `first` is the number of the first change here, from 1.
 
-    `before`: values of all pins from `before_scan` to the first change; `until_scan`: the last known scan.
+    `before`: values of all pins from `before_scan` to the first change. No other change up to `until_scan`.
     """
 
     instance: str

@@ -139,7 +139,7 @@ class SeekRequest(Struct, frozen=True):
 
 
 class SeekResult(Struct, frozen=True):
-    """The place that a SeekRequest found; None: not found, or not yet. `share`: how much was searched."""
+    """The place that a SeekRequest found; None: not found, or not yet. `share`: searched part, 1.0: all."""
 
     number: int
     position: int | None

@@ -144,7 +144,7 @@ class JobRecord(NamedTuple):
 
 
 class _InstanceReads:
-    """What one instance has read: its running job, and the job that has filled DATA."""
+    """What one instance has read: its running job, and the job whose bytes DATA has."""
 
     __slots__ = ("began", "cut", "delivered", "link", "reads", "runs")
 

@@ -292,7 +292,7 @@ class CapturePlayer:
                     end.fall_silent()
 
     def resolve_overlap(self, number: int, last_ns: int) -> None:
-        """Give a conversation its CONNECT: the conversation that holds it sent nothing after `last_ns`."""
+        """Give a conversation its CONNECT: the conversation that held it was silent after `last_ns`."""
         self._last_ns[self.overlaps.pop(number)] = last_ns
         self._plan.unassigned.pop(number, None)
 

@@ -349,7 +349,7 @@ class ReplayedPartner:
         self.is_over = True
 
     def end_shadow(self, unread: int, may_read: bool, has_read: bool) -> None:
-        """End the PLC end (rule 4). `may_read`: the partner had ended; `has_read`: the PLC read all."""
+        """End the PLC end (rule 4). `may_read`: FIN after the partner's end; `has_read`: PLC read all."""
         self._shadows.forbid_skipping()
         self.has_left = self.has_ended = True
         self._stood, self._has_read = self._shadows.bench.runtime.scans - self._begun, has_read

@@ -75,7 +75,7 @@ class ShadowPlan(NamedTuple):
 
 
 def find_directions(guess: PlcGuess, conversation: Conversation) -> tuple[WireDirection, WireDirection]:
-    """Return the directions of the PLC end and its partner; `guess` may be of the first reading."""
+    """Return the directions of the PLC end and its partner; `guess` may be of an earlier reading."""
     there, back = conversation.there, conversation.back
     is_there = guess.says.conversation.there is guess.says
     return (there, back) if is_there else (back, there)
@@ -381,7 +381,7 @@ def _find_fitting_line(project: Project, line: str) -> str | None:
 
 
 def _find_fitting_socket(project: Project, receiving: set[str], port: int, is_given: bool) -> str | None:
-    """Return the link for datagrams at a port; with `--plc`, if no link has the port, the only link."""
+    """Return the only receiver of datagrams at a port; with `--plc`, if none has it, the only receiver."""
     links: tuple[AnySocket, ...] = (*(c for c in project.connects if c.is_datagram), *project.udp_configs)
     known = [each for each in links if each.name in receiving]
     of_port = [each.name for each in known if each.local.port == port]

@@ -1,4 +1,4 @@
-"""The pcapng of a tap, played to shadows: packets of conversations and notes of the tap; orders to the tap.
+"""The pcapng of a tap, played to shadows: packets of conversations, notes of the tap. Orders go back to it.
 
 It is played like any growing capture. The notes announce each conversation and its tap. A note on a
 conversation is played between the events, at the time of the note.
@@ -34,7 +34,7 @@ _MAPPED_PREFIX: Final = bytes(10) + b"\xff\xff"  # before an IPv4 address in a p
 
 
 class TapPlan(LivePlan):
-    """The plan of a tap: which CONNECT gets which conversations; `plc`: None: the PLC end is at `to`."""
+    """The plan of a tap: which CONNECT gets which conversations; `plc`: the PLC end, None: at `to`."""
 
     def __init__(
         self, places: Sequence[Sequence[str]], project: Path | None, plc: str | None, dialect: str | None

@@ -51,7 +51,7 @@ KNOWN_ERRORS: Final = frozenset(errno.errorcode.values()) | {
 
 
 class PlannedFault(Struct, frozen=True):
-    """One line of the plan: `times` calls fail, beginning with call `nth` (None: all, until cleared)."""
+    """One line of the plan: from the `nth` such call on, `times` calls fail (None: all, until cleared)."""
 
     call: str
     error: str

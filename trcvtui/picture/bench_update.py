@@ -34,7 +34,7 @@ class UpdateRequest(Struct, frozen=True):
     """A request: ledger lines after `since_seq`, bytes of variables `data`, jobs of instances `partial_of`.
 
     `waves`: instances whose pins are drawn over time, with the number of the last change on the screen.
-    `bench`, `project`: the numbers in the last picture. After a change, ledger or project is sent whole.
+    `bench`, `project`: the numbers in the last picture. If `bench` is old, `since_seq` counts as 0.
     """
 
     since_seq: int = 0
@@ -68,7 +68,7 @@ class BenchUpdate(Struct, frozen=True):
     `bench` counts the benches, `project_number` the versions of the project; `project` comes only if the
     screen does not have this version. `player`: None without a scenario; `trial`: None before the first
     `try-splits`. `facts`: about the instances in the request's `partial_of`. `armed`: the waiting trigger.
-    With `fired` the picture shows the scan in which a trigger fired, not the newest scan.
+    With `fired` the picture shows the scan in which a trigger fired, even if later scans have run.
     """
 
     snapshot: Snapshot

@@ -1,8 +1,8 @@
 """Which instances a scan really calls: only the ones that may have another outcome than in the last scan.
 
 A CONNECT and its instances sleep once each instance has given a stable outcome. Any command, a poll event
-on the CONNECT, or a change in the communication phase wakes the CONNECT. Then all its instances are called,
-in the order of the program. A sleeping CONNECT costs nothing, and outputs are the same as without sleep
+on the CONNECT, or a change in the communication phase wakes it. While it is awake all its instances are
+called, in the order of the program. A sleeping CONNECT costs nothing; outputs are the same as without sleep
 (tests/properties/test_ready_only.py).
 
 A task is due at the multiples of its interval; its instances are called in the first scan that has reached

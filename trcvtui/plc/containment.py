@@ -2,7 +2,7 @@
 
 Rule 1: the exception is an entry of the journal. A replay takes the part out of service in that scan because
 the entry says so, whether or not the program still raises there.
-Rule 2: a UserError of a command is raised again. So is each UserError of a replay: it names a difference.
+Rule 2: a UserError of a command is raised again, as is any UserError of a replay: run and journal differ.
 Rule 3: with TRCVTUI_EXCEPTIONS=raise nothing is contained, as in the tests.
 """
 

@@ -181,7 +181,7 @@ def resolve_tls(
     """Return the TLS settings: the active end trusts TLSServerCertRef and shows TLSClientCertRef.
 
     The passive end uses these fields the other way round. If the number of the trusted certificate is 0,
-    all certificates without a key are trusted. An end shows no certificate if its own number is 0.
+    all certificates without a key are trusted. An end with certificate number 0 shows none.
     """
     server, client = description.number("TLSServerCertRef"), description.number("TLSClientCertRef")
     own, trusted = (client, server) if spec.is_active else (server, client)

@@ -103,8 +103,8 @@ def _is_always_allowed(table: Table, around: Context) -> bool:
 class Key(Struct, frozen=True):
     """One key. A key without a `kind` is read together with another key.
 
-    `of`: where the declaration keeps the value, as `local.port`. `writes`: makes the value out of the whole
-    declaration, None: no key. `default`: the value of a missing key. `is_said`: a default value is
+    `of`: where the declaration keeps the value, as `local.port`. `writes(decl)`: the value to write,
+    or None: no key. `default`: the value of a missing key. `is_said`: a default value is
     written, too. `only`: whether the table may have the key, or why not. `reads`: reads the key together
     with other keys. `is_played`: a replay with another value gives a true answer (replay/partners.py):
     the key changes what the PLC does with its input, not the input. `help`: one sentence.

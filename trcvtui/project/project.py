@@ -79,7 +79,7 @@ class ComBufferDecl(Struct, frozen=True):
     """One ComBuffer. `source`: `sim`, `serial`, an instance of TRCV_C, or another ComBuffer, as over a cable.
 
     `serial`: the port of the source `serial`; in a simulated network bench commands feed it, as with `sim`.
-    `line`: a ComBuffer with a port, or an instance of TSEND_C, which sends the bytes written into this one.
+    `line`: the sender of the bytes written into this one: a ComBuffer with a port, or a TSEND_C instance.
     `size` in bytes, 0: the source sets it. `per_cycle`: how many written bytes leave in a scan, 0: all.
     `is_written`: a send block fills it; `is_fed`: a TRCV_C fills it. `history`: how many bytes are kept.
     """

@@ -1,4 +1,4 @@
-"""Reads a TOML file, each table key by key: a wrong, missing or unknown key is a Problem.
+"""Reads a TOML file, each table key by key: a wrong value and a missing or unknown key are Problems.
 
 Rule: every key has a Kind, and a Kind reads both a TOML value and the text of `--set PATH=VALUE`.
 """

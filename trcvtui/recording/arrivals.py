@@ -1,7 +1,7 @@
 """Notes on bytes that a recorded PLC has not read, made after its blocks have read and before a close.
 
 Rule 1: bytes that a block reads are in the entry of that read; the notes have only the unread ones.
-Rule 2: unread bytes came before the scan's reads; LATE ones after: the handle was emptied or not ready.
+Rule 2: unread bytes came before the scan's reads, LATE ones after: their handle was emptied or not ready.
 """
 
 from __future__ import annotations

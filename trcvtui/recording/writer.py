@@ -40,7 +40,7 @@ WRITER_MAIN, STATE_MAIN = ("follower", "writer_main"), ("follower", "state_main"
 
 
 class WriterProcess:
-    """The sink of a run that must not wait. `waits`: wait for the writer's start; UserError if it fails."""
+    """The sink of a run that must not wait. `waits`: begin once the writer can write, else UserError."""
 
     def __init__(
         self, path: Path, record: RecordTarget, waits: bool = True, main: tuple[str, str] = WRITER_MAIN

@@ -111,7 +111,7 @@ class _StackWaits:
             self._paths[connect] = [each for each in paths if each[0] >= second]
 
     def find_floods(self) -> Iterator[tuple[str, int, int]]:
-        """Yield each CONNECT on which unread bytes grow although jobs read: since when, for how long."""
+        """Yield each CONNECT on which unread bytes grow although jobs read: from when, for how many s."""
         for connect, least in self._least.items():
             read = self._read.get(connect, set())
             since, run = 0, 0

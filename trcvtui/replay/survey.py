@@ -91,7 +91,7 @@ class Survey:
         return before + scans if scans == 1 or not took else before - (began - ns) * scans // took
 
     def _get_stretch(self, at: int) -> tuple[int, int, int, int]:
-        """Return the scan at index `at` - 1 and its time, and how many scans and ns `at` is later."""
+        """Return the scan at index `at` - 1 and its time, and how many scans and ns later index `at` is."""
         scan, ns = (self._scans[at - 1], self.times[at - 1]) if at else (self.first, 0)
         return scan, ns, self._scans[at] - scan, self.times[at] - ns
 

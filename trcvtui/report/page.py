@@ -62,7 +62,7 @@ LANE_SHAPES: Final = (  # what a column has seen, its class, its top and height:
 
 
 class ReportSource(NamedTuple):
-    """The origin of a report. `seen`: how the whole run was replayed; or `stopped`: why the replay ended.
+    """The origin of a report. `seen`: how the whole run was replayed; `stopped`: why only a part, or "".
 
     `files` (name, bytes, SHA-256) and `conversations` (columns as in the template) are rows of tables.
     `findings`: what the doctor found, the surest finding first.

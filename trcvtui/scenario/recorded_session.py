@@ -427,7 +427,7 @@ def scenario_text(session: RecordedSession, bench: Bench, path: Path, before: st
     """Return the text of a scenario file for `path`.
 
     `before`: the project's text at the start of the session, if its file has changed since. The scenario
-    has a copy. A project of the installation is copied, too: no file names a path of the installation.
+    has this text, or the text of a project of the installation: no file names a path of the installation.
     """
     old, new = bench.project.base, path.parent
     lines = [_rebase_step(line, old, new) for line in session.steps()]

@@ -8,7 +8,7 @@ from trcvtui.blocks.conditions import Condition
 
 
 class Remedy(Struct, frozen=True, forbid_unknown_fields=True):
-    """One remedy in words, as a bench `command`, and as `--set` of a what-if (`set`); None: not possible.
+    """One remedy in words, as a bench `command`, and as `--set` of a what-if (`set`); None: no such form.
 
     `tried`: a second check with the remedy found neither this cause nor a new one. If False: only advice.
     """

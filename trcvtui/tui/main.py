@@ -405,7 +405,7 @@ class MainScreen(FullScreen[None]):
                 self.app.stylesheet.apply(pane)
 
     def go_to_place(self, place: DoctorTarget) -> None:
-        """Show a scan of an instance in the timing pane, or a received byte of the instance in pane 5."""
+        """Show a scan of an instance in the timing pane, or a byte of its received stream in pane 5."""
         if place.instance != self._view_model.selected:
             self._view_model.selected = place.instance
             self.follow_selected()

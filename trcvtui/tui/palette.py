@@ -101,7 +101,7 @@ async def _press_key(main: MainScreen, key: PaneKey) -> None:
 
 
 async def press_other_pane_key(main: MainScreen, key: str, missing: str = "") -> None:
-    """Press a key of one other pane, unless it writes or is a peer's key; else say where the key works."""
+    """Press a key that only one other pane has, unless pane or key writes; else say where the key works."""
     found = [each for each in pane_keys(main) if each.binding.key == key]
     is_pin = key in PIN_LETTERS.values()
     if len(found) == 1 and found[0].digit != PEER_PANE and found[0].action != WRITE_ACTION:

@@ -38,7 +38,7 @@ class EchoLine(LineView, can_focus=False):
     def show_answer(
         self, line: str, error: str = "", waits: bool = False, text: str = "", stays: bool = False
     ) -> None:
-        """Show a command and its answer for MESSAGE_TIME_S, with `waits` or `stays` until the next one."""
+        """Show a command and its answer for MESSAGE_TIME_S; with `waits` or `stays`, until the next."""
         if self._end is not None:
             self._end.stop()
         expires = bool(line or error or text) and not (waits or stays)

@@ -161,7 +161,7 @@ def _unverified_notes(layout: Layout) -> list[str]:
 
 
 def indented_json(record: object) -> str:
-    """Return an object as `json.dumps(..., indent=2)` does, which would be slow for many members."""
+    """Return the text of `json.dumps(..., indent=2)`, but faster: `json` is slow for many members."""
     import msgspec  # here, since the tables that shell loops ask for do not need it
 
     return msgspec.json.format(json_text(record), indent=2)

@@ -141,7 +141,7 @@ class Outbox:
         self._sendings: deque[_SendProgress] = deque()
 
     def put(self, send: PeerSend, now: int, number: int = 0, pause_ns: int = 0) -> None:
-        """Queue one send command; its first chunk is due `pause_ns` after now, or after earlier sends end.
+        """Queue one send command; its first chunk is due `pause_ns` after now or the end of earlier sends.
 
         `number`: the number of the first message of this send; the fills use it.
         """
@@ -207,7 +207,7 @@ class _ContentMatcher:
 
 
 class _StartMatcher:
-    """Compares the first bytes of a scan with a pattern; an incomplete match continues in the next scan."""
+    """Compares the first bytes of each scan with a pattern; an incomplete match continues in the next."""
 
     def __init__(self, match: Starts) -> None:
         self._wanted = match.payload

@@ -173,7 +173,7 @@ class StreamTransport(_Transport):
             self._end_connection(("closed",), "closed")
 
     def rst(self) -> str:
-        """Send RST; without a connection do nothing."""
+        """Send RST; without a connection only write a note into the ledger."""
         if self._handle is not None:
             self._kernel.abort(self._handle)
             self._end_connection(("reset", "closed"), "sent RST")

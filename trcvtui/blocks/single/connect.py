@@ -217,7 +217,7 @@ class SingleTdiscon(SingleScriptBlock):
 
 
 class SingleTReset(SingleScriptBlock):
-    """One T_RESET instance; 0001 with DONE if no connection is established."""
+    """One T_RESET instance; 0001 with DONE if no connection is established. The endpoint stays."""
 
     def _begin(self) -> Outcome:
         if self._connection.state is State.CLOSED:

@@ -189,7 +189,7 @@ class TsendC(JobBlock):
         return not_connected("REQ", "REQ rose without a connection", self._connection)
 
     def _keep_request(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
-        """Keep a REQ that stays 1, to send once the connection is up; a REQ that falls earlier is lost."""
+        """Keep an edge until the connection is up; without `request_connects`, only while REQ is 1."""
         if self._course.request_connects:
             self._edge = self._edge and not outcome.error
         else:

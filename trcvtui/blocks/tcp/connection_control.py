@@ -108,7 +108,7 @@ def disconnect(connection: Connection, cause: Cause) -> list[Outcome]:
 
 
 def reset(connection: Connection, cause: Cause, shown: Iterable[Condition]) -> list[Outcome]:
-    """Abort the connection with RST; return an outcome for each condition `shown`. The listener stays."""
+    """Abort the connection with RST; return one outcome for each of `shown`. The listener stays."""
     peer = connection.partner
     fault = connection.reset()
     if fault is not None:

@@ -91,7 +91,7 @@ class SendJob(OutgoingJob):
         )
 
     def advance(self) -> Outcome | ConnectionLoss:
-        """Send the remaining bytes; end the job once the stack has all its bytes."""
+        """Send the remaining bytes; end the job once the stack has taken them all."""
         if self._must_stay and (changed := self._end_if_changed()) is not None:
             return changed
         ended: Outcome | ConnectionLoss | None = self.connection.check_before_sending()  # rule 2

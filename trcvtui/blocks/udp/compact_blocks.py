@@ -31,7 +31,7 @@ class UdpControl:
         self._is_late = False  # CONT rose while a close still showed
 
     def call(self, cont: bool) -> Outcome | None:
-        """Return the outcome of this scan, None while the socket exists."""
+        """Return the outcome of this scan; None: the socket is there, and the job decides."""
         rose, fell = cont and not self.cont, self.cont and not cont
         self.cont = cont
         if fell and not self._is_late:
@@ -118,7 +118,7 @@ class UsendC(JobBlock):
         return self.job.begin(inputs.len) if req_rose else _NEXT_REQ if self.job.number else NO_REQ
 
     def _answer_not_ready(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
-        """Show 80A1 for an edge that came too early: instead of the second 0001, or of the first 7001."""
+        """Show 80A1 for an early edge, in place of any 0001 but the first, or of the first 7001."""
         self.job.abandon(outcome.cause.name)
         self._edge = (self._edge or req_rose) and inputs.cont
         in_time = outcome.condition is Condition.CREATING and self._control.waits > 1

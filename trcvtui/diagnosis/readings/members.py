@@ -25,7 +25,7 @@ _STRUCT_ORDERS: Final = {BIG: ">", LITTLE: "<"}
 
 
 class FoundMember(NamedTuple):
-    """A member: `order`: its byte order, "" if it has none or any order fits; `proof` is a sentence."""
+    """A member. `order`: its byte order, "" if it has none or any order fits; `proof`: a sentence."""
 
     at: int
     size: int

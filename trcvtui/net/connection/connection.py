@@ -262,7 +262,7 @@ class Connection:
         return [(State.CREATED, None), (State.ESTABLISHING, self._prepare(now))]
 
     def _note_early_faults(self) -> None:
-        """Note the faults of early steps; no block has got them, as the set-up ended first."""
+        """Note the faults of early steps that no block has got, because the set-up ended first."""
         for _, failed in self._early:
             if failed is not None:
                 self._note(EventKind.ATTEMPT_FAILED, self.set_up.remote, failed.detail, failed.fault)

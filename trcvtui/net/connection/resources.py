@@ -175,7 +175,7 @@ class ScanBudget:
 
 
 class Claim:
-    """The claim of one instance; `priority`: its task's priority; None: one claim for all tasks.
+    """The claim of one instance; `priority`: its task's; None: claims of all tasks exclude each other.
 
     `has_frame`: the job has read a whole frame, and shows it in the next call. `is_refused`: the
     instance's last call could start no job: the instance reads nothing, but keeps other instances out.

@@ -169,7 +169,7 @@ class LayerKernel(KernelProxy):
         return made
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
-        """Set the options. They name the CONNECT for a client; then answer the client's handshake."""
+        """Set the options. Those of a client name its CONNECT: then the client's handshake is answered."""
         refused = self.inner.set_options(handle, options)
         stream = self._streams.get(handle)
         if stream is None:
@@ -316,7 +316,7 @@ class LayerKernel(KernelProxy):
         return self.inner.unread(handle) + (stream.session.held_bytes if stream else 0)
 
     def list_unread(self, handles: Collection[Handle]) -> list[Handle]:
-        """Return the handles at which something is unread, and all handles that have a session."""
+        """Of `handles` return those at which something is unread, and all that have a session."""
         plain = [
             handle for handle in handles if handle not in self._streams and handle not in self._listeners
         ]

@@ -213,7 +213,7 @@ class LayeredStream:
         return new or WOULD_BLOCK
 
     def _count_taken(self) -> int:
-        """Return how many bytes count as sent; of 2 or more, the last only after all encoded bytes."""
+        """Return how many bytes count as sent; the last of several only when all encoded bytes are sent."""
         if not self._carried:
             return self._data_size
         if self._data_size == 1:  # its first byte, which counts as taken, is its last: the rest waits here

@@ -118,7 +118,7 @@ class Forwarder(TapLoop):
                         )
 
     def release_all(self) -> None:
-        """Forward all held and delayed bytes, and hold no new bytes."""
+        """Forward all held and delayed bytes; from now on hold and delay none."""
         self.holds = False
         for lane in self._list_lanes():
             lane.release_all()

@@ -76,7 +76,7 @@ def connect_to_tap(path: Path, expected: str) -> int:
 
 
 def listen_at(path: Path) -> socket.socket:
-    """Listen at a path; replace the socket of a dead program. Raise UserError if that fails."""
+    """Listen at a path; replace a dead program's socket. Raise UserError if it is in use, or on failure."""
     made = socket.socket(socket.AF_UNIX)
     try:
         # Only a socket that refuses a connection is that of a dead program.

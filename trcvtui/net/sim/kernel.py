@@ -1,6 +1,6 @@
 """The simulated network: a Kernel with in-memory TCP, a virtual clock and seeded randomness.
 
-It answers as Linux does: tests/net/contract.py checks this. Its time moves only with `advance`.
+It answers as Linux does; tests/net/contract.py checks what they share. Its time moves only with `advance`.
 As in the real kernel, the result of `poll` holds for the whole scan, for handles of the poll set.
 """
 

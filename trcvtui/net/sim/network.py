@@ -248,7 +248,7 @@ class SimWire:
                 self.carry(server, server.make_syn_ack())
 
     def call_as_partner(self, local: Endpoint, target: Endpoint) -> SimStream | None:
-        """Let a played partner call a listener; return the partner's end, None if both are connected."""
+        """Let a played partner call a listener; return its end, None if they were connected before."""
         client = self._make_played_stream(local, target)
         if self.has_connection(client):
             return None

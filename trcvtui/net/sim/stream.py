@@ -324,7 +324,7 @@ class SimStream:
         return size
 
     def write(self, data: memoryview) -> int | WouldBlock | str:
-        """Queue the bytes that have room in the send buffer, return how many; a str is an errno name."""
+        """Queue the bytes that have room in the send buffer; return how many; a str is an errno name."""
         if self.phase is StreamPhase.SYN_SENT:
             return WOULD_BLOCK
         if self.error:
@@ -360,7 +360,7 @@ class SimStream:
             self._send_queued()
 
     def close(self) -> None:
-        """Send RST and end if data is unread; else send the queued data, then FIN; the program is gone."""
+        """Send RST if data is unread; else send queued data and FIN: the stream outlives its program."""
         if self.phase is not StreamPhase.OPEN or self._in.inbox:  # RFC 2525 2.17: RST if data is unread
             self.abort()
             return

@@ -58,7 +58,7 @@ def state_of(line: FleetLine) -> str:
 
 
 def describe_status(line: FleetLine) -> str:
-    """Return the text of the worst instance: finding, STATUS, or if it is stuck how many bytes came."""
+    """Return the text of the worst instance: finding, received of wanted bytes if stuck, else STATUS."""
     status = line.worst_instance.status if line.worst_instance is not None else None
     if status is None:
         return ""

@@ -88,7 +88,7 @@ def format_value(value: KeyValue) -> str:
 def fields_to_change(
     part: ProjectPart, now: Mapping[str, KeyValue], project: Project, block: str
 ) -> list[AddField]:
-    """Return the fields of a part; the field of a missing key is empty. `block` decides an instance's pins.
+    """Return the fields of a part; a missing key's field is empty. `block` decides an instance's fields.
 
     A key with several texts, such as `replies`, has no field: only a `set` line changes it.
     """
@@ -122,7 +122,7 @@ def _without_new(field: AddField) -> AddField:
 def make_set_line(
     part: ProjectPart, now: Mapping[str, KeyValue], texts: Mapping[str, str], project: Project
 ) -> str:
-    """Return the `set` line that gives the keys the texts of the fields; "" if no text has changed."""
+    """Return the `set` line that gives each changed key the text of its field; "" if none has changed."""
     gone: dict[str, str] = {}
     if part.kind == "instance" and texts["block"] in project.dialect.blocks:
         pins = {pin.name for pin in project.pins(texts["block"])}

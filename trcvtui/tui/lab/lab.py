@@ -213,7 +213,7 @@ class LabBytes:
     def evidence(self) -> tuple[list[bytes], bool]:
         """Return the bytes to judge profiles by, and whether the sender decided their lengths.
 
-        While DATA or the running job is shown, these are the received messages, if their ends are known.
+        While DATA or the running job is shown, return the received messages, if their ends are known.
         """
         known = [] if self._doubt() else [message.content for message in self.messages()]
         if known and self._has_messages():

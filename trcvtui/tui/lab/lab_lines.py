@@ -41,7 +41,7 @@ def run_lab_line(line: str, lab: Lab) -> str:
 
 
 def goes_to_engine_too(line: str) -> bool:
-    """Return whether the engine needs the line, too: it saves constants, or reads types again."""
+    """Return whether the engine needs the line, too: to save constants, or to read types again."""
     return line.split()[1:2] in ([CONSTANT], [RELOAD])
 
 

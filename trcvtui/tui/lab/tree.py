@@ -263,7 +263,7 @@ class LabTree(LineView):
             self.go_to(y, tells=opens)
 
     def action_fold(self, wanted: bool | None) -> None:
-        """Open (True), close (False), toggle (None) a branch; False on any other row: go to the parent."""
+        """Open (True), close (False), toggle (None) a branch; False if none is open: go to the parent."""
         tree, found = self._lab.tree, self.chosen_row
         if tree is None or found is None:
             return

@@ -140,7 +140,7 @@ def _frames(framer: FramerSnapshot) -> Row:
 
 
 def _noise_rows(framer: FramerSnapshot, width: int) -> list[Row]:
-    """Return the rows about bytes outside frames: noise before a prefix, and unfinished frames."""
+    """Return the rows about bytes outside frames: noise before a prefix, and dropped parts of frames."""
     tally = framer.tally
     if not framer.discarded and not tally.parts:
         return [row(_label("noise"), ("nothing thrown away", "dim"))]

@@ -81,7 +81,7 @@ class JobLine(OneLine):
                 (f"ended by: {framer.ending_text} ", style)]  # fmt: skip
 
     def _sent_parts(self, instance: InstanceSnapshot) -> list[Part]:
-        """Return how far the bytes are sent; DONE only means that the local stack has taken the bytes."""
+        """Return how far the sent bytes have come; DONE only means that the local stack has taken them."""
         parts: list[Part] = [("── ", "dim")]
         if instance.need:
             full, empty = bar(instance.have, instance.need, BAR_WIDTH)

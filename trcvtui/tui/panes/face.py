@@ -17,7 +17,7 @@ BYTES_NOT_KEPT: Final = "the view froze without these bytes: F goes back to live
 
 
 class DetailLine(LineView, can_focus=False):
-    """Explains the selected byte: in the stream by its origin (or shows a search), in DATA as numbers."""
+    """Below the stream: the origin of the selected byte, or a search. Below DATA: the byte as numbers."""
 
     DEFAULT_CSS = "DetailLine { height: 1; display: none; }"
 

@@ -121,7 +121,7 @@ def output_text(pin: DrawnPin, instance: InstanceSnapshot | None, glowing: bool)
 
 
 def glow_text(pin: DrawnPin, instance: InstanceSnapshot | None, afterglow: Afterglow, t_ns: int) -> str:
-    """Return the text that stays beside an output after a short DONE or ERROR: scan, RCVD_LEN, STATUS."""
+    """Return the text beside an output after a DONE or ERROR that has ended: scan, RCVD_LEN or STATUS."""
     if instance is None:
         return ""
     done = None if instance.outputs.done else afterglow.glow(instance.name, DONE, t_ns)

@@ -28,7 +28,7 @@ EMPTY_HINTS: Final = (
 
 
 class ListColumns(NamedTuple):
-    """Widths of columns; `both`: show both ends, not only the partner; `bar` 0: no bar, numbers, age."""
+    """Widths of columns; `both`: show both ends, not only the partner; `bar` 0: no bar, numbers or age."""
 
     name: int
     partner: int

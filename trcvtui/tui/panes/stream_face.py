@@ -160,7 +160,7 @@ class StreamFace(ReceivedFace):
         return self._with_hit(self.stream.cursor, self.stream.difference() + origin)
 
     def message_here(self) -> range:
-        """Return the positions of the message under the cursor, else of the job if its bytes are here."""
+        """Return the positions of the message under the cursor, else of the job if all of it is here."""
         place, job = self.stream.cursor, self.job_here()
         of_job = range(job.position, job.stop) if job is not None else range(0)
         found = [each.positions for each in self._view_model.messages if place in each.positions]

@@ -1,6 +1,6 @@
 """The screen of the scenarios: a list of files, and one of them played step by step.
 
-Rule: the engine plays a scenario; this screen sends `scenario` lines and shows the player in pictures.
+Rule: the engine plays; this screen sends `scenario` lines and shows the player of the newest picture.
 """
 
 from __future__ import annotations

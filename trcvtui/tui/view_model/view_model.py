@@ -370,7 +370,7 @@ class ViewModel:
 
     @property
     def drawn_instances(self) -> tuple[str, ...]:
-        """Return the instances to draw over time: the selected one, if wanted others on its CONNECT."""
+        """Return the instances to draw over time: the selected one; if wanted, others on its CONNECT."""
         instance = self.instance
         if instance is None or not self.draws_neighbours:
             return (self.selected,) if self.selected else ()

@@ -44,7 +44,7 @@ def place_between(number: Number, low: Number, high: Number) -> float:
 
 
 def sparkline(numbers: Numbers) -> str:
-    """Return a block for each message, or "" if none has a number; equal numbers get the lowest block."""
+    """Return a block for each message, the lowest one if all numbers are equal; "" without numbers."""
     known = list_finite(numbers)
     if not known:
         return ""
@@ -59,7 +59,7 @@ def sparkline(numbers: Numbers) -> str:
 
 
 class Curve(NamedTuple):
-    """Rows of cells from the top; a cell is the bits of its dots. `least` and `most`: extreme numbers."""
+    """Rows of cells from the top; a cell is its dots as bits; ends of the axis; extreme numbers."""
 
     cells: list[list[int]]
     axis: tuple[Number, Number]

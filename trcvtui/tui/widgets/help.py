@@ -199,7 +199,7 @@ HELP_SECTIONS: Final[tuple[tuple[str, tuple[str, ...], KeyTable], ...]] = (
 
 
 def letters_of(pins: Iterable[str], taken: Collection[str] = ()) -> dict[str, str]:
-    """Return a letter for each pin, each letter once and not in `taken`; "" if no letter is free."""
+    """Return a letter for each pin, each letter once and not in `taken`; "" if none of its name is free."""
     names = list(pins)
     given = {pin: PIN_LETTERS[pin] for pin in names if pin in PIN_LETTERS}
     for pin in names:

@@ -157,7 +157,7 @@ CONTRASTS: Final = {
 
 
 def readable_colours(theme: Theme, colours: dict[str, str]) -> dict[str, str]:
-    """Return new values for the colours of a Textual theme that are hard to see."""
+    """Return some colours of a Textual theme, changed where words or frames would be hard to see."""
     if theme in OWN_THEMES.values():
         return {}
     if theme.ansi:

@@ -132,7 +132,7 @@ class ComparedRow(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """Both sizes; number of rows and differing rows; lowest offset of a differing row on either side."""
+    """Both sizes; number of rows, and of differing ones; their lowest offset on either side, or None."""
 
     our_size: int
     their_size: int

@@ -57,7 +57,7 @@ _StructPart = tuple[str, Type, Node | Span]
 
 
 class _Drift(NamedTuple):
-    """One drift: its cause, its placed type, and a function that makes the type of a likely drift."""
+    """One drift: its cause, its placed type, and a function that makes the type if it is likely."""
 
     cause: FitCause
     lying: Node | Span
@@ -178,7 +178,7 @@ class _StructVariants:
         return start, round_up(start + node.size, self.placing.end_floor(inner)), step
 
     def replace_parts(self, at: int, stop: int, new: _StructPart | None = None) -> tuple[Span, int]:
-        """Put `new` or nothing for parts `at` to `stop`; return the STRUCT, and the next part's shift."""
+        """Return the STRUCT with `new` or nothing for parts `at` to `stop`, and the next part's shift."""
         if self.has_bits or (new and _has_bit([new])):  # with bits a place needs more than the remainder
             parts = [*self.parts[:at], *([new] if new else []), *self.parts[stop:]]
             spots, end, align = self.placing.member_spots(self.type, parts)
@@ -220,7 +220,7 @@ def _has_bit(parts: Sequence[_StructPart]) -> bool:
 
 
 class _DriftSearch:
-    """Finds the drifts of a type in one layout; places them all, but makes only types of a fitting size."""
+    """Finds the drifts of a type in one layout. All are placed; types are made later, only for a few."""
 
     def __init__(self, rules: LayoutRules) -> None:
         self.placing = Placing(rules)

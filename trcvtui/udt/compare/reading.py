@@ -346,7 +346,7 @@ class Reading:
 
     @cached_property
     def places(self) -> object:
-        """Return a value that is equal for readings with equal byte order, kind of cause, member places."""
+        """Return a value that is equal for readings with equal byte order, cause kind and member places."""
         front = self.cause.front
         return (
             self.order,

@@ -238,7 +238,7 @@ class Codec:
 
 
 def codec_of(leaves: Sequence[Leaf], order: str) -> Codec | None:
-    """Return the codec of the leaves; None if leaves share a byte.
+    """Return the codec of the leaves; None if one is a bit, or if leaves share a byte.
 
     Bits share a byte, and members of a UNION share bytes: such leaves are read one by one.
     """

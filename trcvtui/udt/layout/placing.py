@@ -288,7 +288,7 @@ class Builder:
             self.put(name, Array(((0, size - 1),), BYTE), offset, None, path)
 
     def least_size(self, size: int) -> int:
-        """Return the smallest possible size of the type that is at least `size`."""
+        """Return the smallest size of at least `size` that the type can have."""
         return round_up(max(size, self.end), self.align)
 
     def pad_to_size(self, size: int, path: str) -> None:

@@ -59,7 +59,7 @@ def _write_overlapping(layout: Layout, data: bytearray, parts: Sequence[tuple[Le
 
 
 def _equivalent(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
-    """Return other bytes that mean the same value: a text with a length beyond its field, TRUE as 16#FF."""
+    """Return other bytes of the same value: for a full text a length beyond its field, for TRUE 16#FF."""
     if not isinstance(leaf.type, StringType):
         return b"\xff" * len(part) if any(part) and leaf.coding.code == "?" else part
     if not layout.rules.text.header:

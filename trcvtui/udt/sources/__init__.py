@@ -172,7 +172,7 @@ def read_files(
 
 
 def qualify_variables(read: Declarations, path: SourcePath, paths: Iterable[SourcePath]) -> Declarations:
-    """Return what a file declares; its variables are named `folder/name` if two files have one name."""
+    """Return what a file declares; variables are `folder/name` if another file has the same file name."""
     folder, name = os.path.split(str(path))
     if not folder or not any(VARIABLES_NOTE in each.notes for each in read.types):
         return read

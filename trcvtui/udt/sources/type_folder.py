@@ -132,7 +132,7 @@ def find_types(
     where: str,
     constants: Mapping[str, int],
 ) -> tuple[TypeSet, list[str]]:
-    """Return the types of files, and the types that `names` need from folders; note each used folder."""
+    """Return the types of files and those that `names` need from folders, and notes on used folders."""
     found_in: dict[str, dict[str, dict[str, Declarations]]] = {}
     sought: set[tuple[str, str]] = set()
     types = join_files(files, where, constants)

@@ -80,8 +80,8 @@ class Interface(NamedTuple):
 class Packet(NamedTuple):
     """One packet; `length`: bytes on the wire, `data` may have fewer; `at`: its offset in the file.
 
-    `sent`: True by the PLC, False to it, None unknown. Only our own recordings (interface of USER0) tell:
-    in other captures the flag tells the direction at the capturing host.
+    `sent`: True: sent by the PLC; False: sent to it; None: unknown. It is set only in our own recordings
+    (with an interface of USER0): in other captures the direction flag is that of the capturing host.
     """
 
     ns: int

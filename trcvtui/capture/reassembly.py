@@ -96,9 +96,9 @@ class SegmentKind(Enum):
 
 class ConversationEvent(NamedTuple):
     """One event. `at`: its offset in the direction; `size`: its bytes, or the nanoseconds of a silence.
-    An ACK event has no bytes: `size` is its window. EARLY bytes were captured before a hole in front of
-    them was filled; LATE bytes fill it and were sent after the EARLY bytes: a retransmission. A LINE_ERROR
-    of a serial line has framing, parity, break or overrun as `data`.
+    An ACK event has no bytes: `size` is its window. EARLY bytes were captured while bytes before them
+    were missing; LATE bytes fill this gap and were sent after the EARLY bytes: a retransmission. A
+    LINE_ERROR of a serial line has framing, parity, break or overrun as `data`.
     """
 
     ns: int

@@ -155,7 +155,7 @@ def _recording_path(name: str) -> Path:
 
 
 class Controller:
-    """The bench for the screen. While `holding` is set, only `wanted` scans and the player's scans pass."""
+    """The bench for the screen. `holding`: only `wanted` more scans run, and the player's scans."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -439,7 +439,7 @@ class Controller:
 
     @property
     def hurries(self) -> bool:
-        """Return whether scans pass as fast as possible: if a simulated scenario plays to its end."""
+        """Return whether scans run as fast as possible: while a simulated scenario plays to its end."""
         player = self.player
         simulated = self.bench.kernel_name == "sim"
         return player is not None and simulated and player.is_to_end and player.wants_scan

@@ -178,7 +178,7 @@ class BlackBox:
         return [(first.encode(), 0), *((old.block, old.entries) for old in self._kept)]
 
     def save(self, path: Path) -> str:
-        """Write what is kept into a new file; return the answer; raise UserError."""
+        """Begin to write the kept run into a new file; return a text for the user; raise UserError."""
         self._finish_file(self._start_writer(path))
         return f"saving {size_text(self._size)} of the black box into {path.absolute()}"
 

@@ -372,7 +372,7 @@ class RecordedSession:
         self.marked_at = self._bench.runtime.scans
 
     def steps(self) -> Iterator[str]:
-        """Yield the steps of a scenario that repeats the session; raise UserError if not all is kept."""
+        """Yield the steps of a scenario that repeats the session; raise UserError if it is too long."""
         if self.is_overfull:
             found = f"{self.commands} commands of {self._characters} characters"
             expected = f"at most {MOST_COMMANDS} of {MOST_CHARACTERS}; a new bench begins a new session"

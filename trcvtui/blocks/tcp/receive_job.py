@@ -91,7 +91,7 @@ class ReceiveJob(IncomingJob):
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether EN_R asks for a job that can start, now or once another reader frees the lock.
 
-        `waits` False: return False also if the owner of the lock asked for a job and was refused.
+        With `waits` False, also return False if the last call of the lock's owner could start no job.
         """
         if not inputs.en_r or self._unfit is not None:
             return False

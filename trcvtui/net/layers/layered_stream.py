@@ -124,7 +124,7 @@ class LayeredStream:
         self.is_over = True
 
     def read(self, into: memoryview) -> LayerMessage | None:
-        """Take what the session has; if it has nothing, read the stream first."""
+        """Move the session's data into the view; if the session has none yet, first read the stream."""
         if not self.session.has_data:
             self.pump()
         return self.session.read(into)

@@ -279,7 +279,7 @@ class SimStream:
         return bool(self._in.inbox) or self.is_gone
 
     def peek(self, skip: int) -> Unread:
-        """Return the unread bytes (their number and a part), and how the partner has ended."""
+        """Return the unread bytes (their number and a part), and whether the partner sent FIN or RST."""
         half, is_reset = self._in, self.phase is StreamPhase.OVER and self.error == "ECONNRESET"
         end = "rst" if is_reset else "fin" if half.fin else ""
         size = len(half.inbox)

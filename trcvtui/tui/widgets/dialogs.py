@@ -66,7 +66,7 @@ class CardText(TextView):
 
 
 class ResultText(TextView):
-    """The text of a result; `rows` makes its rows for a width."""
+    """The text of a result; `rows` returns its rows for a given width."""
 
     def __init__(self, id: str, rows: Callable[[int], list[Row]]) -> None:
         super().__init__(id=id)

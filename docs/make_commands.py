@@ -14,8 +14,8 @@ PAGE: Final = Path(__file__).parent / "commands.md"
 HEAD: Final = """\
 # Commands
 
-`trcvtui` alone opens the built-in demo. `trcvtui COMMAND --help` prints what this page says of a command.
-The lines that a running bench takes: [bench commands](bench-commands.md). The screen: [keys](keys.md).
+`trcvtui` alone opens the built-in demo. `trcvtui COMMAND --help` prints what this page says about a command.
+Commands to a running bench: [bench commands](bench-commands.md). The screen: [keys](keys.md).
 
 `make atlas` writes this page from `trcvtui/cli`.
 
@@ -24,10 +24,11 @@ The lines that a running bench takes: [bench commands](bench-commands.md). The s
 | code | means |
 | --- | --- |
 | 0 | all is well |
-| 1 | an expectation failed. `doctor`: findings. `messages`: no row. `replay --check`: the run differs |
-| 1 | `udt compare`: the layouts differ. `udt fit`: no single best fit |
-| 2 | a file or an argument is wrong, or stdout is closed or full; a line on stderr says where |
-| 130, 141 | Ctrl+C; the program that reads stdout has ended |
+| 1 | `scenario`: an expectation failed. `replay --check`: the run differs. `doctor`: findings |
+| 1 | `messages`: no row. `udt compare`: the layouts differ. `udt fit`: no single best fit |
+| 2 | a file or an argument is wrong, or stdout is closed or full. A line on stderr says which |
+| 130 | Ctrl+C |
+| 141 | the program that reads stdout has ended |
 
 stdout is data, messages go to stderr. A stderr that is closed or full changes no exit code.
 """
@@ -41,8 +42,8 @@ lines of an ERROR: [scenario-output.md](scenario-output.md). Recordings: [record
     "replay": "The time line and what-if runs: [recording.md](recording.md).",
     "recording": "What each option leaves out: [recording.md](recording.md#share-a-recording).",
     "watch": """\
-On a terminal it opens the screen, where `?? ??` marks bytes that the capture lacks; else it prints lines.
-Without a project each direction of each PLC end gets a project of its own. Datagrams go through URECV_C,
+On a terminal it opens the screen, in which `?? ??` marks bytes that the capture lacks. Else it prints lines.
+Without --project it makes a project for each direction of each PLC end. Datagrams go through URECV_C,
 serial lines through the project's ReceiveData. See [a mirror port](line.md#a-mirror-port).""",
     "tap": """\
 Without a terminal it reads [bench commands](bench-commands.md#a-tap) from stdin. What happens when it ends,
@@ -50,14 +51,14 @@ and when the far end refuses: [a tap](line.md#a-tap).""",
     "conversations": "It reads captures of Wireshark, dumpcap and tcpdump.",
     "messages": "What a message is, the columns and the conditions: [messages.md](messages.md).",
     "doctor": """\
-It exits with 2 if nothing could be read. `--scheduler` needs `pip install "trcvtui[cluster]"`; without TLS
-a scheduler trusts everybody who reaches it. The findings: [doctor.md](doctor.md).""",
+It exits with 2 if no file could be read. `--scheduler` needs `pip install "trcvtui[cluster]"`. Without TLS
+a scheduler trusts everybody who can connect to it. The findings: [doctor.md](doctor.md).""",
     "status": """\
 All codes: [Baosky](status-baosky.md), [Siemens](status-siemens.md), [legacy](status-siemens-legacy.md),
 [TwinCAT](status-twincat.md).""",
     "st": """\
 SCL calls the single-instance DB, `"TRCV_C_1"(...)`, or with `--multi` a multi-instance, `#TRCV_C_1(...)`.
-What the project's `start` writes into DATA is its initial value.""",
+The bytes that the project's `start` writes into DATA become its initial value.""",
     "udt": "Formats, layouts and cures: [udt.md](udt.md).",
     "completion": """\
 For bash and zsh: `eval "$(trcvtui completion bash)"`. For fish: `trcvtui completion fish | source`.""",

@@ -60,7 +60,7 @@ def require(module: str, extra: str, where: str, found: str) -> Any:
     try:
         return import_module(module)
     except ImportError:
-        raise mistake(where, found, f"it: pip install 'trcvtui[{extra}]'") from None
+        raise mistake(where, found, f"this package: pip install 'trcvtui[{extra}]'") from None
 
 
 @contextmanager

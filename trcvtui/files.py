@@ -28,7 +28,7 @@ _SPECIAL_FILE_KINDS: Final = (
     (stat.S_ISCHR, "a device"),
     (stat.S_ISBLK, "a device"),
     (stat.S_ISSOCK, "a socket"),
-    (stat.S_ISDIR, "Is a directory"),  # the system's words
+    (stat.S_ISDIR, "a folder"),
 )
 _refusal_reasons: list[str] = []  # why no file is opened any more
 _paths_read: set[str] = set()  # the real paths of what has been read
@@ -203,8 +203,11 @@ def refuse_overwriting_input(path: FileName, where: str, inputs: Iterable[FileNa
 
 
 def reason_of(failed: OSError | ValueError) -> str:
-    """Return why a file could not be read or written, as the system says it."""
-    return getattr(failed, "strerror", None) or str(failed)
+    """Return why a file could not be read or written: words of the system in quotes, or ours."""
+    if isinstance(failed, IsADirectoryError):
+        return "a folder"
+    text = getattr(failed, "strerror", None) or str(failed)
+    return f"'{text}'" if text == os.strerror(getattr(failed, "errno", 0) or 0) else text
 
 
 def create_file(path: FileName, where: str, replaces: bool = False) -> IO[bytes]:

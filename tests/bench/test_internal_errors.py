@@ -162,8 +162,8 @@ def test_a_what_if_guesses_from_the_scan_on_in_which_the_recorded_run_alone_had_
     scan = bad["A"][-1]["scan"]
     assert main(["replay", str(kept), "--set", "instance.D.LEN=4"]) == 0
     told = capsys.readouterr().out
-    assert f"scan {scan}: A had an internal error in the recorded run alone" in told
-    assert f"from scan {scan} on it is a guess" in told
+    assert f"scan {scan}: A had an internal error only in the recorded run" in told
+    assert f"from scan {scan} on the what-if is a guess" in told
 
 
 def said(bench: Bench) -> list[str]:

@@ -232,7 +232,7 @@ def test_ipv4_options_are_read_and_fragments_are_told(
     assert main(["conversations", str(path), "--format", "json"]) == 0
     said = capsys.readouterr()
     assert json.loads(said.out)[0]["to_plc"]["bytes"] == 3
-    assert "1 IP fragments without the rest of their packets" in said.err
+    assert "1 IP fragments of incomplete packets" in said.err
 
 
 def cut(packet: bytes, number: int, *places: int) -> list[bytes]:
@@ -328,7 +328,7 @@ def test_conversations_above_the_limit_are_told(
     assert main(["conversations", str(path)]) == 0
     said = capsys.readouterr()
     assert [line[:2] for line in said.out.splitlines() if line[0] != " "] == ["ID", "C1", "C2", "C3"]
-    assert "5 packets of conversations after number 3" in said.err
+    assert "5 packets of later conversations (at most 3 are read)" in said.err
 
 
 ETHERCAT = b"\x88\xa4" + bytes(40)
@@ -362,7 +362,7 @@ def test_what_is_neither_tcp_nor_udp_is_named(link_type: int, frames: list[bytes
     found = Conversations()
     for data in frames:
         found.add_packet(pcap.Packet(0, 0, data, len(data), (), 0), link_type)
-    assert [*capture_notes(found, [])][1:] == [f"not read: {line}: no TCP or UDP"]
+    assert [*capture_notes(found, [])][1:] == [f"not read (neither TCP nor UDP): {line}"]
 
 
 def test_the_kinds_of_what_is_not_read_are_bounded() -> None:
@@ -443,8 +443,8 @@ def test_the_text_stays_in_80_columns(tmp_path: Path, capsys: pytest.CaptureFixt
     assert capsys.readouterr().out.splitlines() == [
         "ID  PLC END        PARTNER END     AT      FOR     TO PLC  FROM PLC",
         "C1  10.0.0.5:2000  10.0.0.9:51000  0.000s  0.005s  3 B     0 B",
-        "    tcp, syn to open; PLC end 75% sure: port 2000, usual at PLCs",
-        "    to PLC, bytes of 2 segments: 3 sent again, 6 missing",
+        "    tcp, syn to open; PLC end (75% sure): port 2000, usual at PLCs",
+        "    to PLC, 2 segments: 3 B sent again, 6 B missing",
         "    quality: gaps, ends-early",
     ]
     far = tuple((f"2001:1111:2222:3333:4444:5555:6666:77{n}", 65535) for n in (77, 88))
@@ -491,7 +491,7 @@ def test_files_that_are_no_capture_are_one_line_and_a_cut_one_is_read_up_to_ther
         assert len(capsys.readouterr().err.splitlines()) == 1
     assert main(["conversations", str(tmp_path / "cut")]) == 0
     said = capsys.readouterr()
-    assert "10.0.0.5:2000" in said.out and said.err.endswith("; read up to there\n")
+    assert "10.0.0.5:2000" in said.out and said.err.endswith("; only the packets before that are read\n")
 
 
 def classic(packets: list[bytes]) -> bytes:

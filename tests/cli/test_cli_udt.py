@@ -124,7 +124,7 @@ def test_round_numbers_never_decide_the_byte_order(run: Run) -> None:
     content = " ".join(f"00 {number:02x}" for number in range(1, 13))  # 256, 512 .. or 1, 2 ..
     code, out, _ = run("udt", "fit", "t.st", content)
     assert code == 1
-    assert "is ahead, but that is not sure" in out and "fits best" not in out
+    assert "has the most points, but is not sure" in out and "fits best" not in out
 
 
 def test_fit_takes_messages_with_an_empty_line_between_them(run: Run) -> None:
@@ -152,7 +152,7 @@ def test_fit_reads_a_text_that_ours_cannot_hold_in_the_layouts_that_can(run: Run
     content = f"07 00 00 00 {b'hello'.ljust(260, bytes(1)).hex()} 00 00 00 00 00 00 29 40"
     code, out, err = run("udt", "fit", "long.TcDUT", content)
     assert (code, out.partition(" (")[0]) == (0, "Long, 272 bytes: codesys-8, little-endian, STRING nul")
-    refused = "note: Long: baosky cannot hold it (Long.s, STRING[255])"
+    refused = "note: Long: baosky cannot hold this type (Long.s, STRING[255])"
     assert err == f"{refused}; only layouts that can hold it are tried\n"
 
 

@@ -127,5 +127,5 @@ def test_what_is_set_on_a_capture_of_others_needs_a_project(
     capture.write_bytes(section_block("others") + interface_block(RAW_IP, "eth0"))
     assert main(["doctor", str(capture), "--set", "instance.TRCV_C_1.LEN=20"]) == 2
     assert capsys.readouterr().err == (
-        f"--set: found {capture}, a capture, expected --project beside it, or a recording\n"
+        f"--set: found {capture}, a capture, expected a recording, or --project with the capture\n"
     )

@@ -548,7 +548,7 @@ def test_conversations_lists_below_the_others_what_belongs_to_none(
     path.write_bytes(aside().file())
     assert main(["conversations", str(path)]) == 0
     text = capsys.readouterr().out
-    below = text.partition("beside the conversations\n")[2].splitlines()
+    below = text.partition("apart from the conversations\n")[2].splitlines()
     assert [line.split()[0] for line in below] == ["arp:", "icmp:", "arp:"] and text.startswith("ID")
     assert main(["conversations", str(path), "--format", "json"]) == 0
     rows = json.loads(capsys.readouterr().out)

@@ -411,7 +411,7 @@ def test_a_replay_is_judged_once_as_its_file_is_and_keys_go_to_what_is_found(tmp
         (
             ("", line.survey.errors[0], line.survey.trouble),
             ("at error +1", scan, "finding: frame-short (J)"),
-            ("at error +1", scan, "no later ERROR, no finding"),
+            ("at error +1", scan, "no later ERROR or finding"),
             ("at end", line.survey.last_scan, line.survey.trouble),
             ("at error -1", scan, "finding: frame-short (J)"),
         )
@@ -474,7 +474,7 @@ def test_files_that_are_gone_are_one_line(tmp_path: Path) -> None:
     judge.start_judging()
     while judge.is_judging:
         judge.advance()
-    assert "none.pcapng: found No such file" in json.loads(judge.result_json)["trouble"]
+    assert "none.pcapng: found 'No such file" in json.loads(judge.result_json)["trouble"]
 
 
 class NoJudge:

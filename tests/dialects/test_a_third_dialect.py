@@ -124,8 +124,8 @@ VENDOR = re.compile(r"baosky|tianxing|siemens|s7[-_]1|nordwind", re.IGNORECASE)
 ALLOWED = {
     "capture/plc_end.py": {"Siemens"},  # whose network card it is
     "engine/project_edits.py": {"baosky"},  # what a new project is proposed
-    "cli/udt.py": {"default: baosky; for a Siemens source s7-standard"},  # --layout
-    "udt/command.py": {": a Siemens source, laid out as "},
+    "cli/udt.py": {"layout of the type; default: baosky, for Siemens sources s7-standard"},  # --layout
+    "udt/command.py": {": the source is Siemens, so the layout is "},
     "udt/sources/__init__.py": {"Siemens Openness"},
     "udt/other_files.py": {  # whose files are not read
         "a Siemens SIMATIC SD text file (.s7res)",

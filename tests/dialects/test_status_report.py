@@ -114,14 +114,14 @@ def test_all_dialects_are_asked_unless_one_is_named() -> None:
         (
             0x1234,
             None,
-            "CODE: found 16#1234, expected a code in the table of baosky, "
-            "see `trcvtui status --dialect baosky`",
+            "CODE: found 16#1234, expected a code in the table of baosky; "
+            "`trcvtui status --dialect baosky` lists them",
         ),
         (
             0x7006,
             "TSEND_C",
-            "CODE: found 16#7006, expected a code in the table of TSEND_C (baosky), "
-            "see `trcvtui status --dialect baosky`",
+            "CODE: found 16#7006, expected a code in the table of TSEND_C (baosky); "
+            "`trcvtui status --dialect baosky` lists them",
         ),
         (None, "TRVC_C", "--block: found 'TRVC_C', expected one of " + BLOCKS),
     ],
@@ -161,8 +161,8 @@ def test_a_number_that_no_block_shows_is_named_in_both_readings() -> None:
     with pytest.raises(UserError) as raised:
         find_explanations([TWINCAT], parse_code("16"), None, parse_number("16"))
     assert raised.value.lines() == [
-        "CODE: found 16#0016, or the number 16, expected a code in the table of twincat, "
-        "see `trcvtui status --dialect twincat`"
+        "CODE: found 16#0016, or the number 16, expected a code in the table of twincat; "
+        "`trcvtui status --dialect twincat` lists them"
     ]
 
 

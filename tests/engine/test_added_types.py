@@ -79,12 +79,12 @@ def test_a_type_that_data_has_is_not_taken_away(driver: LocalDriver) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "found"),
     [
-        ("gone.st", None, "gone.st: found No such file or directory"),
+        ("gone.st", None, "gone.st: found 'No such file or directory'"),
         ("bad.st", "TYPE B : STRUCT x : NOBODY; END_STRUCT END_TYPE", "bad.st:1:21: found 'NOBODY'"),
         ("bad.st", "hello", "bad.st:1:1: found 'hello'"),
         ("none.st", "", "none.st: found no type"),
         ("other.st", TYPES, "other.st:1:6: found 'T' a second time"),
-        ("folder.st", os.mkdir, "folder.st: found Is a directory"),
+        ("folder.st", os.mkdir, "folder.st: found a folder"),
         ("fifo.st", os.mkfifo, "fifo.st: found a FIFO"),
         ("huge.st", lambda path: os.truncate(path, 1 << 30), "huge.st: found a larger file"),
         ("t.toml", TYPES, "suffix '.toml'"),
@@ -166,7 +166,7 @@ def test_rows_that_were_written_by_hand_come_with_a_reload_and_stand_once(
 
 def test_a_row_of_no_file_is_a_mistake_of_a_reload(driver: LocalDriver, folder: Path) -> None:
     (folder / "p.toml").write_text(PROJECT + '[[udt]]\nfile = "gone.st"\n', encoding="utf-8")
-    assert "gone.st: found No such file" in answer(driver, "udt reload")
+    assert "gone.st: found 'No such file" in answer(driver, "udt reload")
     (folder / "p.toml").write_text(PROJECT + '[[udt]]\nfile = "t.st"\n', encoding="utf-8")
     assert "'t.st', the name of another udt" in answer(driver, "udt reload")
     (folder / "p.toml").unlink()

@@ -136,18 +136,18 @@ def into_folder(own: Path) -> None:
 
 
 OUTSIDE: dict[str, tuple[Callable[[Path], object], str, bool]] = {
-    "deleted": (lambda own: own.unlink(), ": found No such file or directory", True),
+    "deleted": (lambda own: own.unlink(), ": found 'No such file or directory'", True),
     "renamed": (lambda own: own.rename(own.with_name("new.toml")), ": found new.toml, its new name", True),
     "broken": (lambda own: own.write_text("a = 1\n= 2\n"), ": line 2, column 1: found no TOML", True),
     "emptied": (lambda own: own.write_bytes(b""), ": dialect: found nothing", True),
     "bytes": (lambda own: own.write_bytes(b"\xff"), ": line 1: found byte 16#FF", True),
-    "with types gone": (lambda own: shutil.rmtree(own.parent / "types"), "weight.st: found No such", True),
+    "with types gone": (lambda own: shutil.rmtree(own.parent / "types"), "weight.st: found 'No such", True),
     "with a name taken": (lambda own: own.write_text(own.read_text() + TAKEN), ": connect C7: name", True),
     "another": (lambda own: own.write_text(OTHER.format("baosky")), ": found another project", True),
     "of another PLC": (lambda own: own.write_text(OTHER.format("s7-1500")), ": found another project", True),
-    "a link to itself": (lambda own: loop(own, own.name), ": found Too many levels of symbolic links", True),
-    "a loop of links": (lambda own: loop(own, "b.toml"), ": found Too many levels of symbolic links", True),
-    "a folder": (into_folder, ": found Is a directory", False),
+    "a link to itself": (lambda own: loop(own, own.name), ": found 'Too many levels of symbolic links", True),
+    "a loop of links": (lambda own: loop(own, "b.toml"), ": found 'Too many levels of symbolic links", True),
+    "a folder": (into_folder, ": found a folder", False),
     "with its folder": (lambda own: shutil.rmtree(own.parent), ": no folder ", False),
 }  # fmt: skip
 
@@ -205,7 +205,7 @@ def test_a_file_that_may_not_be_written_keeps_the_additions_on_the_bench(
         patch.setattr(os, "access", lambda *_: False)
         for line in ("save project", "save project !"):
             told = answer(driver, *ADD, line)
-            assert told == f"prompt: found {own}: Permission denied, expected a file that can be written"
+            assert told == f"prompt: found {own}: 'Permission denied', expected a file that can be written"
     assert own.read_bytes() == before and say(driver).unsaved == 6
     assert answer(driver, "save project") == f"the project with 6 additions in {own}"
 

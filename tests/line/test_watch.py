@@ -259,7 +259,7 @@ def test_a_watch_row_says_which_line_a_connect_looks_on(
 def test_a_plc_that_no_conversation_has_is_refused_with_the_ends_that_are_there(watch: Watch) -> None:
     line = watch.refused([*handshake(), *stream(12)], "--plc", "10.0.0.7")
     assert line.startswith("--plc: found '10.0.0.7', which no conversation has, expected ")
-    assert line.endswith("one of the ends that are there: 10.0.0.5:2000, 10.0.0.9:51000")
+    assert line.endswith("one of the ends in the capture: 10.0.0.5:2000, 10.0.0.9:51000")
 
 
 def test_pins_that_the_program_sets_are_left_to_it(watch: Watch, tmp_path: Path) -> None:

@@ -222,7 +222,7 @@ def test_a_pipe_prints_what_the_file_prints(watch: Watch, tmp_path: Path) -> Non
     cut = run(watch.path.read_bytes()[:-10], tmp_path)
     assert cut.returncode == 0
     assert b"the end of the file after" in cut.stderr
-    assert b"read up to there" in cut.stderr
+    assert b"only the packets before that are read" in cut.stderr
 
 
 def test_a_packet_is_shown_while_the_pipe_is_open(watch: Watch) -> None:
@@ -284,7 +284,10 @@ def test_what_is_no_capture_is_said(content: bytes, said: str, tmp_path: Path) -
 
 def test_what_is_wrong_with_the_words_is_said(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["watch", "-", "other.pcap"]) == 2
-    assert capsys.readouterr().err == "trcvtui watch: found - beside files, expected - alone, or files\n"
+    assert (
+        capsys.readouterr().err
+        == "trcvtui watch: found - (stdin) together with files, expected - alone, or only files\n"
+    )
 
 
 def test_packets_that_come_faster_than_they_are_played_are_said_once(

@@ -68,10 +68,10 @@ def test_a_variable_may_have_constants_in_its_type_too() -> None:
 
 def test_unknown_constants_are_told_together_and_where_to_put_them() -> None:
     assert lines_of(PROJECT) == [
-        "telegram.st:3:23: found 'GVL.MAX', expected a known constant: "
-        '"GVL.MAX" = VALUE in [constants] of the project, or --constant GVL.MAX=VALUE',
-        "telegram.st:4:19: found 'Limits.LENGTH', expected a known constant: "
-        '"Limits.LENGTH" = VALUE in [constants] of the project, or --constant Limits.LENGTH=VALUE',
+        "telegram.st:3:23: found 'GVL.MAX', expected a known constant; "
+        'add "GVL.MAX" = VALUE to [constants] of the project, or --constant GVL.MAX=VALUE',
+        "telegram.st:4:19: found 'Limits.LENGTH', expected a known constant; "
+        'add "Limits.LENGTH" = VALUE to [constants] of the project, or --constant Limits.LENGTH=VALUE',
     ]
 
 

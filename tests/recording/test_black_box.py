@@ -122,11 +122,11 @@ def test_a_recording_begins_with_the_run_and_goes_on_until_it_is_stopped(run: Ru
     run.scans(50)
     assert run.line(f"record {tmp_path}/two.pcapng").startswith(f"recording into {tmp_path}/two.pcapng")
     assert run.box.is_recording
-    assert "which is recorded, expected" in run.line(f"record {tmp_path}/three")
+    assert "found a recording into two.pcapng, expected" in run.line(f"record {tmp_path}/three")
     run.scans(60)
     run.line("set A LEN=4")
     run.scans(10)
-    assert run.line("record stop") == f"{tmp_path}/two.pcapng is being ended"
+    assert run.line("record stop") == f"ending {tmp_path}/two.pcapng"
     run.scans(5)
     run.until_written()
     played = again(entries(tmp_path / "two.pcapng"))
@@ -197,7 +197,7 @@ def test_a_box_that_takes_too_much_of_the_time_gives_up(
     run.scans(10)
     assert run.recorder.seam.is_off
     said = run.line(f"save recording {tmp_path}/off")
-    assert said.startswith("prompt: found no black box: it would have taken more than 2 % of the time")
+    assert said.startswith("prompt: found no black box, as it took more than 2 % of processor time")
     jobs = run.controller.bench.runtime.snapshot().instances[0].jobs_done
     run.scans(20)
     assert run.controller.bench.runtime.snapshot().instances[0].jobs_done > jobs

@@ -56,4 +56,4 @@ def test_without_secrets_nothing_is_plain_and_nothing_is_replayed(
     assert tshark(file, "-Y", "tls.handshake.type == 1") and not tshark(file, "-Y", "tls && data")
     assert bytes.fromhex("01020304") not in _answers(file)
     assert main(["replay", str(file), "--check"]) == 1
-    assert "--no-secrets: it can be looked at, not replayed" in capsys.readouterr().out
+    assert "--no-secrets: it can be viewed, not replayed" in capsys.readouterr().out

@@ -123,7 +123,7 @@ def test_wireshark_finds_no_fault_and_follows_the_stream_to_the_bytes_of_data(a_
 def test_a_capture_of_others_is_no_recording(tmp_path: Path) -> None:
     path = tmp_path / "c.pcapng"
     path.write_bytes(pcap.section_block("dumpcap") + pcap.interface_block(pcap.ETHERNET, "eth0"))
-    with pytest.raises(UserError, match=f"no recording of trcvtui: try trcvtui watch {path}"):
+    with pytest.raises(UserError, match=f"found no journal of trcvtui, .* use trcvtui watch {path}"):
         Recording(path)
 
 
@@ -318,7 +318,7 @@ def test_what_stands_after_a_recording_and_another_version_are_told_with_their_p
     for content, code, said in (
         (whole + whole, 1, f"byte {len(whole)}: found a second capture after the first"),
         (whole + other, 1, f"byte {len(whole)}: found a second capture after the first"),
-        (whole[:-100] + whole, 1, "found a block with two lengths"),
+        (whole[:-100] + whole, 1, "found a block with two different lengths"),
         (whole + packet, 1, f"byte {len(whole)}: found another packet, expected the end of the file"),
         (whole + b"garbage at the end", 1, f"byte {len(whole)}: found a block of "),
         (whole + b"\0", 1, f"byte {len(whole)}: found the end of the file, expected the rest of a block"),

@@ -233,8 +233,8 @@ def test_a_job_whose_packet_is_written_is_beside_the_newest_of_its_connection_or
         shows(length=4), scan(200), reads(bytes(4)), arrives(9, 1, b"x"), scan(201), shows(length=4),
     )  # fmt: skip
     assert told(found, True)[5:8] == [
-        "journal | R1: 16#7008 DONE 4 B, job 1, scan 3, in a packet before, sequence number 4",
-        "partner 9 1 | R1: 16#7008 DONE 4 B, job 2, scan 5, in a packet before, sequence number 8",
+        "journal | R1: 16#7008 DONE 4 B, job 1, scan 3, in an earlier packet, sequence number 4",
+        "partner 9 1 | R1: 16#7008 DONE 4 B, job 2, scan 5, in an earlier packet, sequence number 8",
         "journal",
     ]
 
@@ -306,8 +306,8 @@ def test_a_connection_goes_on_in_the_next_file(tmp_path: Path) -> None:
     )  # fmt: skip
     assert told(packets(before))[3:] == ["plc 1 3", "partner 1 30"]
     assert told(packets(after), True) == [
-        "partner 21 10 | begins in the middle: 20 bytes to the PLC and 0 from it came before; "
-        "repeated: 10 bytes of an unfinished job, 10 of them unread",
+        "partner 21 10 | begins in the middle: 20 bytes to the PLC and 0 bytes from it came before; "
+        "repeated: 10 bytes of an unfinished job, of which 10 unread",
         "plc 1 3 | repeated: 3 bytes of an unfinished job",
         "journal",
         "partner 31 4",
@@ -329,7 +329,7 @@ def test_a_file_of_a_trigger_has_neither_handshakes_nor_ends_of_its_own(tmp_path
     )  # fmt: skip
     [packet] = [one for one in packets(file) if one.interface != JOURNAL]
     assert told([packet], True) == [
-        "partner 10 3 | begins in the middle: 9 bytes to the PLC and 0 from it came before"
+        "partner 10 3 | begins in the middle: 9 bytes to the PLC and 0 bytes from it came before"
     ]
     assert packet.data[20:24] == struct.pack(">HH", PARTNER.port, HERE.port)
 
@@ -341,6 +341,6 @@ def test_a_tls_stream_that_goes_on_says_that_nobody_can_open_it(tmp_path: Path) 
         [scan(100), call(RECV, 9, answer=4, data=b"\x17\3\3\0")],
     )  # fmt: skip
     assert told(packets(files[-1]), True)[1] == (
-        "partner 8 4 | begins in the middle: 7 bytes to the PLC and 0 from it came before; "
-        "TLS, ciphertext that cannot be opened here"
+        "partner 8 4 | begins in the middle: 7 bytes to the PLC and 0 bytes from it came before; "
+        "TLS: cannot be decrypted in this file"
     )

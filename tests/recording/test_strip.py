@@ -82,7 +82,7 @@ def test_each_address_gets_the_same_other_address_and_loopback_stays(tmp_path: P
     said = list(
         strip_recording(str(source), str(target), StripOptions(payload=False, secrets=False, names=True))
     )
-    assert "it has all payload, with names and addresses in it; --no-payload leaves that out" in said[-1]
+    assert "the payload is kept, with names and addresses in it; --no-payload removes it" in said[-1]
     with open_capture(target) as capture:
         packets = [packet.data for packet in capture]
     assert [packet[12:20] for packet in packets] == [

@@ -157,7 +157,7 @@ def test_a_what_if_on_the_last_file_of_a_ring_begins_with_that_file(
     first = begun(path)[1]
     assert main(["replay", str(path), "--set", "instance.TRCV_C_1.CONT=0"]) == 0
     said = capsys.readouterr().out.splitlines()
-    assert re.fullmatch(r"they part at scan \d+", said[0]) and int(said[0].split()[-1]) > first
+    assert (at := re.fullmatch(r"they differ from scan (\d+) on", said[0])) and int(at[1]) > first
     assert said[-1] == f"changed from scan {first + 1} on: the file begins there"
     for late in (
         ["--set", "options.retry=T#1s"],
@@ -226,7 +226,8 @@ def test_a_file_without_its_keyframe_says_what_it_lacks(
 ) -> None:
     monkeypatch.setattr(RecordedRunWriter, "advance", lambda self, until: False)
     with pytest.raises(
-        UserError, match=r"found no keyframe in 1 file, R-0002.pcapng the first: the run beside"
+        UserError,
+        match=r"found no keyframe in 1 file \(the first is R-0002.pcapng\): the run that makes keyframes",
     ):
         written(tmp_path, FileLimits(21_500, 0, -1, -1))
     path = sorted(tmp_path.iterdir())[-1]

@@ -40,7 +40,7 @@ def test_names_in_a_journal_never_reach_the_disk(tmp_path: Path, monkeypatch: py
     with pytest.raises(UserError) as told:
         again([begins])
     monkeypatch.undo()
-    assert "passwd.st: found No such file" in str(told.value)
+    assert "passwd.st: found 'No such file" in str(told.value)
 
 
 def test_another_output_is_told_with_scan_instance_and_call() -> None:

@@ -228,7 +228,7 @@ def test_a_run_with_another_value_is_shown_beside_and_it_goes_where_they_part() 
     assert stood.scan == position.parts_at == 91
     said = "\n".join(position.what_if)
     assert f"what if instance.{INSTANCE}.LEN=1" in said
-    assert "they part at scan 91" in said and "recorded:" in said and "what-if:" in said
+    assert "they differ from scan 91 on" in said and "recorded:" in said and "what-if:" in said
     assert not stood.go("if off").position.what_if  # type: ignore[union-attr]
     assert stood.scan == 91
 
@@ -275,11 +275,11 @@ def test_a_journal_with_two_beginnings_is_shown_up_to_the_second() -> None:
 
 def test_after_a_gap_it_is_said_how_many_scans_cannot_run_again() -> None:
     at = [number for number, one in enumerate(journal()) if getattr(one, "call", "") == STEP][200]
-    lost = LostEntries(5, "the writer could not follow")
+    lost = LostEntries(5, "the writer was too slow")
     entries = (*journal()[:at], lost, *journal()[at + 5 :])
     told = (
-        "a recording: found a gap of 5 entries (the writer could not follow) after 200 scans, "
-        f"and {LAST - 201} more that cannot run again after it, expected the end of the run"
+        "a recording: found a gap of 5 entries (the writer was too slow) after 200 scans "
+        f"({LAST - 201} later scans cannot run again), expected the end of the run"
     )
     position = Stood("end", entries).update().position
     assert position is not None and (position.scan, position.note) == (200, told)

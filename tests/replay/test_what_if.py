@@ -69,7 +69,7 @@ def test_the_story_of_len_is_mended_by_len() -> None:
     assert run.parts_at == 53
     assert run.guess_from is None
     first = next(iter(run.describe()))
-    assert first == "they part at scan 53"
+    assert first == "they differ from scan 53 on"
 
 
 def test_the_story_of_the_byte_order_is_mended_by_the_byte_order() -> None:
@@ -86,7 +86,7 @@ def test_the_story_of_the_byte_order_is_mended_by_the_byte_order() -> None:
 def test_the_story_of_en_r_is_mended_by_a_pin_that_is_held() -> None:
     run = what_if(STORIES / "en-r-dropped.toml", "instance.TRCV_C_1.EN_R=true")
     said = "\n".join(run.describe())
-    assert "3 commands left out: a pin that is held is not written" in said
+    assert "3 commands left out: the what-if holds their pins" in said
     assert run.guess_from is None
     was, now = run.get_totals()
     assert now.bytes == was.bytes
@@ -129,7 +129,7 @@ def test_what_a_partner_would_perhaps_have_done_is_a_guess(tmp_path: Path) -> No
     # COM_RST of the recorded run ends the connection. Held at 0 it stands, and the partner comes again.
     run = what_if(STORIES / "en-r-dropped.toml", "instance.TRCV_C_1.COM_RST=false")
     assert run.guess_from is not None
-    assert any("it is a guess" in line for line in run.describe())
+    assert any("the what-if is a guess" in line for line in run.describe())
 
 
 def test_bytes_that_the_recorded_run_left_unread_are_received(tmp_path: Path) -> None:

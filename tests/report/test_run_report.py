@@ -335,7 +335,7 @@ def test_of_a_recording_without_secrets_the_outputs_are_told_as_its_journal_says
     file, out = recording(tmp_path, secure_bench / "tls-server.toml", "--no-secrets"), tmp_path / "X.html"
     capsys.readouterr()
     assert main(["report", str(file), "--out", str(out)]) == 1
-    assert "--no-secrets: it can be looked at, not replayed" in capsys.readouterr().err
+    assert "--no-secrets: it can be viewed, not replayed" in capsys.readouterr().err
     said = plain(out.read_text())
     assert (
         "up to scan 552: 9 ERRORs at 1 instance" in said and "scans 1 to 552: what the journal says" in said
@@ -403,7 +403,7 @@ def test_a_capture_whose_conversations_are_of_another_plc_is_no_report_without_e
     for words in (["--plc", "127.0.0.9"], ["--plc", "127.0.0.1:32768", "--project", sender]):
         assert main(["report", str(file), "--out", str(out), *words]) == 2
         (line,) = capsys.readouterr().err.splitlines()
-        assert "ends that are there: 127.0.0.1:32768, 127.0.0.1:32769" in line and not out.exists()
+        assert "one of the ends in the capture: 127.0.0.1:32768, 127.0.0.1:32769" in line and not out.exists()
 
 
 def test_a_copy_to_hand_on_is_a_capture_with_shadows_of_its_own(
@@ -414,7 +414,7 @@ def test_a_copy_to_hand_on_is_a_capture_with_shadows_of_its_own(
     copy.write_bytes(copy.read_bytes()[:-7])
     capsys.readouterr()
     assert main(["report", str(copy), "--out", str(out), "--no-payload"]) == 0
-    assert "read up to there" in capsys.readouterr().err
+    assert "only the packets before that are read" in capsys.readouterr().err
     text = out.read_text()
     assert "C1_TO_PLC" in plain(text) and "5 of 8" not in plain(text)
     assert not {"script", "img"} & elements(text).found.keys()

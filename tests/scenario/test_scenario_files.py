@@ -137,7 +137,7 @@ def test_what_is_no_scenario_is_not_listed(text: str) -> None:
         (BENCH + "[scenario]\nname = = 1\n", "a.toml: line 3, column 8: found no TOML"),
         (BENCH + "[scenario]\nname = 5\nsteps = 7\n", "a.toml: scenario: name: found 5"),
         (f"scenario = 5\n{BENCH}", "a.toml: scenario: found"),
-        ('project = "gone.toml"\n' + STORY, "gone.toml: found No such file"),
+        ('project = "gone.toml"\n' + STORY, "gone.toml: found 'No such file"),
         (BENCH + STORY + "x = " + "[" * 5000 + "\n", "a.toml: found brackets nested too deeply"),
         (BENCH + STORY + "x" + ".x" * 200 + " = 1\n", ": found a key with 200 dots, expected at most 100"),
     ],

@@ -243,5 +243,5 @@ def test_without_pycparser_one_line_says_how_to_get_it(monkeypatch: pytest.Monke
     with pytest.raises(UserError) as refused:
         read_c_header("", "device.h")
     assert refused.value.lines() == [
-        "device.h: found a C header, but no pycparser, expected it: pip install 'trcvtui[c]'"
+        "device.h: found a C header, but no pycparser, expected this package: pip install 'trcvtui[c]'"
     ]

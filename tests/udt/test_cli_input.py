@@ -62,7 +62,7 @@ def test_binary_data_is_no_text(read: object, monkeypatch: pytest.MonkeyPatch) -
 @pytest.mark.parametrize("read", [read_hex_argument, read_values])
 def test_a_closed_stdin_is_a_mistake(read: object, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", None)
-    assert refusal(read, "-") == "stdin: found nothing, it is closed, expected text that can be read"
+    assert refusal(read, "-") == "stdin: found a closed input, expected text that can be read"
 
 
 def test_a_stdin_that_cannot_be_read_is_a_mistake(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -72,11 +72,11 @@ def test_a_stdin_that_cannot_be_read_is_a_mistake(monkeypatch: pytest.MonkeyPatc
         )
         assert (
             refusal(read_hex_argument, "-")
-            == "stdin: found Bad file descriptor, expected text that can be read"
+            == "stdin: found 'Bad file descriptor', expected text that can be read"
         )
 
 
-@pytest.mark.parametrize(("name", "reason"), [("nix", "No such file or directory"), (".", "Is a directory")])
+@pytest.mark.parametrize(("name", "reason"), [("nix", "'No such file or directory'"), (".", "a folder")])
 def test_a_file_that_is_not_there_or_a_directory_is_a_mistake(name: str, reason: str, tmp_path: Path) -> None:
     path = str(tmp_path / name)
     expected = f"{tmp_path / name}: found {reason}, expected text that can be read"
@@ -123,7 +123,7 @@ def test_a_type_may_come_on_stdin_once(
         assert refusal(read_types, "-").startswith(f"stdin: found {found}")
     once = SimpleNamespace(file="-", others=[], constant=[], hex=["-"])
     assert refusal(lambda given: read_all_types(given, None), once) == (
-        "stdin: found - more than once, expected one input on stdin, the others in files"
+        "stdin: found - more than once, expected only one input on stdin, the others in files"
     )
     put_on_stdin(monkeypatch, b"STRUCT a : INT; END_STRUCT")
     monkeypatch.setattr(sys.stdin.buffer, "isatty", lambda: True, raising=False)

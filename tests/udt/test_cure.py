@@ -110,7 +110,7 @@ def test_a_member_that_cannot_be_reached_is_raw_bytes_at_its_place() -> None:
     assert (lies["b"], lies["i"], found.layout.size) == ((5, 1, None), (6, 2, None), 8)
 
 
-TEXTS = "a STRING with a NUL after its characters in codesys-8, with two lengths before them in baosky"
+TEXTS = "codesys-8 ends a STRING with a NUL, baosky begins a STRING with two lengths"
 
 
 def test_a_union_that_cannot_be_declared_is_the_only_raw_member() -> None:
@@ -118,7 +118,7 @@ def test_a_union_that_cannot_be_declared_is_the_only_raw_member() -> None:
         "a : INT; b : LREAL; u : UNION s : STRING[4]; i : INT; END_UNION; c : INT;", "codesys-8"
     )
     found = padded_type(theirs, rules_for("baosky"))
-    assert list_notes(found) == [f"u: not reached: u.s: {TEXTS}"]
+    assert list_notes(found) == [f"u: not possible: u.s: {TEXTS}"]
     lies = places(found.layout)
     assert (lies["b"], lies["u[0]"], lies["c"]) == ((8, 8, None), (16, 1, None), (22, 2, None))
 
@@ -127,7 +127,7 @@ def test_a_union_in_a_union_in_an_array_is_told_by_the_text_in_it() -> None:
     inner = "UNION i : INT; v : UNION s : STRING[4]; END_UNION; END_UNION"
     theirs = layout_of(f"n : DINT; a : ARRAY[1..2] OF {inner}; c : INT;", "codesys-8")
     found = padded_type(theirs, rules_for("baosky"))
-    assert list_notes(found) == [f"a: not reached: a[1].v.s: {TEXTS}"]
+    assert list_notes(found) == [f"a: not possible: a[1].v.s: {TEXTS}"]
     assert places(found.layout)["c"] == place_of(theirs.leaf(theirs.leaf_number("c")))
 
 
@@ -136,7 +136,7 @@ def test_a_type_with_a_raw_member_may_be_used_twice() -> None:
     text += "TYPE T : STRUCT p : S; q : S; c : LREAL; END_STRUCT END_TYPE"
     theirs = lay_out(types_of(text).get_type("T"), rules_for("codesys-8"))
     found = padded_type(theirs, rules_for("baosky"))
-    assert list_notes(found) == [f"p.s: not reached: {TEXTS}", f"q.s: not reached: {TEXTS}"]
+    assert list_notes(found) == [f"p.s: not possible: {TEXTS}", f"q.s: not possible: {TEXTS}"]
     assert places(found.layout)["c"] == place_of(theirs.leaf(theirs.leaf_number("c")))
 
 
@@ -162,7 +162,7 @@ def test_a_member_that_makes_the_whole_longer_than_is_sent_stays_and_len_ends_th
     assert "\n// LEN := 10 at the receiving block" in format_cures(ours.rules, theirs, "st")
     nested = padded_type(layout_of(f"s : STRUCT {members} END_STRUCT; i : INT;", "packed"), ours.rules)
     assert list_notes(nested) == [
-        "s.d: not reached: DINT makes the size of its STRUCT a multiple of 4 under baosky-pack4"
+        "s.d: not possible: DINT makes the size of its STRUCT a multiple of 4 under baosky-pack4"
     ]
 
 
@@ -171,7 +171,7 @@ def test_of_a_struct_that_cannot_be_there_the_members_stand_in_its_place() -> No
     text += "TYPE T : STRUCT a : BYTE; s : S; s_k : INT; END_STRUCT END_TYPE"
     found = padded_type(lay_out(types_of(text).get_type("T"), rules_for("packed")), rules_for("baosky"))
     assert isinstance(found.type, Struct) and found.type.name == "T_flat"
-    assert list_notes(found) == ["s: its members are listed here one by one, as s_.."]
+    assert list_notes(found) == ["s: its members are declared one by one, as s_.."]
     assert places(found.layout) == {
         "a": (0, 1, None), "s_k_": (1, 1, None), "s_i": (2, 2, None), "s_d": (4, 4, None),
         "s_k": (8, 2, None),
@@ -181,7 +181,7 @@ def test_of_a_struct_that_cannot_be_there_the_members_stand_in_its_place() -> No
 def test_what_is_raw_as_a_whole_is_told_as_all() -> None:
     theirs = lay_out(Array(((0, 1),), struct_of("INT", "DINT")), rules_for("packed"))
     (one,) = padded_type(theirs, rules_for("baosky")).unreached
-    assert one == ("", "[0]: 6 bytes: under baosky the size is a multiple of 4")
+    assert one == ("", "[0]: under baosky its size is a multiple of 4, not 6")
 
 
 def test_a_type_that_fails_in_every_use_is_tried_once() -> None:
@@ -241,7 +241,7 @@ def test_scl_has_gaps_for_a_union_joined_bounds_and_no_string_that_is_too_long()
         rules_for("packed", text="nul"), lay_out(types_of(text).get_type("A"), rules_for("codesys-8")), "scl"
     )
     assert "no change needed" not in cured
-    assert "// s: not reached: STRING[255]: SCL has at most 254 characters\n" in cured
+    assert "// s: not possible: STRING[255]: SCL allows at most 254 characters\n" in cured
     assert [line.strip() for line in cured.splitlines()[6:-3]] == [
         "ok : BOOL;",
         "_pad1 : Array[0..2] of BYTE;",
@@ -464,6 +464,6 @@ def test_what_is_no_single_number_is_left_out_and_told() -> None:
     assert swap.left_out == (
         "name: WSTRING[5]",
         "at: DTL",
-        "u: a UNION: swap the member that is in use",
+        "u: a UNION; swap the member that is in use",
     )
     assert "// wire.name is not swapped here: WSTRING[5]" in swap.code

@@ -197,8 +197,8 @@ def test_members_of_a_union_are_encoded_to_the_bytes_they_were_decoded_from(memb
 def test_a_string_whose_own_longest_length_is_another_is_marked() -> None:
     (leaf,) = layout_of("STRING[3]", "s7-standard").leaves()
     assert value_text(leaf, "A", b"\3\1A\0\0") == "'A'"
-    assert value_text(leaf, "A", b"\4\1A\0\0") == "'A' (longest 4, not 3)"
-    assert value_text(leaf, "ABC", b"\4\5ABC") == "'ABC' (length 5 of 3)"
+    assert value_text(leaf, "A", b"\4\1A\0\0") == "'A' (header: max 4, not 3)"
+    assert value_text(leaf, "ABC", b"\4\5ABC") == "'ABC' (length 5 > 3)"
 
 
 UTF_8 = """TYPE T : STRUCT a : BYTE; {attribute 'TcEncoding':='UTF-8'} s : STRING[4]; t : STRING[4];

@@ -90,15 +90,15 @@ def test_a_natural_sender_is_told_from_cap4_with_the_reasons() -> None:
         "codesys-8, little-endian",
     ]
     assert [(reason.points, reason.text) for reason in fits[0].reasons] == [
-        (8.0, "24 bytes came, and the type has 24"),
+        (8.0, "24 bytes came, the type has 24"),
         (4.46, "weight = 12.5: a sensible LREAL of few digits"),
         (2.55, "padding at bytes 1 to 7 is 0"),
         (2.5, "padding at bytes 18 to 23 is 0"),
-        (1.85, "count = 7: small; swapped it is 1792"),
+        (1.85, "count = 7: small; with bytes swapped 1792"),
         (1.82, "kind = 1 (16#01): bits"),
     ]
     assert verdict(fits).startswith(
-        "natural8, little-endian (+21.2), the same for these bytes: codesys-8, little-endian fits best; next"
+        "natural8, little-endian (+21.2; the same for these bytes: codesys-8, little-endian) fits best; next"
     )
 
 
@@ -111,7 +111,7 @@ def test_a_swapped_sender_is_told_by_its_numbers() -> None:
 def test_zeros_cannot_be_told_apart_and_the_difference_is_named() -> None:
     fits = rank(TYPES.get_type("Weight"), [bytes(16)])
     assert verdict(fits) == (
-        "baosky, little-endian and baosky, big-endian cannot be told apart by these bytes: "
+        "these bytes do not decide between 'baosky, little-endian' and 'baosky, big-endian': "
         "the first two differ only in the byte order"
     )
 
@@ -128,7 +128,8 @@ def test_a_tie_is_told_with_what_differs_and_with_nothing_else() -> None:
     asked = [Profile("baosky", "little"), Profile("codesys-4", "little")]
     fits = rank(type_, [bytes(8)], profiles=asked)
     told = describe_difference(*(lay_out(type_, one.rules) for one in asked))
-    assert verdict(fits).endswith(f"cannot be told apart by these bytes: the first two differ only in {told}")
+    both = "'baosky, little-endian' and 'codesys-4, little-endian'"
+    assert verdict(fits) == (f"these bytes do not decide between {both}: the first two differ only in {told}")
 
 
 def test_the_difference_is_looked_for_in_the_whole_declaration() -> None:
@@ -176,7 +177,7 @@ def test_pieces_of_a_stream_are_cut_in_the_size_of_each_profile() -> None:
 @pytest.mark.parametrize("size", [0, 1, 5, 24])
 def test_noise_fits_nothing(size: int) -> None:
     fits = rank(TYPES.get_type("Report"), [random.Random(1).randbytes(size)])
-    assert verdict(fits).startswith("no profile fits these bytes well")
+    assert verdict(fits).startswith("no layout fits these bytes well")
 
 
 def test_a_string_header_that_says_another_length_is_evidence() -> None:
@@ -186,7 +187,7 @@ def test_a_string_header_that_says_another_length_is_evidence() -> None:
     fits = rank(layout.type, [content])
     assert fits[0].profile.text != "s7"
     headed = next(one for one in fits if one.profile == Profile("baosky", "little", "s7"))
-    assert "its header says at most 76 characters, declared are 9" in str(headed.reasons)
+    assert "its header says at most 76 characters, the type 9" in str(headed.reasons)
 
 
 def test_no_messages_say_nothing() -> None:

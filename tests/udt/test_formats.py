@@ -59,9 +59,9 @@ def test_what_cannot_be_read_is_one_line(tmp_path: Path) -> None:
     )
     assert (
         line_of(tmp_path / "no.st")
-        == "FILE: found No such file or directory, expected a file that can be read"
+        == "FILE: found 'No such file or directory', expected a file that can be read"
     )
-    assert line_of(tmp_path / "dir.st") == "FILE: found Is a directory, expected a file that can be read"
+    assert line_of(tmp_path / "dir.st") == "FILE: found a folder, expected a file that can be read"
     assert line_of(tmp_path / "big.st").startswith(
         "FILE: found a larger file, expected at most 10485760 bytes"
     )

@@ -122,7 +122,7 @@ def test_a_codesys_wstring_ends_with_a_word_of_zero(order: str, data: str) -> No
 def test_baosky_text_as_a_c_string_has_two_bytes_more() -> None:
     layout = lay_out(parse_type("STRING[3]"), rules_for("baosky", None, "cstr"))
     assert encode(layout, {"": "ABC"}) == b"ABC\0\0"
-    assert shown(layout, b"ABCD\0") == "'ABC' (length 4 of 3)"
+    assert shown(layout, b"ABCD\0") == "'ABC' (length 4 > 3)"
 
 
 def test_codesys_durations_have_no_sign_and_dates_count_seconds() -> None:

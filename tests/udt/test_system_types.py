@@ -85,7 +85,7 @@ def test_a_system_type_in_a_type_in_a_data_block_has_its_place() -> None:
 def test_a_type_of_the_users_own_comes_first_and_a_difference_is_noted() -> None:
     own = udt("T", "c : TCON_Configured;") + udt("tcon_configured", "{};")
     for members, size, notes in (
-        ("x : LReal", 8, ("1 value in 8 bytes, the system type has 3 values in 6 bytes",)),
+        ("x : LReal", 8, ("1 value in 8 bytes, but the system type has 3 values in 6 bytes",)),
         ("InterfaceId : UInt; ID : Word; ConnectionType : Byte", 6, ()),
     ):
         types = join_files([parse_source(own.format(members), "f.scl", ".scl")], "f")
@@ -128,4 +128,4 @@ def test_a_file_beside_comes_before_the_system_type(
     (tmp_path / "port.udt").write_text(udt("PORT", "a : LReal;"))
     assert main(["udt", "show", str(tmp_path / "f.scl")]) == 0
     said = capsys.readouterr()
-    assert said.out.startswith("T: 8 bytes") and "T uses Port: found in port.udt beside it" in said.err
+    assert said.out.startswith("T: 8 bytes") and "T uses Port: found in port.udt beside FILE" in said.err

@@ -49,7 +49,8 @@ def test_what_a_type_uses_is_found_beside_it_and_told_in_one_line(capsys: pytest
     put(sub_st="TYPE Sub : INT; END_TYPE", GVL_st="VAR_GLOBAL CONSTANT MAX : INT := 2; END_VAR")
     assert size("report.st") == 8
     assert capsys.readouterr().err == (
-        "note: Report uses Unit: found in unit.st, GVL.MAX: found in GVL.st, Sub: found in sub.st beside it\n"
+        "note: Report uses Unit: found in unit.st, GVL.MAX: found in GVL.st, "
+        "Sub: found in sub.st beside FILE\n"
     )
 
 
@@ -82,7 +83,7 @@ def test_what_a_found_type_uses_is_that_of_its_own_file_or_refused() -> None:
 
 def test_a_data_block_is_no_type_of_a_member() -> None:
     put(report_st=REPORT, unit_db='DATA_BLOCK "Unit" STRUCT a : Int; END_STRUCT; BEGIN END_DATA_BLOCK')
-    unknown = "report.st:1:42: found 'Unit', expected a known type: --with FILE that declares it"
+    unknown = "report.st:1:42: found 'Unit', expected a known type; add --with FILE that declares it"
     assert refusal("report.st") == refusal("report.st", "unit.db") == unknown
     assert size("report.st", ".", name="Unit") == 2
 

@@ -49,7 +49,7 @@ def test_the_only_type_needs_no_name() -> None:
 
     assert only("TYPE A : INT; END_TYPE") == "A"
     assert lines_of(lambda: only("TYPE A : INT; B : INT; END_TYPE")) == [
-        "test.st: found 2 types: A, B, expected one type, or its name"
+        "test.st: found 2 types: A, B, expected one type, or --type NAME"
     ]
     assert lines_of(lambda: only("")) == ["test.st: found no type, expected TYPE ... END_TYPE"]
     assert lines_of(lambda: only("TYPE A : INT; B : Nope; END_TYPE")) == [

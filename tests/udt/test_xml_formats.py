@@ -192,14 +192,16 @@ def test_members_in_the_sections_of_a_member_are_those_of_its_type() -> None:
 def test_the_members_in_a_file_come_before_the_system_type_and_a_difference_is_noted() -> None:
     types = join_files([openness(copy("d", "TDiag_Status", PAIR))], "F")
     assert laid(types)[-1] == ("", 4)
-    assert types.notes["tdiag_status"] == ("2 values in 4 bytes, the system type has 8 values in 16 bytes",)
+    assert types.notes["tdiag_status"] == (
+        "2 values in 4 bytes, but the system type has 8 values in 16 bytes",
+    )
     same = '<Member Name="addr" Datatype="Array[1..4] of Byte"/>'
     assert not join_files([openness(copy("d", "IP_V4", same))], "F").notes
 
 
 def test_a_declared_type_comes_before_its_copy_and_a_difference_is_noted() -> None:
     for member, size, notes in (
-        ("more : LReal;", 20, ("2 values in 10 bytes, the copy at F:6:64 has 2 values in 4 bytes",)),
+        ("more : LReal;", 20, ("2 values in 10 bytes, but the copy at F:6:64 has 2 values in 4 bytes",)),
         ("ok : Bool;", 8, ()),
     ):
         types = join_files([openness(UNIT), parse_source(UNIT_UDT.format(member), "u.udt", ".udt")], "F")

@@ -92,7 +92,7 @@ def format_conversations(
     else:
         yield from _as_table(rows)
         for number, fact in enumerate(found.host_facts()):
-            yield from ["beside the conversations"] * (not number)
+            yield from ["apart from the conversations"] * (not number)
             yield f"    {fact.display_line}"
     for line in capture_notes(found, troubles, with_hosts=False):
         sys.stderr.write(line + "\n")
@@ -109,13 +109,13 @@ def capture_notes(found: Conversations, troubles: list[Problem], with_hosts: boo
         kinds = [count(number, kind.name) + kind.number for kind, number in shown]
         if more := found.others.total() - sum(number for _, number in shown):
             kinds.append(f"{count(more, 'packet')} of {count(len(found.others) - len(shown), 'other kind')}")
-        yield f"not read: {', '.join(kinds)}: no TCP or UDP"
+        yield f"not read (neither TCP nor UDP): {', '.join(kinds)}"
     for why, number in found.not_read.items():
         yield f"not read: {number} {why.value}"
     if found.unlisted:
-        yield f"not read: {found.unlisted} packets of conversations after number {len(found.all)}"
+        yield f"not read: {found.unlisted} packets of later conversations (at most {len(found.all)} are read)"
     for trouble in troubles:
-        yield f"{trouble}; read up to there"
+        yield f"{trouble}; only the packets before that are read"
 
 
 def conversation_row(
@@ -197,13 +197,13 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
 def _remarks(row: dict[str, Any]) -> tuple[str, ...]:
     guess = row["plc_guess"]
     begun = f"    {row['protocol']}, {row['begin']} to {row['end']}; "
-    lines = [f"{begun}PLC end {guess['confidence']:.0%} sure: {guess['why']}"]
+    lines = [f"{begun}PLC end ({guess['confidence']:.0%} sure): {guess['why']}"]
     for name, way in (("to_plc", "to PLC"), ("from_plc", "from PLC")):
         counts = row[name]
         if counts["retransmitted"] or counts["missing"]:
             lines.append(
-                f"    {way}, bytes of {counts['segments']} segments: "
-                f"{counts['retransmitted']} sent again, {counts['missing'] or 0} missing"
+                f"    {way}, {counts['segments']} segments: "
+                f"{counts['retransmitted']} B sent again, {counts['missing'] or 0} B missing"
             )
         if counts["copies"]:
             lines.append(f"    {way}: {counts['copies']} packets twice, as a mirror port shows them")

@@ -84,7 +84,7 @@ class IcmpNote(NamedTuple):
         size = f", {self.size} bytes fit" if self.size else ""
         there = str(ip_address(self.target)) + f" port {self.port}" * bool(self.ports)
         said_by, source = ip_address(self.said_by), ip_address(self.source)
-        return f"{said_by} says by ICMP to {source}: {self.words}{size}, for {there}"
+        return f"{said_by} says by ICMP to {source}: {self.words} for {there}{size}"
 
 
 class TimedNote(NamedTuple):
@@ -266,7 +266,7 @@ class HostNotes:
         """
         for ends, n in lacking.items():
             there, here = map(ip_address, ends)
-            text = f"{count(n, 'datagram')} of {there} to {here} came without all fragments"
+            text = f"{count(n, 'datagram')} from {there} to {here} came with fragments missing"
             yield HostFact("mtu", 0.6, 0, text, (), ends[::-1])
         vain = [
             (asker, target, one)
@@ -278,7 +278,7 @@ class HostNotes:
         for asker, target, one in vain:
             if often[asker] < SCANNED_HOSTS:
                 text = f"{ip_address(asker)} asks {times(one.often)} who has {ip_address(target)}: no answer"
-                text += " (a port that is no mirror shows none)" * (one.in_vain < 0.7)
+                text += " (only a mirror port would show one)" * (one.in_vain < 0.7)
                 yield HostFact("no-such-host", one.in_vain, one.ns, text, tuple(one.packets), (target, asker))
         addresses = Counter(mac for one in self._owners.values() for mac in one.macs)
         for address, owner in self._owners.items():
@@ -302,7 +302,7 @@ def _find_duplicates(address: bytes, owner: _Owner, addresses: Mapping[bytes, in
     others = addresses[met.old] > 1 or addresses[met.new] > 1
     old, new = (f"{mac.hex(':')} (packet {n})" for mac, n in zip(met[2:4], met.packets, strict=True))
     text = f"{ip_address(address)} is at {old} and at {new}" + ", in turns" * back
-    text += "; one of them has another address, and may answer for others" * others
+    text += "; one of these devices has other addresses, too, and may answer for them" * others
     yield HostFact(
         "duplicate-ip", 0.7 if others else 0.95 if back else 0.85, met.ns, text, met.packets, (address,)
     )

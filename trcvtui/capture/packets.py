@@ -35,7 +35,7 @@ class SkippedPacket(Enum):
     """Why a packet is not read."""
 
     JOURNAL = "packets of USER0: in a recording of trcvtui its journal"
-    FRAGMENT = "IP fragments without the rest of their packets"
+    FRAGMENT = "IP fragments of incomplete packets"
     CUT = "packets cut off before their ports"
 
 

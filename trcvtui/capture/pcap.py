@@ -221,7 +221,7 @@ class CaptureReader:
             if buffer[at : at + 4] == b"\x0a\x0d\x0d\x0a":
                 mark = buffer[at + 8 : at + 12]
                 if mark not in (_LITTLE_MAGIC, _BIG_MAGIC):
-                    return self._stop(at, "a section of no byte order", "1A2B3C4D")
+                    return self._stop(at, "a section whose byte order is unknown", "1A2B3C4D")
                 order = "<" if mark == _LITTLE_MAGIC else ">"
                 unpack = struct.Struct(order + "IIIIIII").unpack_from
                 unpack_one = struct.Struct(order + "I").unpack_from
@@ -237,7 +237,7 @@ class CaptureReader:
                 if after > end:
                     return self._note_cut(0)
             if unpack_one(buffer, after - 4)[0] != size:
-                return self._stop(at, "a block with two lengths", f"{size} at both ends")
+                return self._stop(at, "a block with two different lengths", f"{size} at both ends")
             comments: tuple[str, ...] = ()
             sent = None
             if kind in (ENHANCED_PACKET, OLD_PACKET):
@@ -258,7 +258,7 @@ class CaptureReader:
                 data = buffer[at + 28 : at + 28 + kept]
             elif kind == SIMPLE_PACKET:
                 if not clocks or size < 16:
-                    return self._stop(at, "a packet of no interface", "an interface before it")
+                    return self._stop(at, "a packet without an interface", "an interface before it")
                 length, interface, limit = interface, 0, self.interfaces[base].snaplen
                 kept = min(length, size - 16, limit or length)
                 data = buffer[at + 12 : at + 12 + kept]  # it has no time: that of the packet before it

@@ -104,7 +104,7 @@ def guess_plc(
             return PlcGuess(fits[-1], 1.0, "--plc")
     if conversation.protocol == "serial":
         sends = next(end for end in ends if end.address[1] == SENT_END)
-        return PlcGuess(sends, 0.6, "the capturing side sent this")
+        return PlcGuess(sends, 0.6, "the capturing side sent these bytes")
     if conversation.sent is not None:
         return PlcGuess(ends[not conversation.sent], 1.0, "it is the recording's PLC")
     found = known.guess(conversation)
@@ -117,11 +117,11 @@ def guess_plc(
     if len(vendors) == 1:
         return PlcGuess(vendors[0], 0.7, f"MAC of {VENDOR_BY_MAC[vendors[0].mac[:3]]}")
     if conversation.listener is not None:
-        return PlcGuess(conversation.listener, 0.6, "it listens: the SYN went there")
+        return PlcGuess(conversation.listener, 0.6, "it listens: the SYN was sent to it")
     lower = min(ends, key=lambda end: end.address[1])
     if ends[0].address[1] == ends[1].address[1]:
-        return PlcGuess(conversation.back, 0.2, "the first packet went there")
-    return PlcGuess(lower, 0.3, "the lower port: it may listen there")
+        return PlcGuess(conversation.back, 0.2, "the first packet was sent to it")
+    return PlcGuess(lower, 0.3, "it has the lower port, so it may listen")
 
 
 def make_no_match_error(where: str, given: str, found: Iterable[Conversation], offer: str = "") -> UserError:
@@ -130,7 +130,7 @@ def make_no_match_error(where: str, given: str, found: Iterable[Conversation], o
     `offer`: words before the list of ends; they say what the user can do with an end.
     """
     ends = sorted({address_text(end.address) for each in found for end in (each.there, each.back)})
-    return mistake(where, given, f"{offer}one of the ends that are there: " + ", ".join(ends[:8]))
+    return mistake(where, given, f"{offer}one of the ends in the capture: " + ", ".join(ends[:8]))
 
 
 def address_text(end: tuple[bytes, int]) -> str:

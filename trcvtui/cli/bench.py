@@ -35,11 +35,11 @@ SCENARIO_FORMATS = ("text", "jsonl", "junit")
 
 
 def set_up_run(parser: CommandParser) -> None:
-    parser.description = "Opens a project on the screen. It asks before it makes a file that does not exist."
+    parser.description = "Opens a project on the screen; if the file does not exist, offers to create it."
     add_project(parser)
     add_kernel(parser)
     add_netns(parser)
-    parser.add_argument("--read-only", action="store_true", help="show only: the screen sends no commands")
+    parser.add_argument("--read-only", action="store_true", help="only a view: it sends no commands")
     parser.add_argument("--attach", type=Path, help=SUPPRESS)  # a tab of `serve` reaches its engine by this
     add_record(parser, "FILE")
     add_theme(parser)
@@ -57,7 +57,7 @@ def set_up_serve(parser: CommandParser) -> None:
     parser.description = "Shows the bench of a project in a browser on this machine, in up to 8 tabs."
     add_project(parser)
     add_kernel(parser)
-    parser.add_argument("--port", type=int, default=0, help="port on 127.0.0.1; default: a free one")
+    parser.add_argument("--port", type=int, default=0, help="port on 127.0.0.1; default: any free port")
     parser.add_argument("--write", action="store_true", help="let browser tabs send commands")
     parser.add_argument("--as-root", action="store_true", help="allow --write as root")
     add_theme(parser)
@@ -76,7 +76,7 @@ def _serve(args: Args) -> int:
 
 def set_up_examples(parser: CommandParser) -> None:
     parser.description = "Lists the projects and stories that come with the program."
-    parser.add_argument("word", metavar="WORD", nargs="?", help="only lines with this word, scenarios too")
+    parser.add_argument("word", metavar="WORD", nargs="?", help="only what contains WORD, also scenarios")
 
 
 def _examples(args: Args) -> int:
@@ -97,7 +97,7 @@ def set_up_scenario(parser: CommandParser) -> None:
     add_netns(parser)
     parser.add_argument("--out", metavar="FILE", type=Path, help="write to this file, not to stdout")
     add_set(parser, "change a key of the project, such as options.retry=T#100ms")
-    about = "run in this dialect and in another one, side by side; repeatable"
+    about = "run in this dialect; give two or more, to compare them"
     parser.add_argument("--dialect", metavar="NAME", action="append", default=[], help=about)
     add_record(parser, "FILE|DIR")
 
@@ -114,19 +114,19 @@ def _scenario(args: Args) -> int:
 
 
 def set_up_record(parser: CommandParser) -> None:
-    parser.description = "Runs a project without a screen and records all, the newest part, or each trigger."
+    parser.description = "Runs a project without a screen; records the run, its newest part, or triggers."
     add_project(parser)
     parser.add_argument("--out", metavar="DIR", required=True, type=Path, help="folder of the numbered files")
     add_kernel(parser)
     parser.add_argument(
-        "--ring", metavar="SIZE", help="size of all files, such as 256MiB; the oldest go first"
+        "--ring", metavar="SIZE", help="total size of the files, such as 256MiB; the oldest is deleted first"
     )
-    parser.add_argument("--split", metavar="SIZE", help="size of one file; default: an eighth of the ring")
+    parser.add_argument("--split", metavar="SIZE", help="size of one file; default: an eighth of --ring")
     about = 'keep only the time around a trigger, such as "TRCV_C_1 STATUS=80C5"'
     parser.add_argument("--on", metavar="CONDITION", help=about)
     parser.add_argument("--before", metavar="T#..", help="time kept before a trigger; default: T#30s")
     parser.add_argument("--after", metavar="T#..", help="time kept after a trigger; default: T#10s")
-    parser.add_argument("--duration", metavar="T#..", help="run this long; default: to Ctrl+C or SIGTERM")
+    parser.add_argument("--duration", metavar="T#..", help="run this long; default: until Ctrl+C or SIGTERM")
     add_no_secrets(parser)
 
 
@@ -139,13 +139,13 @@ def _record(args: Args) -> int:
 
 
 def set_up_replay(parser: CommandParser) -> None:
-    parser.description = "Shows a recording with a time line, or runs it again, as it was or changed."
+    parser.description = "Shows a recording with a time line, or runs it again, unchanged or with changes."
     parser.add_argument("file", metavar="FILE", type=resolve_path, help="a recording, also .gz")
     parser.add_argument("--check", action="store_true", help="run it again and compare; exit 1: it differs")
     parser.add_argument("--format", choices=("jsonl",), help="print the run as JSON, one object a line")
     add_set(parser, "what if: run it again with this key changed")
     parser.add_argument("--dialect", metavar="NAME", help="what if: run it again in this dialect")
-    about = "scan or time at which the screen opens; default: the first ERROR, finding or DONE"
+    about = "scan or time to show first; default: the first ERROR, else finding, else DONE"
     parser.add_argument("--at", metavar="SCAN|T#..", help=about)
 
 
@@ -153,7 +153,7 @@ def _replay(args: Args) -> int:
     is_what_if = args.set or args.dialect is not None
     if args.at is not None and (args.check or args.format or is_what_if):
         found = "--at with --check, --format, --set or --dialect"
-        raise mistake("trcvtui replay", found, "--at for the screen alone")
+        raise mistake("trcvtui replay", found, "--at only for the screen")
     if is_what_if:
         from trcvtui.replay.command import run_what_if
 
@@ -179,9 +179,9 @@ def set_up_recording(parser: CommandParser) -> None:
 def _add_strip(parser: CommandParser) -> None:
     parser.add_argument("source", metavar="IN", type=find_file, help="a recording")
     parser.add_argument("target", metavar="OUT", type=find_file, help="a new file")
-    parser.add_argument("--no-payload", action="store_true", help="zeros for all payload, no TLS keys")
-    parser.add_argument("--no-secrets", action="store_true", help="no TLS keys: TLS data stays encrypted")
-    about = "other addresses, no names, no TLS keys; payload stays"
+    parser.add_argument("--no-payload", action="store_true", help="write payload as zeros and no TLS keys")
+    parser.add_argument("--no-secrets", action="store_true", help="no TLS keys, so TLS data stays encrypted")
+    about = "change addresses, leave out names and TLS keys; payload stays"
     parser.add_argument("--anonymise", action="store_true", help=about)
 
 
@@ -202,11 +202,11 @@ def _dissector(args: Args) -> int:
 
 
 COMMANDS = {
-    "run": ("the screen; makes a new file, too", "new.toml", set_up_run, _run),
+    "run": ("a project on the screen, or a new one", "new.toml", set_up_run, _run),
     "examples": ("projects and stories to try", "", set_up_examples, _examples),
     "serve": ("the screen in a browser", "bench.toml --port 8000", set_up_serve, _serve),
     "scenario": ("a test without a screen", "test.toml --format junit", set_up_scenario, _scenario),
     "record": ("record what a bench does", "bench.toml --out runs", set_up_record, _record),
-    "replay": ("play a recording, step by step", "run.pcapng", set_up_replay, _replay),
+    "replay": ("a recording, step by step", "run.pcapng", set_up_replay, _replay),
     "recording": ("a copy to hand on", "strip run.pcapng out.pcapng", set_up_recording, None),
 }

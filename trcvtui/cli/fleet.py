@@ -20,7 +20,7 @@ from trcvtui.cli.options import (
 from trcvtui.cli.streams import has_terminal
 from trcvtui.errors import mistake, require
 
-BROKER_HELP = "MQTT broker; TRCVTUI_MQTT_USER and TRCVTUI_MQTT_PASSWORD log in"
+BROKER_HELP = "MQTT broker; the variables TRCVTUI_MQTT_USER and TRCVTUI_MQTT_PASSWORD log in"
 
 
 def _add_certificates(parser: CommandParser) -> None:
@@ -33,7 +33,7 @@ def set_up_agent(parser: CommandParser) -> None:
     parser.description = "Runs a bench as a service, and publishes it to MQTT, Prometheus or both."
     add_project(parser)
     add_kernel(parser)
-    parser.add_argument("--site", default="default", help="site in the MQTT topics; default: default")
+    parser.add_argument("--site", default="default", help='site in the MQTT topics; default: "default"')
     parser.add_argument("--name", help="name in the MQTT topics; default: HOST-PROJECT")
     parser.add_argument("--mqtt", metavar="mqtts://HOST", help=BROKER_HELP)
     _add_certificates(parser)
@@ -61,7 +61,7 @@ def _agent(args: Args) -> int:
         raise mistake("trcvtui agent", "no output", "--mqtt mqtts://HOST or --metrics ADDR:PORT, or both")
     for option, value in (("--site", args.site), ("--name", args.name)):
         if value == "":
-            raise mistake(option, "an empty name", "a name: it is a level of each topic")
+            raise mistake(option, "an empty name", "a name: each topic has it as a level")
     page = None if args.metrics is None else parse_page_address(args.metrics)
     if page is not None:
         require("prometheus_client", "metrics", "--metrics", "no prometheus-client")
@@ -92,7 +92,7 @@ def set_up_fleet(parser: CommandParser) -> None:
     parser.description = "Shows the lines of all agents on one screen."
     parser.add_argument("url", metavar="mqtts://HOST", help=BROKER_HELP)
     parser.add_argument(
-        "--site", metavar="PATTERN", default="*", help='sites, such as "plant*"; default: all'
+        "--site", metavar="PATTERN", default="*", help='only these sites, such as "plant*"; default: all'
     )
     _add_certificates(parser)
     add_theme(parser)

@@ -38,7 +38,7 @@ def _add_shadows(parser: CommandParser, plc: str = "guessed") -> None:
     parser.make_epilog = dialect_names
     add_project(parser, "project whose instances receive the traffic as shadows")
     add_plc(parser, plc)
-    about = "dialect of the shadows; default: the project's, else the first"
+    about = "dialect of the shadows; default: the project's, else the first dialect"
     parser.add_argument("--dialect", metavar="NAME", help=about)
 
 
@@ -72,9 +72,9 @@ def _watch(args: Args) -> int:
 
 def _watch_stdin(args: Args, shadows: tuple[Path | None, str | None, str | None]) -> int:
     if args.files != ["-"]:
-        raise mistake("trcvtui watch", "- beside files", "- alone, or files")
+        raise mistake("trcvtui watch", "- (stdin) together with files", "- alone, or only files")
     if sys.stdin is None or has_terminal(0):
-        found = "nothing, it is closed" if sys.stdin is None else "a terminal"
+        found = "a closed input" if sys.stdin is None else "a terminal"
         raise mistake("stdin", found, "packets: dumpcap -q -i eth0 -w - | trcvtui watch -")
     if args.format is None and has_terminal(1, 2):
         from trcvtui.line.live_screen import make_live_driver
@@ -105,21 +105,21 @@ if you may not capture on Linux: sudo usermod -aG wireshark $USER, or sudo dumpc
 
 def set_up_tap(parser: CommandParser) -> None:
     parser.description = "Forwards between two ends; its screen shows, holds and changes what passes."
-    places = "[ADDR:]PORT, udp:.. or serial:DEVICE[,9600,8N1]"
+    places = "own end: [ADDR:]PORT, udp:[ADDR:]PORT or serial:DEVICE[,9600,8N1]"
     parser.add_argument("listen", metavar="LISTEN", nargs="?", help=places)
-    about = "the other end, written in the same way; ADDR alone may be left out: 127.0.0.1"
+    about = "the other end, in the same form; in both, ADDR defaults to 127.0.0.1"
     parser.add_argument("connect", metavar="CONNECT", nargs="?", help=about)
     parser.add_argument(
         "--record", metavar="FILE", help="record what passes as pcapng, which Wireshark reads"
     )
-    about = "print what the shadows show as JSON; default: the screen, or text"
+    about = "print what the shadows show as JSON; default: the screen, else text"
     parser.add_argument("--format", choices=("jsonl",), help=about)
     _add_shadows(parser, "CONNECT")
     parser.add_argument(
         "--hold", action="store_true", help="hold both directions until the screen releases them"
     )
-    parser.add_argument("--armed", action="store_true", help="keys r (RST) and f (FIN) act at once")
-    about = "other programs at the socket of --project may intervene, too"
+    parser.add_argument("--armed", action="store_true", help="keys r (RST) and f (FIN) skip the prompt")
+    about = "let other programs intervene over the socket of --project"
     parser.add_argument("--allow-orders", action="store_true", help=about)
 
 
@@ -196,17 +196,17 @@ def set_up_doctor(parser: CommandParser) -> None:
     about = "captures, recordings, projects (.toml)"
     parser.add_argument("files", metavar="FILE", nargs="+", type=find_file, help=about)
     add_plc(parser)
-    add_project(parser, "project of the PLC: what its instances expect")
-    parser.add_argument("--udt", metavar="FILE", type=find_file, help="the type of the messages to the PLC")
+    add_project(parser, "project of the PLC, to judge by what its instances expect")
+    parser.add_argument("--udt", metavar="FILE", type=find_file, help="file with the type sent to the PLC")
     add_set(parser, "test a changed key of the project, such as instance.TRCV_C_1.LEN=20")
     add_format(parser, "text", "json", "jsonl")
     about = "run the projects for this time and judge the traffic"
     parser.add_argument("--for", dest="time", metavar="T#..", help=about)
-    add_kernel(parser, of=" of --for")
+    add_kernel(parser, of=" for --for")
     parser.add_argument(
         "--jobs", type=int, default=1, metavar="N", help="captures read at the same time; default: 1"
     )
-    about = "read them on a Dask cluster that you trust"
+    about = "read captures on a Dask cluster that you trust"
     parser.add_argument("--scheduler", metavar="tcp://HOST:8786", help=about)
     about = "write a project that can receive this traffic"
     parser.add_argument("--suggest", metavar="NEW.toml", type=resolve_path, help=about)
@@ -258,7 +258,9 @@ def _read_recorded_facts(sets: tuple[str, ...], path: str) -> RecordedFacts | No
         Recording(path)
     except UserError:  # no recording: then it is a capture, which has no project
         if sets:
-            raise mistake("--set", f"{path}, a capture", "--project beside it, or a recording") from None
+            raise mistake(
+                "--set", f"{path}, a capture", "a recording, or --project with the capture"
+            ) from None
         return None
     from trcvtui.replay.job_facts import collect_recorded_facts
 
@@ -279,7 +281,7 @@ def set_up_report(parser: CommandParser) -> None:
         "Writes a recording or capture as an HTML page: verdict, time line, causes, STATUS, frames."
     )
     parser.add_argument("file", metavar="FILE", type=resolve_path, help="a recording or a capture, also .gz")
-    about = "a new file, or an older report"
+    about = "a new file, or an older report to replace"
     parser.add_argument("--out", metavar="REPORT.html", required=True, type=Path, help=about)
     parser.add_argument(
         "--no-payload", action="store_true", help="show sizes and times, but no bytes that were sent"
@@ -303,19 +305,19 @@ def set_up_messages(parser: CommandParser) -> None:
     parser.add_argument("files", metavar="FILE", nargs="+", type=find_file, help=about)
     add_project(parser, "project whose instances receive a capture as shadows")
     add_plc(parser)
-    about = "type of the messages to the PLC, for a capture without a project"
+    about = "without --project: file with the type of the messages to the PLC"
     parser.add_argument("--udt", metavar="FILE", type=find_file, help=about)
-    parser.add_argument("--type", metavar="NAME", help="may be left out when FILE holds one type")
+    parser.add_argument("--type", metavar="NAME", help="the type, if the file of --udt has several")
     parser.add_argument(
-        "--layout", metavar="NAME", help="layout of the type; default: as `trcvtui udt decode`"
+        "--layout", metavar="NAME", help="layout of the type; default: as in `trcvtui udt decode`"
     )
-    parser.add_argument("--byte-order", metavar="little|big", help="default: that of the layout")
+    parser.add_argument("--byte-order", metavar="little|big", help="byte order; default: that of the layout")
     parser.add_argument("--instance", metavar="NAME", help="only messages of this instance")
     parser.add_argument("--members", metavar="A,B.C", default="", help="only these members; default: all")
     about = "only rows that match, such as weight > 3, STATUS=80C5 or RCVD_LEN!=12"
     parser.add_argument("--where", metavar="CONDITION", help=about)
     parser.add_argument("--for", dest="time", metavar="T#..", help="run the project for this time")
-    add_kernel(parser, "sim", of=" of --for")
+    add_kernel(parser, "sim", of=" for --for")
     add_format(parser, "text", "csv", "jsonl")
     parser.add_argument("--out", metavar="FILE", type=Path, help="write to this new file, not to stdout")
 
@@ -336,7 +338,7 @@ def _messages(args: Args) -> int:
     else:
         for option in ("type", "layout", "byte_order"):
             if getattr(args, option) is not None:
-                raise mistake(f"--{option.replace('_', '-')}", "no --udt", "the file of the type")
+                raise mistake(f"--{option.replace('_', '-')}", "no --udt", "--udt FILE with the type")
     fields = args.files, args.project, args.plc, layout, args.instance, args.members, args.where
     return write_messages(MessagesQuestion(*fields, args.format, args.out, args.kernel, time_ns))
 

@@ -24,9 +24,9 @@ def set_up_status(parser: CommandParser) -> None:
         nargs="?",
         help="80C5, 16#80C5, W#16#80C5 or 0x80c5; for TwinCAT also a number such as 23",
     )
-    parser.add_argument("--dialect", metavar="NAME", help="default: the first that has the code; json: all")
-    parser.add_argument("--all", action="store_true", help="explain it in all dialects")
-    parser.add_argument("--block", metavar="BLOCK", help="only this block, such as TRCV_C")
+    parser.add_argument("--dialect", metavar="NAME", help="default: the first with the code; in JSON: all")
+    parser.add_argument("--all", action="store_true", help="explain or list codes in all dialects")
+    parser.add_argument("--block", metavar="BLOCK", help="only codes of this block, such as TRCV_C")
     add_format(parser, "text", "json")
 
 
@@ -62,9 +62,9 @@ def _status(args: Args) -> int:
 def set_up_st(parser: CommandParser) -> None:
     parser.description = "Prints instances as calls in Structured Text or SCL, ready to paste."
     add_project(parser)
-    parser.add_argument("instance", metavar="INSTANCE", nargs="?", help="default: all of them")
-    parser.add_argument("--short", action="store_true", help="leave out pins that have their defaults")
-    parser.add_argument("--multi", action="store_true", help="SCL: call them as multi-instances, #NAME")
+    parser.add_argument("instance", metavar="INSTANCE", nargs="?", help="one instance; default: all")
+    parser.add_argument("--short", action="store_true", help="leave out pins with their default values")
+    parser.add_argument("--multi", action="store_true", help="SCL: call instances as multi-instances, #NAME")
 
 
 def _print_calls(args: Args) -> int:
@@ -80,7 +80,7 @@ def _print_calls(args: Args) -> int:
 
 def set_up_completion(parser: CommandParser) -> None:
     parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
-    parser.description = 'Prints the completion for a shell; bash: eval "$(trcvtui completion bash)"'
+    parser.description = 'Prints the completion for a shell. In bash: eval "$(trcvtui completion bash)"'
 
 
 def _completion(args: Args) -> int:

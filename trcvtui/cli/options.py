@@ -86,7 +86,7 @@ def add_format(parser: CommandParser, *names: str, is_text_default: bool = False
 
 
 def add_kernel(parser: CommandParser, default: str = "live", of: str = "") -> None:
-    about = f"network{of}: simulated, or the real one of this machine; default: {default}"
+    about = f"network{of} (sim: simulated, live: that of this machine); default: {default}"
     parser.add_argument("--kernel", choices=KERNELS, default=default, help=about)
 
 
@@ -112,13 +112,13 @@ def add_theme(parser: CommandParser, default: str | None = argparse.SUPPRESS) ->
 
 def add_netns(parser: CommandParser) -> None:
     parser.add_argument(
-        "--netns", action="store_true", help="with --kernel live: in a network namespace of its own (Linux)"
+        "--netns", action="store_true", help="with --kernel live: run in a new network namespace (Linux)"
     )
 
 
 def add_no_secrets(parser: CommandParser) -> None:
     parser.add_argument(
-        "--no-secrets", action="store_true", help="no TLS keys, zeros for TLS data: it cannot be replayed"
+        "--no-secrets", action="store_true", help="leave out TLS keys, zero TLS data; prevents a replay"
     )
 
 

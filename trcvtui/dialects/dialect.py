@@ -36,7 +36,7 @@ BACKLOG_SWITCH: Final = Switch(
     "backlog",
     "count",
     128,
-    "clients that a listener queues; beyond them a client gets no answer, and retries",
+    "clients that a listener queues; one client more gets no answer and retries",
     least=1,
     most=4096,
 )

@@ -18,9 +18,9 @@ from trcvtui.wording import format_columns
 CODE_PATTERN: Final = re.compile(r"\s*(?:(?:W(?:ORD)?#)?16#|0x)?([0-9a-f]{1,4})\s*", re.IGNORECASE | re.ASCII)
 REACH_TEXT: Final = {
     Reproducibility.REAL: "by real traffic, also on this machine alone",
-    Reproducibility.LOGIC: "by the pins alone: no network has a part in it",
+    Reproducibility.LOGIC: "by the pins alone, without a network",
     Reproducibility.NAMESPACE: "by a dead link: `link C1 down`, simulated or live on Linux",
-    Reproducibility.INJECTED: "by a fault put in front of the named call: `fault CALL ERRNO`",
+    Reproducibility.INJECTED: "by a fault injected before the named call: `fault CALL ERRNO`",
     Reproducibility.NEVER: "by nothing on this bench",
 }
 MOST_SCENARIOS: Final = 3
@@ -107,7 +107,7 @@ def find_explanations(
         if f"{code:04X}" in INTERNAL_FAULT.values:
             shown += f", {INTERNAL_FAULT.text}"
         option = f"--dialect {names}" if len(dialects) == 1 else "--all"
-        raise mistake("CODE", shown, f"a code in {table}, see `trcvtui status {option}`")
+        raise mistake("CODE", shown, f"a code in {table}; `trcvtui status {option}` lists them")
     return found
 
 
@@ -120,7 +120,7 @@ def select_one_dialect(found: Sequence[Explanation], name: str | None) -> tuple[
     chosen = names[0] if name is None else name.casefold()
     others = [each for each in names if each != chosen]
     if chosen not in names:
-        raise mistake("CODE", found[0].row.word, f"a code of {chosen}; it is one of {', '.join(others)}")
+        raise mistake("CODE", found[0].row.word, f"a code of {chosen}, not of {', '.join(others)}")
     return [one for one in found if one.dialect == chosen], others
 
 

@@ -35,7 +35,7 @@ from trcvtui.wording import size_text
 
 MOST_KEPT_BYTES: Final = 64 << 20
 END_SHOWN_NS: Final = 10_000_000_000
-GAVE_UP_TEXT: Final = "no black box: it would have taken more than 2 % of the time"
+GAVE_UP_TEXT: Final = "no black box, as it took more than 2 % of processor time"
 TRIMMED_REASON: Final = "the black box keeps the newest 64 MiB"
 
 
@@ -153,7 +153,7 @@ class BlackBox:
         if os.path.lexists(path):  # a broken link, too
             raise mistake("prompt", f"{path}, which is there already", "the name of a new file")
         if not path.absolute().parent.is_dir():
-            raise mistake("prompt", f"{path}: no such folder", "a file in a folder that is there")
+            raise mistake("prompt", f"{path}: no such folder", "a file in an existing folder")
         writer = WriterProcess(path, RecordTarget(path), waits=False)
         self._send_blocks(writer)
         return writer
@@ -192,9 +192,9 @@ class BlackBox:
     def start_recording(self, path: Path) -> str:
         """Write the kept entries and all later ones into a new file; return the answer; raise UserError."""
         if self._recording is not None:
-            raise mistake("prompt", f"{self._recording.path.name}, which is recorded", "`record stop` first")
+            raise mistake("prompt", f"a recording into {self._recording.path.name}", "`record stop` first")
         self._recording = self._start_writer(path)
-        return f"recording into {path.absolute()}, with all that is kept of the run so far"
+        return f"recording into {path.absolute()}; it begins with what the black box holds"
 
     def stop_recording(self) -> str:
         """End the file of `start_recording`; return the answer; raise UserError if there is none."""
@@ -204,7 +204,7 @@ class BlackBox:
         self._flush_block()
         self._recording = None
         self._finish_file(writer)
-        return f"{writer.path.absolute()} is being ended"
+        return f"ending {writer.path.absolute()}"
 
     @property
     def status_text(self) -> str:

@@ -282,7 +282,7 @@ class NumberedFiles:
         self._end_file()
         if self._lacking:
             files = count(len(self._lacking), "file")
-            self.lack = f"no keyframe in {files}, {self._lacking[0]} the first"
+            self.lack = f"no keyframe in {files} (the first is {self._lacking[0]})"
         elif self._least_ring > self._limits.ring:
             split, least = (f"{-(-size // 1024)}KiB" for size in (self._limits.split, self._least_ring))
             found = f"{self._limits.ring} bytes, too few for two files of this run"
@@ -308,7 +308,7 @@ class RecordTarget:
         for file in files:
             if files.count(file) > 1:
                 raise mistake(
-                    f"--record {self.target}", f"two files for {file.name}", "files of unlike names"
+                    f"--record {self.target}", f"two files for {file.name}", "files with different names"
                 )
         make_folder(self.target, "--record")
         return files

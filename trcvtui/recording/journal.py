@@ -111,7 +111,7 @@ class WireCall(NamedTuple):
     data: bytes
 
 
-SECRETS_WARNING: Final = "holds TLS secrets: whoever has the file reads what was sent"
+SECRETS_WARNING: Final = "holds TLS secrets: with this file anybody can read what was sent"
 
 
 class Secrets(NamedTuple):

@@ -126,7 +126,7 @@ class RunRecorder:
             sessions += [(each.name, each.session) for each in project.peers]
             self._hidden = frozenset([name for name, one in sessions if isinstance(one, TlsSettings)])
         if self._hidden:
-            first.append(LostEntries(0, "--no-secrets: it can be looked at, not replayed"))
+            first.append(LostEntries(0, "--no-secrets: it can be viewed, not replayed"))
         self._entries[:0] = first  # before the calls that made the bench
         if is_live:
             self.seam.clock = clock.now_ns

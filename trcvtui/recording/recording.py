@@ -237,7 +237,7 @@ class Recording:
             while piece := read(pcap.CHUNK_BYTES):
                 size += os.write(handle, piece)
                 if size > MOST_UNPACKED_BYTES:  # a zip bomb would fill the memory
-                    expected = f"{MOST_UNPACKED_BYTES} at most: unpack it with gunzip first"
+                    expected = f"at most {MOST_UNPACKED_BYTES} bytes: unpack it with gunzip first"
                     raise mistake(self.path, "more bytes in the .gz", expected)
         except EOFError as failed:
             self._torn = str(failed)
@@ -255,8 +255,8 @@ class Recording:
         self.stopped = ""  # only the head was read
         is_ours = len(found) > JOURNAL and found[JOURNAL][:2] == struct.pack("<H", pcap.USER0)
         if not is_ours or JOURNAL_NAME.encode() not in found[JOURNAL]:
-            what = f"no recording of trcvtui: try trcvtui watch {self.path}"
-            raise mistake(self.path, what, "a journal of trcvtui")
+            expected = f"a recording; for a capture use trcvtui watch {self.path}"
+            raise mistake(self.path, "no journal of trcvtui", expected)
 
     def _read_blocks(self, file: IO[bytes], at: int) -> Iterator[tuple[int, bytes, int]]:
         """Yield type, body and place of each block from a byte on; say in `stopped` why there are no more."""
@@ -272,7 +272,7 @@ class Recording:
             if len(body) < size - 8:
                 break
             if body[-4:] != head[4:]:
-                self._note_stop(at, "a block with two lengths", str(size))
+                self._note_stop(at, "a block with two different lengths", str(size))
                 return
             if kind == pcap.SECTION and at:
                 self._note_stop(at, "a second capture after the first", "the end of the file")
@@ -304,7 +304,7 @@ class Recording:
                 elif block.startswith(INDEX_MAGIC):
                     rows = _parse_index(block, place.packets_at, where)
                     if rows and [max(set(row[:2]) - {IS_KEYFRAME}) for row in rows] != found:
-                        raise mistake(where, "an index of other blocks", "one of those before it")
+                        raise mistake(where, "an index of other blocks", "one of the blocks before it")
         except UserError as wrong:
             return str(wrong)
         return self.stopped

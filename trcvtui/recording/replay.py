@@ -204,7 +204,7 @@ class ReplaySeam:
 def make_early_end_error(where: str, lost: str, scan: int, left: int = 0) -> UserError:
     """Return the error of a journal that ends before its run, or has a gap; `left` scans follow the gap."""
     # Keyframes are made from the journal: after a gap there are none.
-    more = f", and {left} more that cannot run again after it" if left else ""
+    more = f" ({left} later scans cannot run again)" if left else ""
     return mistake(
         where, f"{lost or 'the end of the journal'} after {scan} scans{more}", "the end of the run"
     )

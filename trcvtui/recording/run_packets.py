@@ -194,7 +194,7 @@ class RunPackets:
         number = numbers[found] if found >= 0 else JOURNAL_PACKET
         if found < 0 or at >= places[found] + max(1, self.packets[number].payload):
             byte = f", sequence number {at + 1}" if flow.is_stream else ""
-            text += f", in a packet {'before' if at <= flow.in_packets else 'to come'}{byte}"  # Rule 2
+            text += f", in {'an earlier' if at <= flow.in_packets else 'a later'} packet{byte}"  # Rule 2
             number = max([*numbers[-1:], *self._numbers.get(back, ([], []))[1][-1:]], default=JOURNAL_PACKET)
         self.comments.setdefault(number, []).append(text)
 

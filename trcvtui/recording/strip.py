@@ -58,7 +58,7 @@ def strip_recording(source: str, target: str, out: StripOptions) -> Iterator[str
     if not keeps_journal:
         yield f"{target}: a capture for Wireshark and trcvtui watch; it cannot be replayed"
     if out.names and not out.payload:
-        yield f"{target}: it has all payload, with names and addresses in it; --no-payload leaves that out"
+        yield f"{target}: the payload is kept, with names and addresses in it; --no-payload removes it"
 
 
 class _StrippedCopy:

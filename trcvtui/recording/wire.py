@@ -413,17 +413,17 @@ class WirePackets:
             again = [b"", b""] if stream.is_tls else again  # without the handshake it cannot be decrypted
             out, come = (flow.in_packets - len(tail) for flow, tail in zip(stream.flows, again, strict=True))
             stream.first_remark = (
-                f"begins in the middle: {come} bytes to the PLC and {out} from it came before"
+                f"begins in the middle: {come} bytes to the PLC and {out} bytes from it came before"
             )
             if stream.is_tls:
-                stream.first_remark += "; TLS, ciphertext that cannot be opened here"
+                stream.first_remark += "; TLS: cannot be decrypted in this file"
             call = WireCall(now, stream.owners[0], "", 0, (), None, b"")
             for side, at in ((1, come), (0, out)):
                 flow = stream.flows[side]
                 missing, unread = at - flow.job, flow.whole - flow.taken if side else 0
                 remark = f"repeated: {len(again[side])} bytes of an unfinished job"
-                remark += f", {unread} of them unread" if unread else ""
-                remark += f", {missing} before them are missing" if missing else ""
+                remark += f", of which {unread} unread" if unread else ""
+                remark += f", {missing} bytes before them are missing" if missing else ""
                 flow.in_packets = at
                 yield from self._split_data(call, stream, side, at, again[side], remark)
                 flow.in_packets += len(again[side])

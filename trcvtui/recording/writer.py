@@ -102,7 +102,7 @@ class WriterProcess:
         lost, self._lost = self._lost, 0
         self._left_out += lost
         if lost:
-            self._block.add_entry(LostEntries(lost, "the writer could not follow"))  # Rule 1
+            self._block.add_entry(LostEntries(lost, "the writer was too slow"))  # Rule 1
         return lost > 0
 
     def _queue_block(self, block: bytes) -> None:
@@ -165,7 +165,7 @@ class WriterProcess:
         if not self.trouble and line != b"\n":
             self.trouble = str(_parse_refusal(line, self.path))
         if not self.trouble and (lost := self._left_out + self._lost):
-            self.trouble = f"{self.path}: {lost} entries are not recorded: the writer could not follow"
+            self.trouble = f"{self.path}: {lost} entries are not recorded: the writer was too slow"
 
     def kill(self) -> None:
         self._process.kill()

@@ -59,7 +59,7 @@ def run_what_if(
     from trcvtui.replay.what_if import WhatIf, print_both_runs
 
     if is_check:
-        raise mistake("trcvtui replay", "--check with --set or --dialect", "one of them")
+        raise mistake("trcvtui replay", "--check with --set or --dialect", "--check alone, or no --check")
     recording = Recording(path)
     keyframes = Keyframes(recording, str(path))
     with guard_state(keyframes.first > 0, str(path)):
@@ -80,7 +80,7 @@ def replay_file(path: Path, is_check: bool, form: str | None) -> int:
     from trcvtui.recording.recording import Recording
 
     if not is_check and form is None:
-        raise mistake("trcvtui replay", "no terminal, neither --check nor --format", "one of them")
+        raise mistake("trcvtui replay", "neither a terminal nor --check nor --format", "one of the three")
     recording = Recording(path)
     keyframes = Keyframes(recording, str(path))
     try:

@@ -113,7 +113,7 @@ class RecordedRunWriter:
             self._blocks.append(block)
             self._waiting += len(block)
             if self._waiting > MOST_WAITING_BYTES:
-                self._give_up("the run beside was more than 64 MiB late")
+                self._give_up("the run that makes keyframes was more than 64 MiB late")
 
     def add_entries(self, entries: Iterable[Entry]) -> None:
         """Write entries; let the run follow only when a keyframe may be due: a short run needs none."""
@@ -131,11 +131,11 @@ class RecordedRunWriter:
         self._has_all, until = True, clock.now_ns() + PATIENCE_NS
         while self._sink.first_scan != self._file and clock.now_ns() < until and self.advance(0):
             pass
-        self._give_up("the run beside was too late")
+        self._give_up("the run that makes keyframes was too late")
         self._sink.close()
         lack = self._fault or (self._sink.lack and f"{self._sink.lack}: {self._off_reason}")
         if lack and not self._no_secrets:
-            raise mistake(self._where, lack, "a keyframe in each file: without one it cannot be replayed")
+            raise mistake(self._where, lack, "a keyframe in each file: a file without one cannot be replayed")
 
     def _give_up(self, why: str) -> None:
         self._off_reason = self._off_reason or why
@@ -163,7 +163,7 @@ class RecordedRunWriter:
             run = self._run or self._start_run()
             if not run.scan():
                 self._no_secrets = bool(run.replay.gap_text) and not run.replay.is_in_the_middle
-                self._give_up(run.replay.gap_text or "the run beside has ended")
+                self._give_up(run.replay.gap_text or "the run that makes keyframes has ended")
                 return
             self._write_due_keyframe(run)
         except UserError as wrong:  # a replay of the file will show it

@@ -53,15 +53,15 @@ NOT_CALLED_REMEDY: Final = Remedy("EN_R is 1: call the block in each scan, and l
 TROUBLE_ROWS: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
     "shifted": (0.95, "bytes of an unfinished frame were thrown away, and the next job began inside it:",
                 (Remedy("keep EN_R at 1 until DONE"),
-                 Remedy("COM_RST lets frames begin anew", "pulse {instance} COM_RST"))),
-    "flood": (0.85, "in a second more bytes came than jobs took, so that more and more wait:", ()),
-    "plc-not-reading": (0.85, "in a second bytes waited at the PLC, and no job read:",
+                 Remedy("COM_RST lets a new frame begin", "pulse {instance} COM_RST"))),
+    "flood": (0.85, "in one second more bytes came than jobs took, so the waiting bytes grew:", ()),
+    "plc-not-reading": (0.85, "in one second bytes waited at the PLC and no job read them:",
                         (Remedy("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),),
                         ),
-    "partner-not-reading": (0.85, "in a second bytes waited to leave; the partner announced no room:", ()),
-    "dead-link": (0.85, "in a second nothing that was sent was acknowledged, or the stack gave up:", ()),
+    "partner-not-reading": (0.85, "in one second bytes waited to leave: the partner announced no room:", ()),
+    "dead-link": (0.85, "in one second no byte that was sent was acknowledged, or the stack gave up:", ()),
     "datagram-size": (0.95, "a datagram was larger than LEN or DATA:", ()),
-    "request-too-fast": (0.93, "REQ rose while the job before was sending:", ()),
+    "request-too-fast": (0.93, "REQ rose while the previous job was sending:", ()),
     "not-connected-request": (0.93, "a job was requested without a connection:", ()),
 }
 # fmt: on

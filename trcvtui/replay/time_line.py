@@ -331,7 +331,7 @@ class TimeLine:
             self._search = None
             if found == END:
                 which = "later" if step > 0 else "earlier"
-                self._note = f"no {which} {f'edge of {name}' if name else 'ERROR, no finding'}"
+                self._note = f"no {which} {f'edge of {name}' if name else 'ERROR or finding'}"
                 self._note += f"; {trouble}" if (trouble := self._doctor[0].snapshot.trouble) else ""
             else:
                 self._wanted = found
@@ -346,7 +346,7 @@ class TimeLine:
         if self._since is not None:
             self._stop_moving()
         if self.controller.armed_trigger:
-            self._note = f"the end: trigger {self.controller.armed_trigger} did not fire"
+            self._note = f"end of the run: trigger {self.controller.armed_trigger} did not fire"
             self.controller.disarm()
 
     def _move(self, deadline_ns: int) -> bool:

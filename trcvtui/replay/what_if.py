@@ -34,7 +34,7 @@ from trcvtui.wording import count
 RECORDED_RUN, WHAT_IF_RUN = "recorded", "what-if"
 GUESS_TEXTS: Final = {
     GuessReason.PARTNER: "the partner might do something else",
-    GuessReason.BYTES: "it needs bytes that the recording does not have",
+    GuessReason.BYTES: "the run needs bytes that the recording lacks",
     GuessReason.TIME: "something came between two scans, and the recording does not say when",
 }
 LEAVES_PER_READ: Final = 1024
@@ -144,7 +144,7 @@ class WhatIf:
         self._where = recorded.where
         if recorded.replay.is_in_the_middle:
             found = "a file that begins in the middle, without a keyframe"
-            raise mistake(self._where, found, "the run's beginning, or a keyframe, for a what-if")
+            raise mistake(self._where, found, "the run's beginning or a keyframe: a what-if needs one")
         self._is_late = keyframes.first > 0
         self._check_answerable()
         self._changed, self._notes = self._change_roots(dialect, change)
@@ -174,9 +174,9 @@ class WhatIf:
             if is_replayable(path.split(".")):
                 continue
             begins = self.recorded_run.begins
-            expected = "inputs of instances, data, a task's interval and priority, options, --dialect"
+            expected = "an input, data, a task's interval or priority, an option, or --dialect"
             if begins.is_scenario and begins.kernel == "sim":
-                expected += f"; for this, a new run: trcvtui scenario {begins.path} --set {text}"
+                expected += f"; for this key start a new run: trcvtui scenario {begins.path} --set {text}"
             raise mistake(self._where, f"--set {text}: a recording cannot answer this", expected)
 
     def _change_roots(self, dialect: str | None, change: Change | None) -> tuple[RunRoots, list[str]]:
@@ -380,7 +380,7 @@ class WhatIf:
     def describe(self) -> Iterator[str]:
         was, now = self.get_totals()
         same = "in each scan" if self._partners.intervals_ns is None else "at each time"
-        yield f"they part at scan {self.parts_at}" if self.parts_at else f"STATUS is the same {same}"
+        yield (f"they differ from scan {self.parts_at} on" if self.parts_at else f"STATUS is the same {same}")
         if self.value is not None:
             value = self.value
             yield (
@@ -390,11 +390,11 @@ class WhatIf:
         yield f"recorded: {was.jobs} DONE, {was.errors} ERROR, {was.bytes} bytes read"
         yield f"what-if:  {now.jobs} DONE, {now.errors} ERROR, {now.bytes} bytes read"
         if self.guess_why is not None:
-            yield f"from scan {self.guess_from} on it is a guess: {GUESS_TEXTS[self.guess_why]}"
+            yield f"from scan {self.guess_from} on the what-if is a guess: {GUESS_TEXTS[self.guess_why]}"
         if self._held.skipped:
-            yield f"{count(self._held.skipped, 'command')} left out: a pin that is held is not written"
+            yield f"{count(self._held.skipped, 'command')} left out: the what-if holds their pins"
         for scan, part in self._source.failures.items():
-            yield f"scan {scan}: {part} had an internal error in the recorded run alone"
+            yield f"scan {scan}: {part} had an internal error only in the recorded run"
         yield from (*self._notes, *self._what_if.notes)
 
 

@@ -14,7 +14,7 @@ from trcvtui.udt.types import Pointer, StringType, Unplaced
 MOST_NESTED = 32
 MOST_DIMENSIONS = 8
 NO_LENGTH = -1  # as a `width`: an ARRAY OF `spec` without a length at the end of a type of C, not a member
-CPP_NOTE = "this is C++"
+CPP_NOTE = " (C++)"
 PACK_MODES = (0, 1, 2, 4, 8)  # what a pack_mode may be
 
 

@@ -36,7 +36,7 @@ def read_messages(given: str) -> list[bytes]:
     messages = [text] if text == given else re.split(r"\n[ \t\r]*\n", text)
     found = [message for part in messages if (message := parse_hex(part))]
     if not found:
-        raise mistake(where, "no bytes", "a message")
+        raise mistake(where, "no bytes", "the bytes of a message")
     return found
 
 
@@ -62,13 +62,13 @@ def read_values(name: str) -> dict[str, object]:
         values = json.loads(text, parse_float=partial(_parse_float, where), object_pairs_hook=pairs)
     except json.JSONDecodeError as wrong:
         place = f"{where}, line {wrong.lineno}, column {wrong.colno}"
-        raise mistake(place, f"no JSON ({wrong.msg})", EXPECTED_JSON) from None
+        raise mistake(place, f"invalid JSON ({wrong.msg})", EXPECTED_JSON) from None
     except ValueError:  # Python refuses integers of more than 4300 digits
         raise mistake(where, "a number with too many digits", EXPECTED_JSON) from None
     except RecursionError:
         raise mistake(where, "brackets nested too deeply", EXPECTED_JSON) from None
     if not isinstance(values, dict):
-        raise mistake(where, f"JSON, but {_JSON_KIND_NAMES.get(type(values), 'a number')}", EXPECTED_JSON)
+        raise mistake(where, _JSON_KIND_NAMES.get(type(values), "a number"), EXPECTED_JSON)
     return values
 
 
@@ -129,7 +129,7 @@ def _read_text(name: str) -> str:
 def _read_stdin() -> bytes:
     stdin = getattr(sys.stdin, "buffer", None)  # None when the shell has closed it
     if stdin is None:
-        raise OSError("nothing, it is closed")
+        raise OSError("a closed input")
     if stdin.isatty():
         sys.stderr.write("note: reading what you type or paste; Ctrl+D on an empty line ends it\n")
     return bytes(stdin.read(LARGEST_INPUT + 1))  # one more: `_read_input` refuses it

@@ -44,10 +44,10 @@ def _find_hints(type_: Struct | Union | Enumeration, rules: LayoutRules) -> Iter
         return
     if not (type_.members or type_.base or type_.bit_fields):
         word = "UNION" if isinstance(type_, Union) else "STRUCT"
-        yield f"an empty {word}: 0 bytes here; a partner's compiler may refuse it or give it a byte"
+        yield f"this {word} is empty: 0 bytes here; a partner's compiler may refuse it or use 1 byte"
     pack = type_.pack
     if pack is not None and not (rules.takes_pack or (max(pack, 1) == rules.cap and rules.struct_floor == 1)):
-        yield f"its packing ({pack}) is not applied by the layout {rules.name}; codesys-N and c apply it"
+        yield f"the layout {rules.name} ignores the packing ({pack}) of this type; codesys-N and c apply it"
 
 
 # How a message names these fields of a choice; the others by their option.
@@ -80,7 +80,7 @@ def list_types(args: SimpleNamespace) -> tuple[str, bool]:
         _ = types.get_type(args.type, "--type") if args.type else types.only_name(own)  # raises the mistake
     is_good = any(row["layout"] for row in rows)
     write_notes([str(problem) for file in own for problem in file.problems])
-    write_notes([] if is_good else [f"{where_of(args.file)}: no type that can be laid out"])
+    write_notes([] if is_good else [f"{where_of(args.file)}: no type can be laid out"])
     if args.format == "json":
         return indented_json(rows), is_good
     table = [("type", "size", "layout", "where, or what is wrong")]
@@ -201,11 +201,11 @@ class TypeChoice(NamedTuple):
         if choice.layout is not None or not sender.layout:
             return choice.rules(), unsure
         if own := self.types.source_layout(name):
-            text = f"{name}: a Siemens source, laid out as {own}; change it with --layout"
+            text = f"{name}: the source is Siemens, so the layout is {own}; --layout changes that"
             return choice.rules(own), [text, *unsure]
         shown = choice.rules()
         text = f"a {sender.source} type, shown as {shown.name} receives it; the sender's layout is usually"
-        return shown, [f"{name}: {text} {sender.layout}: --layout {sender.layout}"]
+        return shown, [f"{name}: {text} {sender.layout} (--layout {sender.layout})"]
 
     def layout(self) -> tuple[Layout, list[str]]:
         """Return layout and notes; the sender's layout if none is chosen and ours cannot hold the type."""
@@ -217,14 +217,14 @@ class TypeChoice(NamedTuple):
             if self.choice.layout is None and sender:
                 with suppress(UserError):
                     layout = lay_out(self.type, self.choice.rules(sender), self.name)
-                    text = f"laid out as {sender}, its sender's layout"
+                    text = f"shown in the layout of its sender, {sender}"
                     return layout, [_refusal_text(layout.name, rules, refused) + text]
             raise
 
 
 def _refusal_text(name: str, rules: LayoutRules, refused: UserError) -> str:
     problem = refused.problems[0]
-    return f"{name}: {rules.name} cannot hold it ({problem.where}, {problem.found}); "
+    return f"{name}: {rules.name} cannot hold this type ({problem.where}, {problem.found}); "
 
 
 def layout_of(args: SimpleNamespace) -> Layout:
@@ -278,7 +278,7 @@ def read_all_types(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, 
     paths = [args.file, *args.others]
     set_header_context(paths, getattr(args, "long_size", None))
     if [*paths, *getattr(args, "hex", ()), getattr(args, "values", "")].count(STDIN) > 1:
-        raise mistake(where_of(STDIN), "- more than once", "one input on stdin, the others in files")
+        raise mistake(where_of(STDIN), "- more than once", "only one input on stdin, the others in files")
     folders = [TypeFolder(path, f"in {path}") for path in paths if is_folder(path)]
     files: dict[str, list[Declarations]] = {}
     with raise_all_problems() as problems:
@@ -289,7 +289,7 @@ def read_all_types(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, 
     if not own and None in names:
         own += folders[0].read_all()
     elif own and args.file != STDIN:
-        folders.append(TypeFolder(os.path.dirname(args.file) or ".", "beside it", paths, is_whole=False))
+        folders.append(TypeFolder(os.path.dirname(args.file) or ".", "beside FILE", paths, is_whole=False))
     names_in = folders[0].texts if is_folder(args.file) else [args.file]
     if any(name.lower().endswith(PACKAGE_FILES) for name in names_in):
         folders += packages_around(args.file, paths)
@@ -304,12 +304,12 @@ def read_all_types(args: SimpleNamespace, *names: str | None) -> tuple[TypeSet, 
 def suggest_option(problem: Problem) -> Problem:
     """Return the problem; for an unknown type or constant, add the option that solves it."""
     if problem.expected == KNOWN_TYPE:
-        return replace(problem, expected=f"{KNOWN_TYPE}: --with FILE that declares it")
+        return replace(problem, expected=f"{KNOWN_TYPE}; add --with FILE that declares it")
     name = unknown_name(problem)
     if problem.expected == unknown_constant(name):
         if problem.found != f"'{name}'":  # declared, but with several values or none
-            return replace(problem, expected=f"one number: --constant {name}=VALUE")
-        expected = f"a known constant: --constant {name}=VALUE, or --with FILE that declares it"
+            return replace(problem, expected=f"one number; add --constant {name}=VALUE")
+        expected = f"a known constant; add --constant {name}=VALUE, or --with FILE that declares it"
         return replace(problem, expected=expected)
     return problem
 
@@ -333,7 +333,7 @@ def _split_sides(args: SimpleNamespace) -> tuple[SimpleNamespace, SimpleNamespac
     for option in ("type", *LayoutChoice._fields):
         given = getattr(args, option)
         if len(given) > 2:
-            found = f"{len(given)} of them"
+            found = f"it {len(given)} times"
             raise mistake(f"--{option.replace('_', '-')}", found, "one for both sides, or one for each")
         ours[option], theirs[option] = (given[0], given[-1]) if given else (None, None)
     return SimpleNamespace(**ours), SimpleNamespace(**theirs)

@@ -78,7 +78,7 @@ class _Evaluation:
 
     def parse_factor(self, depth: int) -> int | None:
         if depth > DEEPEST_FORMULA:  # bounds the recursion
-            raise self.refusal(f"at most {DEEPEST_FORMULA} levels")
+            raise self.refusal(f"at most {DEEPEST_FORMULA} nested levels")
         if sign := self.accept("+", "-"):
             return self.combine(sign, 0, self.parse_factor(depth + 1))
         if self.accept("("):
@@ -102,7 +102,7 @@ class _Evaluation:
             return None
         if sign == "/":
             if right == 0:
-                raise self.refusal("no division by zero")
+                raise self.refusal("a divisor other than 0")
             return divide(left, right)
         value = left * right if sign == "*" else left + right if sign == "+" else left - right
         if abs(value) > LARGEST_NUMBER:

@@ -13,7 +13,7 @@ from trcvtui.errors import mistake
 
 HEAD_BYTES: Final = 4096  # bytes of a file that are searched
 _ST: Final = "its types as text: TYPE ... END_TYPE"
-_XML_EXPECTED: Final = "PLCopen XML (in CODESYS: Project, Export PLCopenXML)"
+_XML_EXPECTED: Final = "PLCopen XML (in CODESYS: Project > Export PLCopenXML)"
 _DUT: Final = "the .TcDUT file of each type"
 _CAPTURE_EXPECTED: Final = "pcapng: editcap -F pcapng {0} {0}.pcapng"
 _NEVER_MATCHES: Final = "(?!)"
@@ -57,5 +57,5 @@ def refuse_other_file(name: str, head: bytes, expected: str = "") -> None:
     named = [row for row in _OTHER_FILES if re.fullmatch(row.suffix, suffix, re.IGNORECASE)]
     for row in named + found if text.startswith(b"PK") else found + named:  # many formats are zip archives
         wanted = row.expected if not expected or row.expected is _CAPTURE_EXPECTED else expected
-        what = f"{row.what}, which is not read" if head else "an empty file"
+        what = f"{row.what}, which is not supported" if head else "an empty file"
         raise mistake(name, what, wanted.format(shlex.quote(name)))

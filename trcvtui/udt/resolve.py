@@ -171,7 +171,7 @@ class Resolver:
         if base is not None and unknown:  # the base alone decides the layout
             bounds = [n.text if isinstance(n, ast.Formula) else str(n) for n in (spec.low, spec.high)]
             text = f"{base.name}({'..'.join(bounds)}) is laid out as {base.name}"
-            note = f"{spec.base.where}: {text}; unknown: {', '.join(unknown)}"
+            note = f"{spec.base.where}: {text}; unknown limits: {', '.join(unknown)}"
             self.notes.setdefault(user, {})[note] = None
             return base
         if base is None or limits is None:
@@ -217,7 +217,7 @@ class Resolver:
         if isinstance(row, Elementary) and width <= 8 * row.size:
             yield BitField(at, row.size, width, bool(member.name))
         elif row is not None:
-            self.refuse(user, Problem(member.where, f"{width} bits", "an integer type with that many bits"))
+            self.refuse(user, Problem(member.where, f"{width} bits", "an integer type of as many bits"))
 
     def build_base(self, spec: ast.StructSpec, user: str) -> tuple[Struct | Union | None, int]:
         if spec.base is None:
@@ -226,7 +226,7 @@ class Resolver:
         word = "UNION" if spec.is_union else "STRUCT"
         if isinstance(base, Union if spec.is_union else Struct):
             if spec.is_class and has_padded_end(base):
-                found = f"base class '{spec.base.name}' that does not end with a member: {CPP_NOTE}"
+                found = f"base class '{spec.base.name}' that does not end with a member{CPP_NOTE}"
                 self.refuse(user, Problem(spec.base.where, found, "a base without padding at its end"))
                 return None, depth
             return base, depth
@@ -347,7 +347,7 @@ class Resolver:
 
 
 def unknown_constant(name: str) -> str:
-    return f'{KNOWN}constant: "{name}" = VALUE in [constants] of the project, or --constant {name}=VALUE'
+    return f'{KNOWN}constant; add "{name}" = VALUE to [constants] of the project, or --constant {name}=VALUE'
 
 
 def unknown_name(problem: Problem) -> str:

@@ -75,7 +75,7 @@ class TypeSet:
             return names[0]
         if names:
             found = f"{len(names)} types: {', '.join(names[:8])}"
-            raise mistake(self.where, found, "one type, or its name")
+            raise mistake(self.where, found, "one type, or --type NAME")
         others = " and ".join({word: None for file in files for word in file.others})
         raise mistake(self.where, f"no type, only {others}" if others else "no type", "TYPE ... END_TYPE")
 
@@ -164,7 +164,7 @@ def _note_differences(resolver: Resolver, copies: Iterable[Declaration]) -> None
         ours, theirs = _leaf_places(types[key]) if key in types else [], _leaf_places(other)
         if ours and theirs and ours != theirs:
             sizes = [f"{count(len(each) - 1, 'value')} in {each[0]} bytes" for each in (ours, theirs)]
-            resolver.notes.setdefault(key, {})[f"{sizes[0]}, {what} has {sizes[1]}"] = None
+            resolver.notes.setdefault(key, {})[f"{sizes[0]}, but {what} has {sizes[1]}"] = None
 
 
 def _leaf_places(type_: Type) -> list[object]:

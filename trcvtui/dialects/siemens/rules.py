@@ -69,7 +69,7 @@ SWITCHES: Final = (
         "retry",
         "duration",
         SECOND,
-        "pause after a failed attempt to connect, or an active connection that fell before a byte moved",
+        "pause after a failed attempt to connect, or an active connection that was lost before any byte",
     ),
     Switch("attempt_limit", "duration", 5 * SECOND, "longest time that one attempt to connect may take"),
     Switch("busy_while_connecting", "bool", False, "BUSY is 1 in 7001, 7002 and 7003 of the _C blocks"),
@@ -95,15 +95,15 @@ SWITCHES: Final = (
         "en_r_falls",
         "choice",
         "by_cont_mode",
-        "EN_R = 0 while a receive job runs: it goes on until data is there, or is dropped; by cont_mode: "
-        "level keeps it, manual drops one that has no data yet",
+        "EN_R becomes 0 while a receive job runs (keeps: the job waits for data; drops: it ends; "
+        "by_cont_mode: level keeps the job, manual drops it if it has no data yet)",
         ("by_cont_mode", "keeps", "drops"),
     ),
     Switch(
         "receive_faults",
         "choice",
         "each_call",
-        "EN_R = 1 and a receive job that is refused: ERROR with each call, or once until EN_R or LEN changes",
+        "a receive job is refused (each_call: ERROR in each call; once: ERROR again if EN_R or LEN changes)",
         ("each_call", "once"),
     ),
     Switch("buffers", "count", 64, "jobs that can run at the same time; one more shows 80C3"),
@@ -122,7 +122,7 @@ SWITCHES: Final = (
         "keep_alive",
         "count",
         30,
-        "seconds between probes of a silent partner where KeepAliveTimeInterval is 0: a dead link shows "
+        "seconds between probes of a silent partner if KeepAliveTimeInterval is 0: a dead link shows "
         "after 2 to 3 of them; 30 is from memory, unverified",
         least=1,
         most=32767,
@@ -334,8 +334,8 @@ LEGACY_SWITCHES: Final = (
         "legacy_len0",
         "choice",
         "data",
-        "LEN = 0 of TRCV_C and TRCV: data, the size of DATA (S7-1200 System Manual 11/2011, Easy Book); "
-        "adhoc, as LEN = 65535 (STEP 7 help before 3.0)",
+        "LEN = 0 at TRCV_C and TRCV (data: the size of DATA, S7-1200 System Manual 11/2011 and Easy Book; "
+        "adhoc: as LEN = 65535, STEP 7 help before 3.0)",
         ("data", "adhoc"),
     ),
 )

@@ -203,7 +203,7 @@ RESET_WITH_EN_R_SWITCH: Final = Switch(
     "reset_framer_with_en_r",
     "bool",
     False,
-    "the part of a frame is thrown away when EN_R of the TRCV_C in front of it falls",
+    "an incomplete frame is discarded when EN_R falls at the TRCV_C that feeds the ComBuffer",
 )
 STREAM_ROWS: Final = tuple(kept for row in BAOSKY.status if (kept := _keep_stream_row(row)) is not None)
 

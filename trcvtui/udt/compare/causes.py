@@ -51,7 +51,7 @@ class FitCause(NamedTuple):
         words = _CAUSE_TEXTS.get(self.kind or "", "").format(
             count, member=one_line(self.member), theirs=one_line(self.theirs)
         )
-        return f"{words} and {more} after it" if self.kind == HEADER and self.back else words
+        return f"{words} and {more} behind" if self.kind == HEADER and self.back else words
 
     def can_fit(self, size: int, framed: bool, lengths: Collection[int]) -> bool:
         """Return whether a message of one of these lengths can hold a type of this size with this cause."""
@@ -69,14 +69,14 @@ def _bytes_text(number: int) -> str:
 
 
 _CAUSE_TEXTS: Final = {
-    HEADER: "{} before it",
-    TRAILER: "{} after it",
+    HEADER: "{} in front",
+    TRAILER: "{} behind",
     BYTE_TOO_MANY: "one byte too long",
     BYTE_TOO_FEW: "one byte too short",
     WORD_SWAP: "words exchanged (CDAB)",
-    BYTE_SWAP: "bytes exchanged in 16 bits (BADC)",
+    BYTE_SWAP: "bytes exchanged in words (BADC)",
     BLANKS: "texts filled with blanks",
-    MEMBER_MORE: "{} more before {member}",
+    MEMBER_MORE: "{} extra before {member}",
     FEWER: "without {member}",
     WIDTH: "{member} as {theirs}",
 }
@@ -96,24 +96,24 @@ _BYTE_CHANGES: Final[dict[int, BytesChange]] = dict.fromkeys((2, 4, 8), exchange
 # Swapped words in one byte order and swapped bytes in the other one are often the same bytes: they cost the
 # same, and the one in our own byte order comes first.
 SWAP_CAUSES: Final = (
-    FitCause(WORD_SWAP, cost=-3.5, about="of each number of 4 and 8 bytes", of_member=_WORD_CHANGES),
-    FitCause(WORD_SWAP, cost=-3.5, about="of each number of 4 bytes", of_member={4: exchange_words}),
+    FitCause(WORD_SWAP, cost=-3.5, about="in each number of 4 or 8 bytes", of_member=_WORD_CHANGES),
+    FitCause(WORD_SWAP, cost=-3.5, about="in each number of 4 bytes", of_member={4: exchange_words}),
     FitCause(
         WORD_SWAP,
         cost=-4.0,
-        about="of each number of 4 bytes, and of each half of 8",
+        about="in each number of 4 bytes, and in both halves of one of 8",
         of_member={4: exchange_words, 8: _swap_words},
     ),
-    FitCause(WORD_SWAP, cost=-3.5, about="of every 4 bytes of the message", of_all=_swap_words),
-    FitCause(BYTE_SWAP, cost=-3.5, about="of the whole message", of_all=exchange_pairs),
-    FitCause(BYTE_SWAP, cost=-3.5, about="of each number", of_member=_BYTE_CHANGES),
+    FitCause(WORD_SWAP, cost=-3.5, about="in every 4 bytes of the message", of_all=_swap_words),
+    FitCause(BYTE_SWAP, cost=-3.5, about="in the whole message", of_all=exchange_pairs),
+    FitCause(BYTE_SWAP, cost=-3.5, about="in each number", of_member=_BYTE_CHANGES),
 )
 EXTRA_CAUSES: Final = (
     *(FitCause(HEADER, n, front=n, cost=-2.5) for n in range(1, MOST_EXTRA_BYTES + 1)),
     *(FitCause(TRAILER, n, back=n, cost=-2.5) for n in range(1, MOST_EXTRA_BYTES + 1)),
     FitCause(BYTE_TOO_MANY, 1, back=1, cost=-3.0),
-    FitCause(BYTE_TOO_FEW, 1, back=-1, cost=-3.0, about="its last byte is missing"),
-    FitCause(BYTE_TOO_FEW, 1, front=-1, cost=-6.0, about="its first byte is missing"),
+    FitCause(BYTE_TOO_FEW, 1, back=-1, cost=-3.0, about="the last byte is missing"),
+    FitCause(BYTE_TOO_FEW, 1, front=-1, cost=-6.0, about="the first byte is missing"),
 )
 BLANKS_CAUSE: Final = FitCause(
     BLANKS, cost=-2.5, about="no NUL ends them", of_text=lambda raw: raw.rstrip(b" ").ljust(len(raw), b"\0")

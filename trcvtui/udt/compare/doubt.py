@@ -43,9 +43,9 @@ def _own_doubt(best: Reading, messages: Sequence[bytes]) -> str:
     if best.cause.kind is None and last and last.leaf.size > 1 and is_number(last) and ending <= {b"\r\n"}:
         return "every message ends in CR LF, which is read as a number"
     if best.cause.kind in DRIFTS:
-        return "it is a guess that the sender's type differs, and where"
+        return "whether and where the sender's type differs is a guess"
     if not best.has_meaning:
-        return "the meaning of the bytes beside the members is unknown"
+        return "the bytes before or behind the members have no known meaning"
     if best.filled:
         return f"{best.filled}: a member may lie there"
     if best.narrow:
@@ -75,16 +75,13 @@ def _contest(best: Reading, other: Reading) -> str:
         if reads_same_values(best, other):
             return f"{reading_name(other)} ({other.score:+.1f}) reads the same values at the same places"
         if abs(other.own_points - best.own_points) < 0.01 and other.order != best.order:
-            return f"{reading_name(other)} ({other.score:+.1f}) reads values that are as likely"
-        return f"{reading_name(other)} ({other.score:+.1f}) is close"
+            return f"{reading_name(other)} ({other.score:+.1f}) reads other values that are just as likely"
+        return f"{reading_name(other)} ({other.score:+.1f}) has nearly as many points"
     if best.cause.kind is None and other.cause.kind is not None:
         return ""  # it needs two rare things: a cause, and numbers that are all round
     ahead = CLEAR_LEAD - best.order_points if other.order != best.order else CLEAR_LEAD_IN_ORDER
     if other.fair_score > (best.score if other.has_plain else best.fair_score) - ahead:
-        return (
-            f"{reading_name(other)} may be right: it is as likely if numbers that are round in a byte order "
-            "(multiples of 256) are left out"
-        )
+        return f"{reading_name(other)} may be right: as likely if multiples of 256 do not count"
     return ""
 
 

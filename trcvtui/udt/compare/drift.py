@@ -237,7 +237,7 @@ class _DriftSearch:
             case Struct(members=members, bit_fields=()) if len(members) <= MOST_MEMBERS:
                 yield from self.find_struct_drifts(type_, spare, path)
             case _:
-                size, about = self.placing.place(type_, path).size, f"here it is {type_text(type_)}"
+                size, about = self.placing.place(type_, path).size, f"our type has {type_text(type_)}"
                 for other in _other_width_types(type_, spare):
                     try:
                         node = self.placing.place(other, path)
@@ -257,7 +257,7 @@ class _DriftSearch:
                 found, _ = change(at, at + 1, (name, inner, drift.lying))
                 yield _Drift(drift.cause, found, partial(_splice, type_, at, at + 1, first, name, drift.type))
             if spare <= 0 and at >= first and len(parts) > 1:
-                cause = FitCause(FEWER, cost=DRIFT_COST, about="the sender may not have it", member=paths[at])
+                cause = FitCause(FEWER, cost=DRIFT_COST, about="the sender may lack it", member=paths[at])
                 yield _Drift(cause, change(at, at + 1)[0], partial(_splice, type_, at, at + 1, first))
         for at in range(first, len(parts) + 1):
             seen = set()
@@ -267,7 +267,7 @@ class _DriftSearch:
                 if (*found[:2], shift) not in seen:
                     seen.add((*found[:2], shift))
                     cost = DRIFT_COST + ADDED_BYTE_COST * min(max(shift, 0), 8)
-                    about = "the sender may have them"
+                    about = "the sender's type may have them"
                     cause = FitCause(MEMBER_MORE, shift, cost=cost, about=about, member=place)
                     made = partial(_splice, type_, at, at, first, UNKNOWN, partial(_return_type, filler))
                     yield _Drift(cause, found, made)

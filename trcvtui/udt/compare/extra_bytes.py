@@ -71,7 +71,7 @@ def extra_evidence(cause: FitCause, before: bytes, unit: bytes, after: bytes) ->
     if after and tail is None:
         if not before:
             return None
-        tail = ExtraEvidence(math.log(OWN_ENDING_SHARE), f"after it: {_hex_text(after)}", has_meaning=False)
+        tail = ExtraEvidence(math.log(OWN_ENDING_SHARE), f"behind: {_hex_text(after)}", has_meaning=False)
     head = _judge_header(before, len(unit), after) if before else None
     if head and tail:
         is_known = head.has_meaning and tail.has_meaning
@@ -81,7 +81,7 @@ def extra_evidence(cause: FitCause, before: bytes, unit: bytes, after: bytes) ->
 
 
 def _judge_header(before: bytes, size: int, after: bytes) -> ExtraEvidence:
-    text = f"before it: {_hex_text(before)}"
+    text = f"in front: {_hex_text(before)}"
     mark = next((mark for mark in START_MARKS if before.startswith(mark) and b"\x03" in after), b"")
     name = START_MARKS.get(mark, "")
     field = find_length_field(before, size + len(after)) or find_length_field(before, size)
@@ -98,14 +98,14 @@ def _judge_header(before: bytes, size: int, after: bytes) -> ExtraEvidence:
 
 
 def _judge_trailer(before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | None:
-    text = f"after it: {_hex_text(after)}"
+    text = f"behind: {_hex_text(after)}"
     name, share = END_MARKS.get(after) or _find_checksum(before, unit, after)
     if name:
         return ExtraEvidence(math.log(share) - log_chance(after), f"{text}, {name}", after=name)
     if len(after) == 1:
         return None  # BYTE_TOO_MANY explains it
     if not any(after):
-        return ExtraEvidence(math.log(ZEROS_AFTER_SHARE), f"after it: {len(after)} zeros", has_meaning=False)
+        return ExtraEvidence(math.log(ZEROS_AFTER_SHARE), f"behind: {len(after)} zeros", has_meaning=False)
     return ExtraEvidence(math.log(OWN_ENDING_SHARE), text, has_meaning=False)
 
 
@@ -151,8 +151,8 @@ def find_length_field(extra: bytes, size: int) -> tuple[bytes, str] | None:
             part = extra[at : at + width]
             counted = {
                 size: "of the type",
-                size + len(extra): "of all",
-                size + len(extra) - at - width: "of what follows it",
+                size + len(extra): "of all bytes",
+                size + len(extra) - at - width: "of the bytes that follow",
             }
             for order in INT_BYTE_ORDERS:
                 number = int.from_bytes(part, order)

@@ -69,8 +69,8 @@ class Fit:
         return f"{self.profile}, {self.cause}" if self.cause.kind else str(self.profile)
 
     def __str__(self) -> str:
-        also = ", ".join(str(profile) for profile in self.profiles[1:])
-        return f"{self.name} ({self.score:+.1f})" + (f", the same for these bytes: {also}" if also else "")
+        also = "; ".join(str(profile) for profile in self.profiles[1:])
+        return f"{self.name} ({self.score:+.1f}" + (f"; the same for these bytes: {also})" if also else ")")
 
 
 def rank(
@@ -170,18 +170,18 @@ def verdict(fits: Sequence[Fit]) -> str:
         after = f"; next is {other.name} ({other.score:+.1f})" if other else ""
         return f"{best} fits best{after}"
     if best.score <= 0 or (best.members <= 0 and len(tied) == 1):
-        return f"no profile fits these bytes well; the least bad is {best}"
+        return f"no layout fits these bytes well; the nearest is {best}"
     if len(tied) == 1:
-        return f"{best} is ahead, but that is not sure: {best.doubt}"
-    names = " and ".join(fit.name for fit in tied[:MOST_NAMED])
+        return f"{best} has the most points, but is not sure: {best.doubt}"
+    names = " and ".join(f"'{fit.name}'" for fit in tied[:MOST_NAMED])
     more = f" (and {len(tied) - MOST_NAMED} more)" if len(tied) > MOST_NAMED else ""
-    return f"{names}{more} cannot be told apart by these bytes: {_describe_difference(tied[0], tied[1])}"
+    return f"these bytes do not decide between {names}{more}: {_describe_difference(tied[0], tied[1])}"
 
 
 def _describe_difference(one: Fit, other: Fit) -> str:
     if one.cause != other.cause:
-        causes = [str(fit.cause) or "no other cause" for fit in (one, other)]
-        return f"the first two are {' and '.join(causes)}"
+        causes = [str(fit.cause) or "the layout alone" for fit in (one, other)]
+        return f"the first two have different causes, {' and '.join(causes)}"
     return f"the first two differ only in {describe_difference(one.layout, other.layout)}"
 
 

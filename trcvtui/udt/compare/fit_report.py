@@ -55,7 +55,7 @@ def fit_text(fits: Sequence[Fit], title: str) -> str:
             if len(reasons) > MOST_PRINTED:
                 lines.append(f"             and {len(reasons) - MOST_PRINTED} more reasons (--format json)")
         elif found.same:
-            lines.append(f"             no byte tells it from {same_readings_text(found)}")
+            lines.append(f"             reads the same values as {same_readings_text(found)}")
     if len(rows) > MOST_READINGS_SHOWN:
         lines.append(f"and {len(rows) - MOST_READINGS_SHOWN} more readings (--format json)")
     return "\n".join(lines)
@@ -64,7 +64,7 @@ def fit_text(fits: Sequence[Fit], title: str) -> str:
 def reading_title(found: Fit) -> str:
     """Return the first profile with the cause, and how many other profiles mean the same."""
     more = len(found.profiles) - 1
-    return found.name + (f" (and {more} the same)" if more else "")
+    return found.name + (f" (and {more} equal)" if more else "")
 
 
 def reason_lines(found: Fit) -> Iterator[str]:
@@ -72,12 +72,12 @@ def reason_lines(found: Fit) -> Iterator[str]:
     if found.doubt:
         yield one_line(f"not sure: {found.doubt}")
     if found.same:
-        yield f"no byte tells it from {same_readings_text(found)}"
+        yield f"reads the same values as {same_readings_text(found)}"
     if len(found.profiles) > 1:
         yield "the same for these bytes: " + "; ".join(str(profile) for profile in found.profiles[1:])
     if found.profile.text:
         yield f"STRING as {found.profile.text}"
-    yield f"{found.members:+.1f} are the members' own points"
+    yield f"{found.members:+.1f} for all members together"
     yield from (one_line(f"{reason.points:+.1f} {reason.text}") for reason in found.reasons)
 
 

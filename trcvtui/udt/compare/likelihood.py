@@ -119,10 +119,10 @@ def value_bytes(leaf: Leaf, raw: bytes, rules: LayoutRules) -> bytes:
 def bits_evidence(used: int, raw: bytes) -> LeafEvidence:
     """Return the evidence of a byte whose first `used` bits are BOOLs."""
     if raw[0] >> used:
-        return _evidence((LOG_NEVER, f"bits after them are set: 16#{raw[0]:02X}"), raw)
+        return _evidence((LOG_NEVER, f"unused bits are set: 16#{raw[0]:02X}"), raw)
     off = BITS_OFF_SHARES[0] + BITS_OFF_SHARES[1] / used
     likely = off if not raw[0] else (1 - off) / ((1 << used) - 1)
-    return _evidence((math.log(likely), "the bits after them are 0" if used < 8 else "BOOLs"), raw)
+    return _evidence((math.log(likely), "unused bits are 0" if used < 8 else "BOOLs"), raw)
 
 
 def gap_points(raw: bytes) -> float:
@@ -220,7 +220,7 @@ def _judge_whole(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder) -> 
             named = [known for _, known in values if known is not None]
             is_named = number in named
             likely = math.log(1 / len(named)) if is_named else LOG_NEVER
-            return likely, "a named value" if is_named else "no named value"
+            return likely, "a named value" if is_named else "a value without a name"
         case Subrange(low=low, high=high):
             number = int.from_bytes(raw, order, signed=row.code.islower())
             if low <= number <= high:
@@ -233,8 +233,8 @@ def _judge_whole(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder) -> 
     if not number:
         return likely, "zero"
     if abs(number) * ORDER_RATIO <= abs(swapped):
-        return likely, f"small; swapped it is {swapped}"
-    return likely, f"large; swapped it is {swapped}" if abs(swapped) * ORDER_RATIO <= abs(
+        return likely, f"small; with bytes swapped {swapped}"
+    return likely, f"large; with bytes swapped {swapped}" if abs(swapped) * ORDER_RATIO <= abs(
         number
     ) else "a number"
 
@@ -352,7 +352,7 @@ def _judge_headed(type_: StringType, raw: bytes, rules: LayoutRules) -> _Likelih
     if not any(raw):
         return math.log(0.08) + _rest_likelihood(raw, 0), "empty, without a header"
     if longest != declared:
-        return LOG_NEVER, f"its header says at most {longest} characters, declared are {declared}"
+        return LOG_NEVER, f"its header says at most {longest} characters, the type {declared}"
     text = f"its header says {actual} of at most {longest} characters"
     if actual > longest:
         return LOG_NEVER, text
@@ -372,7 +372,7 @@ def _judge_ended(type_: StringType, raw: bytes, rules: LayoutRules) -> _Likeliho
         return math.log(0.03) + unit * ZERO + _rest_likelihood(raw, unit), "empty, with bytes after the NUL"
     length, declared = ends // unit, rules.text.length(type_)
     if length > declared:
-        return LOG_NEVER, f"{length} characters, declared are {declared}"
+        return LOG_NEVER, f"{length} characters, the type {declared}"
     likely = math.log(0.9 * _score_length(length, declared)) + _score_letters(raw[:ends], unit, rules)
     return likely + _rest_likelihood(raw, ends + unit), f"{length} characters and a NUL"
 

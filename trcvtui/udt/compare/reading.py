@@ -170,7 +170,7 @@ class Reading:
             befores = dict.fromkeys(befores, min(befores.values()))
         afters = {after: extra.of_after for (_, after), extra in known.items()}
         points = sum(sum(one.values()) * len(one) ** (REPEAT_EXPONENT - 1) for one in (befores, afters))
-        text = next(iter(known.values())).text or (f"{cause}: {cause.about}" if cause.about else str(cause))
+        text = next(iter(known.values())).text or ", ".join(filter(None, (str(cause), cause.about)))
         if len(known) == 1 and len(units) > 1 and cause.n and not cause.member:
             text += " in each message"
         self.others.append(Reason(round(cause.cost + points, 2), "", text))
@@ -245,7 +245,9 @@ class Reading:
         numbers = [int.from_bytes(part[::-1] if is_little else part, "big", signed=True) for part in parts]
         if bits > 8 and type_.code.islower() and all(1 << bits - 1 <= one < 1 << bits for one in numbers):
             half = numbers[-1] - (1 << bits)
-            self.narrow = f"{self.path(member)} = {numbers[-1]} is {half} if the sender has it half as wide"
+            self.narrow = (
+                f"{self.path(member)} = {numbers[-1]} is {half} if the sender's number is half as wide"
+            )
 
     def judge_steps(self, member: ReadMember, parts: list[bytes]) -> None:
         pairs = [(before, after) for before, after in pairwise(parts) if before != after]
@@ -263,17 +265,15 @@ class Reading:
             return
         have = len(messages[-1])
         if not self.has_length:
-            more = f"{abs(have - size)} {'more' if have > size else 'fewer'}"
+            more = f"{abs(have - size)} {'too many' if have > size else 'too few'}"
             self.others.append(Reason(LENGTH[1], "", f"{have} bytes came, the type has {size}: {more}"))
             return
         share = self.cutting.fitting / len(messages)
         points = LENGTH[0] * share + LENGTH[1] * (1 - share)
         several = self.cutting.several
-        beside = {1: " and", -1: " but"}.get(
-            (cause.front + cause.back > 0) - (cause.front + cause.back < 0), ""
-        )
-        count = f", {several} times the {size} of the type" if several > 1 else f", and the type has {size}"
-        text = f"{have} bytes came{count}" + (f"{beside} {cause}" if beside else "")
+        beside = f" ({cause})" if cause.front + cause.back else ""
+        count = f"{several} values of {size} bytes" if several > 1 else f"the type has {size}"
+        text = f"{have} bytes came, {count}{beside}"
         self.others.append(Reason(round(points + (MULTIPLE_POINTS if several > 1 else 0), 2), "", text))
 
     def judge_gaps(self) -> None:
@@ -424,7 +424,7 @@ class Reading:
         leaf, path = one.member.leaf, self.path(one.member)
         if one.member.bits:
             return Reason(
-                round(one.points, 2), leaf.path, f"16#{one.raw.hex().upper()} up to {path}: {one.why}"
+                round(one.points, 2), leaf.path, f"16#{one.raw.hex().upper()}, BOOLs up to {path}: {one.why}"
             )
         value = value_text(leaf, decode_leaf(self.look.layout, leaf, one.raw), one.raw)
         shown = value if len(value) <= MOST_VALUE_CHARACTERS else value[:MOST_VALUE_CHARACTERS] + "..."

@@ -55,12 +55,12 @@ def substitute_leaf(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) ->
     if node.is_bit:
         if "BOOL" in ours.bits or ours.takes_pack:  # only CODESYS has BIT
             return ELEMENTARY["BOOL" if "BOOL" in ours.bits else "BIT"], ""
-        return None, f"one bit in {theirs.name}, and {ours.name} has no member of one bit"
+        return None, f"it is one bit in {theirs.name}; {ours.name} has no member of one bit"
     if isinstance(node.type, StringType):
         return _substitute_text(node.type, node.size, theirs, ours)
     stored, own = theirs.storage(node.type), ours.storage(node.type)
     if own.name in ours.bits:  # their BOOL has a byte, ours would be a bit
-        return ELEMENTARY["BYTE"], f"a BOOL of one byte in {theirs.name}, a bit in {ours.name}: here a BYTE"
+        return ELEMENTARY["BYTE"], f"a BOOL is one byte in {theirs.name}, one bit in {ours.name}; here a BYTE"
     if stored_form(node.type, theirs) == stored_form(node.type, ours):
         return node.type, ""
     if isinstance(node.type, Enumeration):
@@ -68,22 +68,22 @@ def substitute_leaf(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) ->
         return ELEMENTARY[stored.name], f"{name} has {stored.size} bytes in {theirs.name}: here {stored.name}"
     bits = BIT_STRINGS.get(node.size)
     if bits is None:
-        return None, f"{stored.name} is stored differently in {theirs.name}"
-    note = f"{stored.name} is stored differently in {theirs.name}: here {bits}; convert it"
+        return None, f"{theirs.name} stores {stored.name} differently"
+    note = f"{theirs.name} stores {stored.name} differently; here a {bits} that you convert"
     return ELEMENTARY[bits], note
 
 
 def _substitute_text(type_: StringType, size: int, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
     if theirs.text.header != ours.text.header:
-        forms = ("a NUL after", "two lengths before")
+        forms = ("ends a STRING with a NUL", "begins a STRING with two lengths")
         there, here = forms[theirs.text.header], forms[ours.text.header]
-        return None, f"a STRING with {there} its characters in {theirs.name}, with {here} them in {ours.name}"
+        return None, f"{theirs.name} {there}, {ours.name} {here}"
     declared = theirs.text.length(type_)
     length = size // (2 if type_.wide else 1) - ours.text.extra
     found = StringType(length, type_.wide, type_.utf8)
     if length < declared or length > ours.text.largest_length(found):
         name = type_text(StringType(declared, type_.wide))
-        return None, f"{name} of {size} bytes: {ours.name} has none of that size and length"
+        return None, f"{ours.name} has no {name} of {size} bytes"
     return (type_ if ours.text.length(type_) == length else found), ""
 
 
@@ -96,7 +96,7 @@ def prove_places(
     """Raise Unreachable unless each member has its wanted place; those in `raw` may be bytes or padding."""
     proved = set() if proved is None else proved
     if found.size < wanted.size:
-        raise Unreachable(path, f"{found.size} bytes in place of {wanted.size}")
+        raise Unreachable(path, f"{found.size} bytes instead of {wanted.size}")
     if (key := (id(wanted), id(found))) in proved:
         return
     if isinstance(wanted, PlacedStruct) and isinstance(found, PlacedStruct):
@@ -176,7 +176,7 @@ def _flatten_structs(wanted: Layout, names: Collection[str]) -> tuple[Layout, li
         parts = [("", 0, bit, node, inner)]
         if isinstance(inner, Struct) and isinstance(node, PlacedStruct) and name in names:
             parts = list(members_of(inner, node))
-            notes.append(MemberNote(name, f"its members are listed here one by one, as {name}_.."))
+            notes.append(MemberNote(name, f"its members are declared one by one, as {name}_.."))
         for below, at, own_bit, part, part_type in parts:
             own = claim_name(f"{name}_{below}", taken) if below else name
             members.append(Member(own, part_type))
@@ -253,7 +253,7 @@ class _Rebuilder:
                 return self.rebuild_array(type_, node, path)
             case Union() if self.is_scl:
                 if not node.size:
-                    raise Unreachable(path, "an empty UNION")
+                    raise Unreachable(path, "the UNION is empty")
                 return Array(((0, node.size - 1),), BYTE)
             case Struct() | Union():
                 assert isinstance(node, PlacedStruct)
@@ -264,7 +264,7 @@ class _Rebuilder:
                 if self.is_scl and isinstance(found, StringType):
                     length, most = self.rules.text.length(found), S7.text.largest_length(found)
                     if length > most:
-                        raise Unreachable(path, f"{type_text(found)}: SCL has at most {most} characters")
+                        raise Unreachable(path, f"{type_text(found)}: SCL allows at most {most} characters")
                 if found is None:
                     raise Unreachable(path, why)
                 if why:
@@ -356,5 +356,5 @@ def _join_path(path: str, inner: str) -> str:
 
 
 def list_notes(found: PaddedType) -> list[str]:
-    lines = [f"{one.path or type_text(found.type)}: not reached: {one.text}" for one in found.unreached]
+    lines = [f"{one.path or type_text(found.type)}: not possible: {one.text}" for one in found.unreached]
     return lines + [f"{note.path}: {note.text}" for note in found.notes]

@@ -197,7 +197,7 @@ class _SwapWriter:
                 there = at._replace(plain=plain.type, to=f"{to}.{name}", of=f"{of}.{name}", path=below)
                 yield from self.statements(own.type, there)
         else:
-            what = "a UNION: swap the member that is in use" if isinstance(type_, Union) else type_text(type_)
+            what = "a UNION; swap the member that is in use" if isinstance(type_, Union) else type_text(type_)
             self.left_out.append(f"{path or of}: {what}")
             yield f"{indent}// {to} is not swapped here: {what}"
 

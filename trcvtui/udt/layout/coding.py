@@ -116,8 +116,8 @@ def _headed_coding(type_: StringType, rules: LayoutRules, charset: str) -> Codin
     def describe_odd(raw: bytes) -> str:
         own, actual = lengths.unpack_from(raw)
         if actual > longest:
-            return f"length {actual} of {longest}"
-        return f"longest {own}, not {longest}" if own != longest else ""
+            return f"length {actual} > {longest}"
+        return f"header: max {own}, not {longest}" if own != longest else ""
 
     return Coding(f"{rules.text.size(type_)}s", to_value, to_raw, describe_odd)
 
@@ -133,7 +133,7 @@ def _ended_coding(type_: StringType, rules: LayoutRules, charset: str) -> Coding
     def describe_odd(raw: bytes) -> str:
         end = _find_end(raw, unit)
         if end > longest * unit:
-            return "no NUL" if end == len(raw) else f"length {end // unit} of {longest}"
+            return "no NUL" if end == len(raw) else f"length {end // unit} > {longest}"
         return ""
 
     to_raw = _make_encoder(type_, longest, charset, has_nul=False)

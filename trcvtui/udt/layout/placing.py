@@ -261,15 +261,15 @@ class Builder:
         is_bit = isinstance(node, PlacedLeaf) and node.is_bit
         if is_bit and bit:
             if (self.bits, self.end) != (bit, offset + 1):
-                raise Unreachable(path, f"bit {bit} of byte {offset} does not follow a bit")
+                raise Unreachable(path, f"no bit comes right before bit {bit} of byte {offset}")
             self._add(name, type_, self.end)
             self.bits += 1
             return
         if is_bit and 0 < self.bits < 8 and offset == self.end:
-            raise Unreachable(path, f"bit 0 of byte {offset}: it would be bit {self.bits} of the byte before")
+            raise Unreachable(path, f"bit 0 of byte {offset} would become bit {self.bits} of the byte before")
         if offset % step:
             layout, what = self.rules.name, type_text(type_)
-            raise Unreachable(path, f"{what} at byte {offset}: under {layout} only at a multiple of {step}")
+            raise Unreachable(path, f"{layout} places {what} at multiples of {step}, not at byte {offset}")
         if self.limit is not None and step > self.limit:
             why = f"{type_text(type_)} makes the size of its STRUCT a multiple of {step}"
             raise Unreachable(path, f"{why} under {self.rules.name}")
@@ -295,7 +295,7 @@ class Builder:
         """Pad to the size; raise Unreachable when the type cannot have it."""
         if size % self.align:
             layout = self.rules.name
-            raise Unreachable(path, f"{size} bytes: under {layout} the size is a multiple of {self.align}")
+            raise Unreachable(path, f"under {layout} its size is a multiple of {self.align}, not {size}")
         self._fill_to(size, self.align, path)
 
     def overlay(self, name: str, type_: Type, path: str) -> None:
@@ -307,13 +307,13 @@ class Builder:
     def pad_union(self, size: int, path: str) -> None:
         """Give a UNION its size with a padding member; raise Unreachable if it cannot have that size."""
         if self.end > size or size % self.align:
-            why = f"a UNION of {size} bytes: under {self.rules.name} it is a multiple of {self.align}"
+            why = f"a UNION of {size} bytes: under {self.rules.name} its size is a multiple of {self.align}"
             raise Unreachable(path, why)
         if round_up(self.end, self.align) != size:
             pad = Array(((0, size - 1),), BYTE)
             self.overlay(self._pad_name(), pad, path)
         if round_up(self.end, self.align) != size:
-            raise Unreachable(path, f"a UNION of {size} bytes cannot be reached under {self.rules.name}")
+            raise Unreachable(path, f"under {self.rules.name} a UNION cannot have {size} bytes")
 
     def _fill_to(self, offset: int, step: int, path: str) -> None:
         kept = len(self.members), self.end, self.bits, self._pads, self.align
@@ -324,7 +324,7 @@ class Builder:
             end = kept[1]
             del self.members[kept[0] :]
             _, self.end, self.bits, self._pads, self.align = kept
-            why = f"it must be at byte {offset}, but under {self.rules.name} what precedes it ends at {end}"
+            why = f"it must be at byte {offset}, but under {self.rules.name} the bytes before it end at {end}"
             raise Unreachable(path, why)
 
     def _pad_once(self, offset: int) -> bool:

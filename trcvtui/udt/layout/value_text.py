@@ -39,7 +39,7 @@ def stored_form(type_: LeafType, rules: LayoutRules) -> tuple[object, ...]:
 
 
 def form_text(type_: LeafType, rules: LayoutRules) -> str:
-    """Return the stored form in words, such as `TIME in ms, with a sign`."""
+    """Return the stored form in words, such as `TIME in ms with sign`."""
     if isinstance(type_, StringType):
         word = "WSTRING" if type_.wide else "STRING"
         where = "two lengths before it" if rules.text.header else "a NUL after it"
@@ -55,7 +55,7 @@ def _count_text(row: Elementary) -> str:
         return f" of {row.size} bytes"
     unit = UNIT_NAMES[row.unit_ns]
     if row.kind is ValueKind.DURATION:
-        return f" in {unit}, {'with' if row.code.islower() else 'without'} a sign"
+        return f" in {unit} {'with' if row.code.islower() else 'without'} sign"
     if row.kind in (ValueKind.DATE, ValueKind.DATE_AND_TIME):
         return f" in {unit} since {EPOCH_YEARS[row.epoch_ns]}"
     return f" in {unit}"

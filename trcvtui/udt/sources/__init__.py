@@ -105,9 +105,9 @@ def extensions() -> list[str]:
 
 
 def formats_text() -> str:
-    """Return all formats as text, such as `.st .iecst .txt IEC text, .udt .scl TIA source`."""
+    """Return all formats as text, such as `.st .iecst .txt (IEC text), .udt .scl (TIA source)`."""
     return ", ".join(
-        f"{' '.join(row.extensions)} {row.name}" + (f" (needs {row.needs})" if row.needs else "")
+        f"{' '.join(row.extensions)} ({row.name}" + (f", needs {row.needs})" if row.needs else ")")
         for row in FORMATS.values()
     )
 

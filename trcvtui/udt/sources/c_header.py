@@ -110,7 +110,7 @@ class _HeaderReader:
     def declare(self, name: str, node: Any, read: Callable[[], ast.Spec], word: str) -> ast.Spec | None:
         self.problems, self.notes = [], {}
         if word.isupper() and "PACK" in word and word != name:
-            self.notes[f"{word} is read as a name; for a macro add --with its header"] = None
+            self.notes[f"{word} is read as a name; if it is a macro, add --with HEADER"] = None
         spec: ast.Spec | None = None
         with collect_problems(self.problems):
             spec = read()
@@ -193,22 +193,20 @@ class _HeaderReader:
         is_packed = cpp.has_classes and brace in self.source.braces
         parts = [*(each.spec for each in members), *([base] if base else ())]
         wrong = {
-            "without members" + f": {CPP_NOTE}" * cpp.is_cpp: (tails or cpp.is_cpp) and not has_members,
+            "without members" + CPP_NOTE * cpp.is_cpp: (tails or cpp.is_cpp) and not has_members,
             "with bit-fields packed differently by an attribute and a #pragma": has_bits
             and pack == 1 != (by_pragma or 1),
-            f"packed by an attribute around an unpacked class: {CPP_NOTE}": is_packed
+            f"packed by an attribute with an unpacked class in it{CPP_NOTE}": is_packed
             and any(map(self.is_unpacked, parts)),
         }
         for why in [why for why, holds in wrong.items() if holds and count == len(self.problems)][:1]:
             raise mistake(self.where(node), f"a class {why}", "plain members, packed by one #pragma pack")
         for one in tails:
-            self.notes[f"{one.name}[] is not a member: its elements follow after the bytes of the type"] = (
-                None
-            )
+            self.notes[f"{one.name}[] is not a member: its elements come after the bytes of the type"] = None
         bits = [one.name for one in members if one.width is not None and one.name and one not in tails]
         if bits:
             names = ", ".join(bits[:8]) + ", ..." * (len(bits) > 8)
-            note = f"bit-fields are not members: {names}; their room is padding, as gcc places it on x86-64"
+            note = f"bit-fields ({names}) are shown as padding, placed as by gcc on x86-64"
             self.notes[note] = None
         return ast.StructSpec(tuple(members), base, pack, is_union, base is not None)
 
@@ -219,7 +217,7 @@ class _HeaderReader:
             return None
         name = self.tags.get(parent, parent)
         if parent in self.scope or name not in self.classes:
-            raise mistake(self.where(node), f"base class '{parent}': {CPP_NOTE}", "a class of this header")
+            raise mistake(self.where(node), f"base class '{parent}'{CPP_NOTE}", "a class of this header")
         return ast.Reference(name, self.where(node))
 
     def brace(self, node: Any) -> int:
@@ -263,7 +261,7 @@ class _HeaderReader:
             if is_tail and self.place(node) not in self.source.cpp.arrays:
                 if not is_last:
                     raise mistake(
-                        where, f"{name}[] before other members", "a length, or this as the last member"
+                        where, f"{name}[] before other members", f"a length, or {name}[] as the last member"
                     )
                 node, width = node.type, ast.NO_LENGTH
         yield ast.MemberSpec(name, self.spec(node.type, depth), where, width)
@@ -351,12 +349,12 @@ FOUR_BYTE_TYPES = ("int", "int unsigned")
 LONG_TYPES = ("long", "long unsigned")
 # Types without a fixed size; INT, UINT and BOOL have 2, 2 and 1 bytes in IEC 61131-3, and 4 on Windows.
 AMBIGUOUS_TYPES = {
-    **dict.fromkeys(LONG_TYPES, "int32_t or int64_t, or --long-size 4 or 8: compilers differ about it"),
+    **dict.fromkeys(LONG_TYPES, "int32_t or int64_t, or --long-size 4 or 8: compilers differ in its size"),
     **dict.fromkeys(
         ("size_t", "ssize_t", "ptrdiff_t", "intptr_t", "uintptr_t", "time_t"), "a type of fixed size"
     ),
     **dict.fromkeys(("wchar_t", "double long", "void", "int128"), "a type of fixed size, such as uint16_t"),
-    **dict.fromkeys(("INT", "UINT", "BOOL"), "its typedef in this header: PLCs and Windows differ about it"),
+    **dict.fromkeys(("INT", "UINT", "BOOL"), "its typedef here: PLCs and Windows differ in its size"),
 }
 LANGUAGE_TYPES = ("char", "short", "int", "long", "float", "double", "void", "_Bool")
 # Types that unread system headers declare, as they are no keywords of C.
@@ -485,17 +483,17 @@ def _parse_part(text: str, types: list[str], source: CSource, begin: int) -> lis
     except ParseError as failed:
         found = _PARSE_FAILURE.fullmatch(str(failed))
         where = f"{source.name}:{found[1]}:{found[2]}" if found else source.where(begin)
-        what = found[3] if found else str(failed).rpartition(": ")[2]
+        what = found[3].replace("before: ", "error before ") if found else str(failed).rpartition(": ")[2]
     except (RecursionError, AssertionError, AttributeError, IndexError, KeyError, TypeError, ValueError):
         # pycparser fails with these for text that is not C.
         where, what = source.where(begin), "unknown to the C parser"
     mark = CPP_MARKS.search(text)
     if mark or source.cpp.is_cpp:
         where = source.where(begin + mark.start()) if mark else where
-        shown = " ".join(mark[0].split())[:60] if mark else what[:60]
-        expected = "a class with plain members only: anything else may change its size"
-        raise mistake(where, f"'{shown}': {CPP_NOTE}", expected)
-    expected = "C declarations; for a macro of another header add --with HEADER"
+        shown = f"'{' '.join(mark[0].split())[:60]}'{CPP_NOTE}" if mark else f"unreadable C++ ({what[:60]})"
+        expected = "a class with only plain members: all else may change its size"
+        raise mistake(where, shown, expected)
+    expected = "C declarations; if it uses a macro of another header, add --with HEADER"
     raise mistake(where, f"C that cannot be read ({what[:60]})", expected)
 
 

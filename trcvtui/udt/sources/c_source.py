@@ -224,7 +224,7 @@ class CSource:
         elif kind == "pragma" and re.match(r"pack\b|options\s+align", rest):
             self._handle_pragma_pack(rest, line)
         elif kind == "error":
-            self.add_problem(line, f"'#error {rest[:60]}'", "conditions that leave it out")
+            self.add_problem(line, f"'#error {rest[:60]}'", "conditions that exclude it")
 
     def _handle_condition(self, kind: str, rest: str, line: int) -> None:
         outer = all(counts for counts, _ in self._conditions[:-1])
@@ -325,7 +325,7 @@ class CSource:
             if names - HARMLESS:
                 line, _ = self.line_and_column(found.start())
                 shown = " ".join(found.group().split())[:60]
-                self._refuse_move(line, f"'{shown}'", "no attribute but packed, on a struct or union")
+                self._refuse_move(line, f"'{shown}'", "only the attribute packed, on a struct or union")
             return blank_match(found)
 
         return _ATTRIBUTE.sub(blank_attribute, text)

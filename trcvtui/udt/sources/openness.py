@@ -17,8 +17,8 @@ from trcvtui.udt.types import BUILTIN_TYPES, ELEMENTARY, Unplaced
 
 TYPE_ELEMENT, DATA_BLOCK_ELEMENT = "SW.Types.PlcStruct", "SW.Blocks.GlobalDB"
 UNSTORED_SECTIONS = ("Temp", "Constant", "Return")
-BY_POINTER_NOTE = "an in-out parameter that the instance stores as a pointer"
-INSTANCE_NOTE = "an FB instance as the file lists it: it may hide members, so the places after it are a guess"
+BY_POINTER_NOTE = "this in-out parameter is stored as a pointer"
+INSTANCE_NOTE = "this FB instance may have members that the file hides: the places after it are a guess"
 
 Copies = list[ast.Declaration]
 

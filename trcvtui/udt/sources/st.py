@@ -28,8 +28,8 @@ CLASS INTERFACE METHOD PROPERTY ACTION"""
 OTHER_BLOCKS = frozenset((*VARIABLE_BLOCKS, *_BLOCK_WORDS.split()))
 # After something unknown, reading resumes at one of these.
 RESTART_WORDS = ("TYPE", "END_TYPE", "NAMESPACE", "END_NAMESPACE", *OTHER_BLOCKS)
-VARIABLES_NOTE = "variables: laid out as a STRUCT of them; a PLC may place them otherwise"
-OPTIMISED_NOTE = "optimised access: the CPU sorts the members itself; laid out as standard access"
+VARIABLES_NOTE = "these variables are laid out as one STRUCT; a PLC may place them differently"
+OPTIMISED_NOTE = "with optimised access the CPU orders the members itself; shown with standard access"
 
 # Patterns stay text: `re` compiles and caches those in use, so an import compiles none.
 _PACK_MODE = r"""(?i)attribute\s+['"]pack_mode['"]\s*:=\s*['"]([^'"]*)['"]"""

@@ -15,7 +15,7 @@ from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, MEMBER_ENDS, Cursor, Sha
 from trcvtui.udt.types import ELEMENTARY, FB_INSTANCE, WHOLE_KINDS, Pointer, StringType, Unplaced, ValueKind
 
 STRUCT_QUALIFIERS = ("OVERLAP", "PERSISTENT", "RETAIN", "NON_RETAIN")
-OVERLAP_NOTE = "OVERLAP: the relative addresses are not read; laid out one member after the other"
+OVERLAP_NOTE = "OVERLAP: its relative addresses are ignored, and the members placed one after another"
 _UTF8_ATTRIBUTE = r"""(?i)attribute\s+['"]TcEncoding['"]\s*:=\s*['"]UTF-?8['"]"""
 
 

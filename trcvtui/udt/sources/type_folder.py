@@ -61,7 +61,7 @@ class TypeFolder:
                     texts[os.path.relpath(path, self.path)] = decode_text(data).casefold()
             if max(number, len(texts)) > MOST_FILES or size > MOST_BYTES:
                 found = f"a folder of more than {MOST_FILES} type files or {MOST_BYTES >> 20} MiB"
-                raise mistake(self.path, found, "a smaller one, or --with FILE for each that is used")
+                raise mistake(self.path, found, "a smaller folder, or --with FILE for each file that is used")
         return texts
 
     def declarations(self, file: str) -> Declarations:

@@ -10,6 +10,7 @@ from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Switch
 from trcvtui.project.key_rows import Key, TableRow
 from trcvtui.project.keys import DESCRIBED_TABLES, SIM_ROW, TABLES, TOP_ROW
+from trcvtui.project.tables import with_article
 from trcvtui.udt.literals import format_time
 
 PAGE: Final = Path(__file__).parent / "project-file.md"
@@ -106,7 +107,7 @@ def _takes(key: Key) -> str:
     if key.kind is None:
         return CHOICES.get(key.name, "")
     is_name = key.refers is not None and not key.refers.by_at and not key.refers.words
-    return f"the name of a {key.refers.what}" if key.refers and is_name else key.kind.expected
+    return f"the name of {with_article(key.refers.what)}" if key.refers and is_name else key.kind.expected
 
 
 def _switches() -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Mending the project that runs: `set` of a part, `remove`, `undo`; what is refused, what begins anew."""
+"""Mending the project that runs: `set` of a part, `remove`, `undo`; what is refused, what restarts."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_set_of_a_connect_says_before_and_now_and_who_begins_anew(desk: Desk) ->
     desk.scan(3)
     assert desk.bench.runtime.listening_port("C1") == 2000
     told = desk.answer("set C1 LocalPort=2500")
-    assert told == "CONNECT C1: LocalPort 2000 before, 2500 now; begins anew: CONNECT C1, instance R1"
+    assert told == "CONNECT C1: LocalPort 2000 before, 2500 now; restarts: CONNECT C1, instance R1"
     desk.scan(1)
     assert desk.status("R1") == "0001", "CONT is 1 as before, and counts as rising"
     desk.scan(5)
@@ -144,7 +144,7 @@ def test_a_combuffer_and_what_reads_it_are_built_anew(tmp_path: Path) -> None:
     desk = Desk(tmp_path / "serial.toml", text)
     desk.do("feed B1 hex 01")
     told = desk.answer("set B1 size=400")
-    assert told == "ComBuffer B1: size none before, 400 now; begins anew: ComBuffer B1, instance RD"
+    assert told == "ComBuffer B1: size none before, 400 now; restarts: ComBuffer B1, instance RD"
     desk.scan()
     desk.do("feed B1 hex 07 08 09")
     assert desk.bench.runtime.data("rx")[:3] == b"\x07\x08\x09", "what was in it is gone"

@@ -115,7 +115,7 @@ def test_a_forbidden_port_is_80a2_with_the_call_that_failed(tmp_path: Path) -> N
     (failed,) = [edge for edge in edges if edge.outputs.error]
     assert f"{failed.outputs.status:04X}" == "80A2"
     assert (failed.cause.call, failed.cause.error) == ("bind", "EACCES")
-    assert failed.cause.detail == "127.0.0.1:102 is not for every user: IsoPort sets another"
+    assert failed.cause.detail == "this user may not use 127.0.0.1:102: IsoPort sets another port"
     desk.close()
 
 

@@ -184,7 +184,7 @@ def test_the_call_in_structured_text_has_connect_and_addr() -> None:
 MISTAKES = {
     'block = "TUSEND"\nconnect = "C1"': (
         'block = "TUSEND"\nconnect = "C1"\nconfig = "U1"',
-        "b.toml: instance TUSEND_1: config: found a UDP_CONFIG beside a CONNECT, expected one of them",
+        "b.toml: instance TUSEND_1: config: found both a UDP_CONFIG and a CONNECT, expected one of them",
     ),
     'addr = "SOURCE"\n': (
         "",

@@ -70,7 +70,7 @@ def test_a_sequence_of_an_unknown_message_is_told_with_its_step(tmp_path: Path) 
     text = '[[message]]\nname = "m"\ntext = "hex 01"\n[[sequence]]\nname = "s"\nsteps = ["m", "mm", "T#x"]\n'
     assert mistakes(tmp_path, text) == [
         "b.toml: sequence s: steps #2: found 'mm', expected m, or a pause such as T#100ms",
-        "b.toml: sequence s: steps #3: found 'T#x', expected a duration from T#0s on, such as T#5ms",
+        "b.toml: sequence s: steps #3: found 'T#x', expected a duration of at least T#0s, such as T#5ms",
     ]
 
 
@@ -84,7 +84,7 @@ def test_a_sequence_of_an_unknown_message_is_told_with_its_step(tmp_path: Path) 
         ),
         (
             '[[message]]\nname = "m"\ntext = "hex 01"\n[[message]]\nname = "m"\ntext = "hex 02"\n',
-            "b.toml: message m: name: found 'm', the name of another message, expected a name of its own",
+            "b.toml: message m: name: found 'm', the name of a message, expected an unused name",
         ),
     ],
 )

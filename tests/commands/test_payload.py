@@ -67,7 +67,7 @@ def test_a_file_has_bytes_and_at_most_16_mib(tmp_path: Path) -> None:
         file.truncate(16 * 1024 * 1024 + 1)
     for name, said in (
         ("empty", "which is empty, expected at least one byte"),
-        ("large", "which is larger, expected at most 16777216 bytes"),
+        ("large", "which is too large, expected at most 16777216 bytes"),
         ("nix", "expected a file that can be read"),
         (".", "expected a file that can be read"),
     ):

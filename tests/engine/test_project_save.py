@@ -87,7 +87,7 @@ def test_experiments_are_not_saved(driver: LocalDriver, own: Path) -> None:
 
 def test_what_the_running_program_has_lost_the_project_still_has(driver: LocalDriver) -> None:
     again = "add instance TRCV_C_1 block=TRCV_C connect=C1 data=report"
-    assert "'TRCV_C_1', the name of another instance" in answer(driver, "delete TRCV_C_1", again)
+    assert "'TRCV_C_1', the name of an instance" in answer(driver, "delete TRCV_C_1", again)
 
 
 def test_somebody_elses_file_is_written_over_only_when_that_is_said(driver: LocalDriver, own: Path) -> None:
@@ -138,7 +138,7 @@ def into_folder(own: Path) -> None:
 OUTSIDE: dict[str, tuple[Callable[[Path], object], str, bool]] = {
     "deleted": (lambda own: own.unlink(), ": found 'No such file or directory'", True),
     "renamed": (lambda own: own.rename(own.with_name("new.toml")), ": found new.toml, its new name", True),
-    "broken": (lambda own: own.write_text("a = 1\n= 2\n"), ": line 2, column 1: found no TOML", True),
+    "broken": (lambda own: own.write_text("a = 1\n= 2\n"), ": line 2, column 1: found bad TOML", True),
     "emptied": (lambda own: own.write_bytes(b""), ": dialect: found nothing", True),
     "bytes": (lambda own: own.write_bytes(b"\xff"), ": line 1: found byte 16#FF", True),
     "with types gone": (lambda own: shutil.rmtree(own.parent / "types"), "weight.st: found 'No such", True),

@@ -192,7 +192,7 @@ def test_what_waits_is_there_when_the_agent_starts_anew_and_no_other_user_reads_
     queue = DiskQueue(path, print)
     queue.put(EVENT, "e", b"kept")
     assert {file.stat().st_mode & 0o777 for file in tmp_path.iterdir()} == {0o600}
-    with pytest.raises(UserError, match="an agent of both that runs here"):
+    with pytest.raises(UserError, match="another running agent with both"):
         DiskQueue(path, print)
     queue.close()
     again = DiskQueue(path, print)

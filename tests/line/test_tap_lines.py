@@ -71,9 +71,9 @@ def test_the_conversation_may_stand_before_what_is_done(project: Project) -> Non
         ("tap T to-plc drop 0", "found drop '0'"),
         ("tap T to-plc edit -1 hex 00", "found edit '-1'"),
         ("tap T to-plc delay 5", "found delay '5'"),
-        ("tap T to-plc insert", "found nothing more, expected hex, text, udt, file or random"),
+        ("tap T to-plc insert", "found nothing more, expected one of hex, text, udt, file, random"),
         ("tap T to-plc go conversation", "found 'conversation', expected conversation N at the end"),
-        ("tap T to-plc insert random 1048577", "found 1048577 bytes, expected 1048576 at most"),
+        ("tap T to-plc insert random 1048577", "found 1048577 bytes, expected at most 1048576 bytes"),
     ],
 )
 def test_a_wrong_line_is_one_line(project: Project, line: str, said: str) -> None:
@@ -302,9 +302,12 @@ WRONG_PLACES = (
     (("here:2", "3"), "LISTEN: found 'here:2', expected [ADDR:]PORT, udp:[ADDR:]PORT or serial:"),
     (("2", "70000"), "CONNECT: found '70000', expected [ADDR:]PORT"),
     (("2", "udp:3"), "CONNECT: found 'udp:3' after '2', expected two places of one kind"),
-    (("1502", "127.0.0.1:1502"), "expected another place than that of LISTEN"),
+    (("1502", "127.0.0.1:1502"), "expected a place other than LISTEN"),
     (("serial:/dev/x,9600,9N1", "serial:/dev/y"), "LISTEN: found 'serial:/dev/x,9600,9N1', expected"),
-    (("192.0.2.1:2", "3"), "LISTEN: found 192.0.2.1:2 (EADDRNOTAVAIL), expected an address that is free"),
+    (
+        ("192.0.2.1:2", "3"),
+        "LISTEN: found 192.0.2.1:2 (EADDRNOTAVAIL), expected a free address of this machine",
+    ),
     (("serial:/dev/not-there", "serial:/dev/neither"), "/dev/not-there: found open ENOENT"),
     (("x", "1", "C1"), "listen: found 'x', expected [ADDR:]PORT"),
     (("udp:1", "2", "C1"), "expected two places of one kind"),

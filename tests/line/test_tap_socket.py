@@ -135,7 +135,7 @@ def test_an_observer_reads_the_conversation_and_what_the_tap_itself_does(short: 
     assert exactly(plc, 3) == b"one"
     observer.sendall(TapOrder(0, 0, WAY_TO, "insert", (), b"!!").encode() + b"9 9 9 no order\n")
     assert exactly(plc, 2) == b"!!"
-    until(lambda: "gives an order that is none" in tap.said)
+    until(lambda: "gives an invalid order" in tap.said)
     device.close()
     assert plc.recv(1) == b""
     plc.close()
@@ -163,7 +163,7 @@ def test_no_order_ends_the_tap_and_what_an_observer_holds_goes_on_when_it_dies(s
     wrong = ["0 99999999999 0 rst ;", "0 -1 0 rst ;", "0 0 0 delay 9000000000000000000;", "0 0 0 drop ;"]
     wrong.append("! words of the process that serves")
     dies.sendall("".join(f"{line}\n" for line in wrong).encode() + TapOrder(0, 0, WAY_TO, "hold").encode())
-    until(lambda: tap.said.count("gives an order that is none") == len(wrong))
+    until(lambda: tap.said.count("gives an invalid order") == len(wrong))
     device.sendall(b"held")
     dies.close()  # with bytes unread, as a program that was killed
     assert exactly(plc, 4) == b"held"
@@ -350,7 +350,7 @@ def test_shadows_of_an_agent_show_what_passes_a_tap_and_say_where_there_is_none(
 
 def test_the_socket_is_the_users_alone_and_a_dead_one_is_replaced(tap: TapService, short: Path) -> None:
     assert tap.socket.stat().st_mode & 0o777 == 0o600
-    with pytest.raises(UserError, match="a tap that listens there already"):
+    with pytest.raises(UserError, match="another tap that listens there"):
         listen_at(tap.socket)
     tap.process.kill()
     tap.process.wait()
@@ -359,7 +359,7 @@ def test_the_socket_is_the_users_alone_and_a_dead_one_is_replaced(tap: TapServic
         dead.bind(str(tap.socket))
     listen_at(tap.socket).close()
     tap.socket.unlink()
-    with pytest.raises(UserError, match=f"{MOST_PATH_BYTES} at most"):
+    with pytest.raises(UserError, match=f"at most {MOST_PATH_BYTES}"):
         listen_at(short / ("x" * 100))
 
 

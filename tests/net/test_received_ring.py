@@ -40,7 +40,7 @@ def test_of_all_rings_the_oldest_bytes_go_first(monkeypatch: pytest.MonkeyPatch)
     assert (quiet.begin, quiet.end, busy.begin) == (10, 10, 0)
     quiet.append(b"again")
     assert (quiet.read(0, 99), busy.begin) == (b"again", BLOCK_BYTES)
-    assert busy.lack_reason == "older than the 64MiB that all keep together"
+    assert busy.lack_reason == "older than the 64MiB that all histories keep together"
 
 
 def test_a_ring_that_may_keep_more_says_why_older_bytes_are_gone() -> None:

@@ -331,7 +331,9 @@ def test_bytes_that_fill_no_structure_stay_bytes_and_say_why(tmp_path: Path) -> 
         tmp_path, *(f'name = "X_{n}"\nblock = "TSEND_C"\nconnect = "{n}"' for n in names), head=SIEMENS
     )
     text = st_variables(bench, ["X_SHORT", "X_NONE"])
-    assert "SHORT : ARRAY[0..13] OF BYTE := [  // a CPU refuses this: 14 bytes, TCON_IP_RFC has 80" in text
+    assert (
+        "SHORT : ARRAY[0..13] OF BYTE := [  // a CPU refuses this: 14 bytes, but TCON_IP_RFC has 80" in text
+    )
     assert "16#00, 16#40, 16#00, 16#01, 16#0C, 16#01, 16#00, 16#00,\n" in text
     assert "// NONE holds no byte: 0 bytes are no connection description" in text
     assert "TSelLength" not in text and "TCON_" not in text.replace("TCON_IP_RFC has", "")

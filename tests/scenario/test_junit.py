@@ -73,7 +73,7 @@ def cases(root: Element) -> list[str]:
     return lines
 
 
-NOT_REACHED = "skipped not reached: a wait before it failed: None"
+NOT_REACHED = "skipped not reached: an earlier wait failed: None"
 WHOLE = "the scenario runs to its end"
 CASES = {
     "each expectation": (

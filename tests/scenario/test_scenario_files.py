@@ -134,7 +134,7 @@ def test_what_is_no_scenario_is_not_listed(text: str) -> None:
         (BENCH + STORY.replace("run 1", "runn 1"), "a.toml: step 1 (runn 1): found 'runn'"),
         (STORY, "a.toml: dialect: found nothing"),
         (BENCH + "[scenario]\n", "a.toml: scenario: steps: found nothing"),
-        (BENCH + "[scenario]\nname = = 1\n", "a.toml: line 3, column 8: found no TOML"),
+        (BENCH + "[scenario]\nname = = 1\n", "a.toml: line 3, column 8: found bad TOML"),
         (BENCH + "[scenario]\nname = 5\nsteps = 7\n", "a.toml: scenario: name: found 5"),
         (f"scenario = 5\n{BENCH}", "a.toml: scenario: found"),
         ('project = "gone.toml"\n' + STORY, "gone.toml: found 'No such file"),
@@ -160,7 +160,7 @@ def test_bytes_that_are_no_text_are_a_problem_and_no_crash() -> None:
 def test_a_file_that_is_too_large_is_not_read_for_the_list() -> None:
     said = read_scenario_file(put("a.toml", BENCH + STORY + "#" * scenario_files.MOST_BYTES))
     assert said is not None
-    assert "a larger file" in said.problem and said.lines == ()
+    assert "a file that is too large" in said.problem and said.lines == ()
     assert read_scenario_file(put("b.toml", BENCH + "#" * scenario_files.MOST_BYTES)) is None
 
 

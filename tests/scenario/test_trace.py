@@ -63,4 +63,4 @@ def test_beyond_the_bound_the_oldest_are_lost_and_a_pattern_that_needs_them_fail
     assert not section.fits(parse_pattern("7006{3} 7008 7006"))
     assert not section.fits(parse_pattern("7008 7006"))
     assert section.fits(parse_pattern("... 7008 7006"))
-    assert str(section) == "3 older scans, no longer kept (2 changes are), then 7008 7006"
+    assert str(section) == "3 older scans, not kept (only 2 changes are), then 7008 7006"

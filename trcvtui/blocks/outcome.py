@@ -49,8 +49,8 @@ PSEUDO_CALL_CAUSES: Final = {
     "identity": (CauseKind.OWNER, "another CONNECT has this ID"),
     "session": (CauseKind.PARTNER, "the handshake failed"),
     "address": (CauseKind.PARAMETER, "the address cannot be used"),
-    "resolve": (CauseKind.WAITING, "nothing has listened there yet"),
-    "attempt_limit": (CauseKind.WAITING, "connect had no answer within the attempt's limit"),
+    "resolve": (CauseKind.WAITING, "the partner does not listen yet"),
+    "attempt_limit": (CauseKind.WAITING, "connect got no answer within its time limit"),
 }
 
 

@@ -123,7 +123,7 @@ _RCV_LEN: Final = Pin(
 )
 _SEND_LEN: Final = Pin("LEN", Direction.IN, "UDINT", "bytes to send; 0 = size of DATA")
 _UDP_CONT: Final = Pin("CONT", Direction.IN, "BOOL", "1 creates and holds the UDP socket, 0 releases it")
-_UDP_LEN: Final = Pin("LEN", Direction.IN, "UDINT", "longest datagram that is taken; 0 = size of DATA")
+_UDP_LEN: Final = Pin("LEN", Direction.IN, "UDINT", "longest datagram that is accepted; 0 = size of DATA")
 
 
 def _output(name: str, iec_type: str, shows: str, text: str) -> Pin:
@@ -140,7 +140,7 @@ _LAMPS: Final = (
 # ReceiveData and its relatives (TwinCAT TF6340 help). EN is that of the box in FBD and LD: 1 calls the block.
 _EN: Final = Pin("EN", Direction.IN, "BOOL", "the block is called while EN is 1")
 _TIMEOUT: Final = Pin("Timeout", Direction.IN, "TIME", "longest gap between two bytes; 0 = any")
-_RESET: Final = Pin("Reset", Direction.IN, "BOOL", "1 throws the part of a frame away")
+_RESET: Final = Pin("Reset", Direction.IN, "BOOL", "1 throws away a frame that has only begun")
 _COM_ERROR: Final = _output("Error", "UINT", "status", "ComError_t; 0 = no error")
 _SEND_LAMPS: Final = (_output("Busy", "BOOL", "busy", "the ComBuffer has not taken all bytes"), _COM_ERROR)
 _RECEIVE_LAMPS: Final = (
@@ -155,7 +155,7 @@ def _req_and_lamps(text: str) -> tuple[Pin, ...]:
 
 
 def _receive_string_row(name: str, inside: str) -> BlockRow:
-    done = _output("StringReceived", "BOOL", "done", "a text is in the string; TRUE for one scan")
+    done = _output("StringReceived", "BOOL", "done", "a text has been received; TRUE for one scan")
     return BlockRow(
         name,
         (_TIMEOUT, _RESET, done, *_RECEIVE_LAMPS),
@@ -186,7 +186,7 @@ _ROWS: Final = (
     ),
     BlockRow(
         "TCON",
-        _req_and_lamps("rising edge builds the connection, which is then kept"),
+        _req_and_lamps("rising edge builds the connection and keeps it"),
         shared=f"{_TCP}.separate_blocks:Tcon",
         single=f"{_SINGLE}.connect:SingleTcon",
         has_id=True,
@@ -230,7 +230,7 @@ _ROWS: Final = (
     ),
     BlockRow(
         "T_DIAG",
-        _req_and_lamps("rising edge reads the state of the connection into RESULT (key data)"),
+        _req_and_lamps("rising edge reads the state of the connection into RESULT"),
         single=f"{_SINGLE}.connect:TDiag",
         data_pin="RESULT",
         has_id=True,
@@ -269,16 +269,14 @@ _ROWS: Final = (
     BlockRow(
         "ReceiveData",
         (
-            Pin("LenPrefix", Direction.IN, "BYTE", "bytes of the prefix; 0 = none"),
-            Pin("LenSuffix", Direction.IN, "BYTE", "bytes of the suffix; 0 = none"),
-            Pin("SizeReceiveData", Direction.IN, "DINT", "the most bytes of a frame"),
+            Pin("LenPrefix", Direction.IN, "BYTE", "length of the prefix in bytes; 0 = none"),
+            Pin("LenSuffix", Direction.IN, "BYTE", "length of the suffix in bytes; 0 = none"),
+            Pin("SizeReceiveData", Direction.IN, "DINT", "largest size of a frame in bytes"),
             _TIMEOUT,
             _RESET,
-            _output("DataReceived", "BOOL", "done", "a frame is in the data; TRUE for one scan"),
+            _output("DataReceived", "BOOL", "done", "a frame has been received; TRUE for one scan"),
             *_RECEIVE_LAMPS,
-            _output(
-                "LenReceiveData", "UDINT", "rcvd_len", "bytes of the frame, prefix and suffix among them"
-            ),
+            _output("LenReceiveData", "UDINT", "rcvd_len", "length of the frame with prefix and suffix"),
         ),
         serial=f"{_SERIAL}.receiving:ReceiveData",
         data_pin="pReceiveData",
@@ -290,8 +288,8 @@ _ROWS: Final = (
     BlockRow(
         "ReceiveByte",
         (
-            _output("ByteReceived", "BOOL", "done", "a byte has come; TRUE for one scan"),
-            _output("ReceivedByte", "BYTE", "byte", "the byte"),
+            _output("ByteReceived", "BOOL", "done", "a byte has been received; TRUE for one scan"),
+            _output("ReceivedByte", "BYTE", "byte", "the received byte"),
             _COM_ERROR,
         ),
         serial=f"{_SERIAL}.receiving:ReceiveByte",
@@ -301,7 +299,7 @@ _ROWS: Final = (
     _receive_string_row("ReceiveString255", f"{_SERIAL}.receiving:ReceiveString255"),
     BlockRow(
         "SendData",
-        (_EN, Pin("Length", Direction.IN, "UDINT", "bytes to send"), *_SEND_LAMPS),
+        (_EN, Pin("Length", Direction.IN, "UDINT", "number of bytes to send"), *_SEND_LAMPS),
         serial=f"{_SERIAL}.sending:SendData",
         data_pin="pSendData",
         buffer_pin="TxBuffer",

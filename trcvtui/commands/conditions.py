@@ -129,7 +129,7 @@ def _parse_write_bytes(target: Target, words: Words, project: Project) -> bytes:
 
 def _check_fits(target: Target, payload: bytes, words: Words) -> bytes:
     if len(payload) > target.size:
-        raise words.error(f"{len(payload)} bytes", f"at most {target.size} at this place")
+        raise words.error(f"{len(payload)} bytes", f"at most {count(target.size, 'byte')} at this place")
     return payload
 
 
@@ -185,7 +185,7 @@ def _read_within(words: Words) -> int | None:
     if not tail:
         return None
     if len(tail) != 2:
-        raise words.error(quote(" ".join(tail)), "within and one duration, such as within T#2s")
+        raise words.error(quote(" ".join(tail)), "one duration after it, such as within T#2s")
     return parse_delay(tail[1], "within ", words.where)
 
 
@@ -228,7 +228,7 @@ def _read_peer_condition(words: Words, project: Project) -> Condition:
     if state == "received":
         payload = parse_payload(words, project)
         if len(payload.content) > KEPT_BYTES:
-            raise words.error(f"{len(payload.content)} bytes", f"at most {KEPT_BYTES}, which a peer keeps")
+            raise words.error(f"{len(payload.content)} bytes", f"at most {KEPT_BYTES} bytes, a peer's limit")
         return PeerReceived(peer.name, payload.content, payload.text)
     words.expect_end()
     if state not in PEER_STATES:

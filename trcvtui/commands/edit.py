@@ -55,7 +55,7 @@ from trcvtui.project.project import (
     UdtFile,
 )
 from trcvtui.project.proposals import NEW
-from trcvtui.project.tables import SetOverride, quote
+from trcvtui.project.tables import SetOverride, quote, with_article
 from trcvtui.project.text import relocate
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import LAYOUTS
@@ -142,8 +142,8 @@ def listening_ends(made: tuple[Declaration, ...]) -> tuple[Endpoint, ...]:
 PART_KINDS: Final = EDITED
 CERTIFICATE: Final = "certificate"
 INSTANCE: Final = "instance"
-PAIRS_FORM: Final = "KEY=VALUE, once each, such as LocalPort=2000"
-NOT_IN_USE_TEXT: Final = "that no other part needs it as it is"
+PAIRS_FORM: Final = "KEY=VALUE, each key once, such as LocalPort=2000"
+NOT_IN_USE_TEXT: Final = "an edit that leaves all other parts valid"
 
 
 def parse_add(words: Words, project: Project) -> AddEntry | AddVariable:
@@ -167,7 +167,7 @@ def parse_add(words: Words, project: Project) -> AddEntry | AddVariable:
         return AddVariable(decl.name, decl.type_name, decl)
     if isinstance(decl, PeerDecl) and not content.keys() & {"remote", "local", "active", "udp"}:
         found = "neither remote nor local"
-        raise mistake(where, found, "remote=@C1 (it connects), or local=127.0.0.1:4000 (it listens)")
+        raise mistake(where, found, "remote=@C1 to connect, or local=127.0.0.1:4000 to listen")
     _check_messages(decl, append_entry(project, decl), where)
     return AddEntry(decl)
 
@@ -193,7 +193,7 @@ def _read_udt_file(name: str, project: Project, where: str) -> UdtFile:
             found = (
                 f"a second file of this name, which would rename the type {lost[0]}" if lost else "no type"
             )
-            raise UserError(wrong or mistake(path, found, "a file with a TYPE of its own").problems)
+            raise UserError(wrong or mistake(path, found, "a file that declares new types").problems)
     return decl
 
 
@@ -251,7 +251,7 @@ def _check_cuts(decl: MessageDecl, project: Project, where: str) -> None:
     if send.split and sum(send.split) >= size:
         cuts = ",".join(map(str, send.split))
         raise mistake(
-            where, f"split={cuts} of {count(size, 'byte')}", f"cuts that add up to less than {size}"
+            where, f"split={cuts} for {count(size, 'byte')}", f"pieces that add up to less than {size}"
         )
 
 
@@ -302,7 +302,7 @@ def parse_change(words: Words, project: Project) -> Change | None:
     kind, name = _read_kind_and_name(words, project)
     if not kind or (kind == INSTANCE and not _changes_declaration(words, name, project)):
         return None
-    words.next(f"the name of a {kind}")
+    words.next(f"the name of {with_article(kind)}")
     before, written = find_entry(kind, name, project), words.remaining_text()
     where = f"{words.where}: {kind} {name}"
     if before is None:
@@ -321,7 +321,7 @@ def _read_kind_and_name(words: Words, project: Project) -> tuple[str, str]:
     name = words.peek()
     kinds = find_kinds(name, project)
     if len(kinds) > 1:
-        found = f"'{name}', the name of {_join_kinds([f'a {kind_text(kind)}' for kind in kinds])}"
+        found = f"'{name}', the name of {' and '.join([with_article(kind_text(kind)) for kind in kinds])}"
         verb = words.verb
         ways = " or ".join(f"{verb} {kind} {name} .." for kind in kinds)
         raise words.error(found, ways if verb == "set" else ways.replace(" ..", ""))
@@ -330,10 +330,6 @@ def _read_kind_and_name(words: Words, project: Project) -> tuple[str, str]:
 
 def kind_text(kind: str) -> str:
     return TABLES[kind].what
-
-
-def _join_kinds(texts: list[str]) -> str:
-    return " and ".join(texts).replace("a instance", "an instance").replace("a ADDR", "an ADDR")
 
 
 def _changes_declaration(words: Words, name: str, project: Project) -> bool:
@@ -356,7 +352,7 @@ def _read_changes(kind: str, words: Words) -> dict[str, Any]:
     if not content:
         raise words.error("nothing more", PAIRS_FORM)
     if "name" in content or TABLES[kind].called in content:
-        raise words.error("another name", "other keys: to change a name, remove it and add it anew")
+        raise words.error("another name", "other keys: to change a name, remove the part and add it again")
     return {
         key: None if isinstance(each, SetOverride) and not each.text else each
         for key, each in content.items()
@@ -380,7 +376,7 @@ def parse_undo(words: Words, project: Project) -> Undo:
     """Return `undo`; raise UserError if there is nothing to take back."""
     edits = undo_edits(project)
     if not edits:
-        raise words.error("undo without an edit", "add, set or remove of a part of the project before it")
+        raise words.error("undo without an edit", "an add, set or remove of a part before it")
     _check_users(edits, project, f"{words.where}: undo")
     return Undo()
 
@@ -430,7 +426,7 @@ def describe_edit(command: EditCommand, project: Project) -> str:
     changes = [_describe_entry_edit(edit) for edit in make_edits(command, project)]
     anew = dict.fromkeys(what for edit in make_edits(command, project) for what in _restarts(edit, project))
     back = "taken back: " if isinstance(command, Undo) else ""
-    return back + ", ".join(changes) + (f"; begins anew: {', '.join(anew)}" if anew else "")
+    return back + ", ".join(changes) + (f"; restarts: {', '.join(anew)}" if anew else "")
 
 
 def port_text(port: int) -> str:

@@ -57,6 +57,7 @@ from trcvtui.udt.byte_text import parse_hex
 from trcvtui.udt.compare.checksums import CHECKSUMS
 from trcvtui.udt.layout.layout import BYTE_ORDERS, lay_out
 from trcvtui.udt.layout.values import decode_leaf
+from trcvtui.wording import count
 
 # -- what is sent --------------------------------------------------------------------------------------------
 
@@ -67,7 +68,7 @@ WIDTH_KINDS: Final[dict[str, Kind[int]]] = {BINARY_NUMBER: integer(1, 8), DECIMA
 TIMING: Final = ("split", "gap", "repeat", "every")
 SEND_OPTION_NAMES: Final = (*TIMING, *FILL_KINDS)
 HEX_HOLE_FORM: Final = "{n}, {n:2}, {n:2:big} or a checksum such as {crc32} or {crc16-modbus:little}"
-TEXT_HOLE_FORM: Final = "{n} or {n:3}, three digits"
+TEXT_HOLE_FORM: Final = "{n}, or {n:3} for three digits"
 FILL_FORM: Final = "an offset, a width and a byte order such as n=4:2:big or crc32=8:little"
 _OPTION_PATTERN: Final = re.compile(rf"({'|'.join(SEND_OPTION_NAMES)})=.*", re.DOTALL)
 _HOLE_PATTERN: Final = re.compile(r"\{([^{}]*)\}")
@@ -199,7 +200,7 @@ def _fill_byte_order(kind: str, width: int, order: str | None, project: Project)
 def _make_room(content: bytes, fills: list[Fill], words: Words) -> bytes:
     for fill in sorted(fills, key=lambda fill: fill.offset):
         if fill.offset > len(content):
-            found = f"{fill.kind}={fill.offset} after {len(content)} bytes"
+            found = f"{fill.kind}={fill.offset} for a message of {count(len(content), 'byte')}"
             raise words.error(found, f"an offset from 0 to {len(content)}")
         content += bytes(max(0, fill.offset + fill.width - len(content)))
     return content
@@ -305,11 +306,11 @@ def parse_trial(words: Words, project: Project, peer: str) -> TrySplits | TrySto
     aim = words.cut_tail(lambda word: word == "on")
     payload = parse_payload(words, project)
     if not 2 <= len(payload.content) <= LONGEST_TRIAL:
-        raise words.error(f"{len(payload.content)} byte(s)", f"2 to {LONGEST_TRIAL} bytes, which can be cut")
-    aim.next("on and the name of an instance that receives")
+        raise words.error(count(len(payload.content), "byte"), f"2 to {LONGEST_TRIAL} bytes to cut")
+    aim.next("on and the name of a receiving instance")
     instance = parse_instance(aim, project)
     if not block_row(instance.block).receives_stream:
-        raise aim.error(f"'{instance.name}', a {instance.block}", "an instance that receives")
+        raise aim.error(f"'{instance.name}', a {instance.block}", "a receiving instance")
     gap, differ = 0, 0
     while aim:
         word = aim.next("")
@@ -348,7 +349,7 @@ def parse_check(words: Words, project: Project, peer: str) -> NumberedFramesOn |
 def _read_receiver(words: Words, project: Project) -> str:
     instance = parse_instance(words, project)
     if not block_row(instance.block).receives_stream or instance.data is None:
-        raise words.error(f"'{instance.name}', a {instance.block}", "an instance that receives, with DATA")
+        raise words.error(f"'{instance.name}', a {instance.block}", "a receiving instance with DATA")
     return instance.name
 
 
@@ -373,7 +374,7 @@ def parse_rule(words: Words, project: Project, peer: str) -> AddReply:
     """Return `MATCH send PAYLOAD`, as in `replies` of a project file; raise UserError for a mistake."""
     project = project.with_peer_layout(peer)
     answer = words.cut_tail(lambda word: word == SEND_WORD)
-    kind = words.next(", ".join(MATCH_READERS))
+    kind = words.next("one of " + ", ".join(MATCH_READERS))
     if kind not in MATCH_READERS:
         raise words.make_unknown_error(kind, MATCH_READERS, "match")
     match = MATCH_READERS[kind](words, project)
@@ -381,14 +382,14 @@ def parse_rule(words: Words, project: Project, peer: str) -> AddReply:
     answer.next("send and a payload")
     send = parse_send(answer, project, peer, holes_in_text=True)
     if len(send.payload) > LONGEST_ANSWER:
-        raise words.error(f"{len(send.payload)} bytes", f"at most {LONGEST_ANSWER} in an answer")
+        raise words.error(f"{len(send.payload)} bytes", f"at most {LONGEST_ANSWER} bytes in an answer")
     return AddReply(peer, match, send)
 
 
 def _read_match_bytes(words: Words, project: Project) -> tuple[bytes, str]:
     payload = parse_payload(words, project)
     if len(payload.content) > LONGEST_MATCH:
-        raise words.error(f"{len(payload.content)} bytes", f"at most {LONGEST_MATCH} to look for")
+        raise words.error(f"{len(payload.content)} bytes", f"at most {LONGEST_MATCH} bytes to look for")
     return payload.content, payload.text
 
 
@@ -544,15 +545,15 @@ def parse_peer_command(words: Words, project: Project) -> BenchCommand:
     if verb in SIMPLE_VERBS:
         words.expect_end()
     if peer.udp and verb in CONNECTION_VERBS:
-        raise words.error(f"{verb} of the UDP peer '{peer.name}', which has no connection", UDP_VERBS_FORM)
+        raise words.error(f"{verb} for the UDP peer '{peer.name}', which has no connection", UDP_VERBS_FORM)
     if verb in VERB_READERS:
         return VERB_READERS[verb](words, project, peer.name)
     if verb == "connect" and not peer.active:
         raise words.error(
-            f"connect of the passive peer '{peer.name}'", "listen, or a peer with active = true"
+            f"connect for the passive peer '{peer.name}'", "listen, or a peer with active = true"
         )
     if verb == "listen" and peer.active:
         raise words.error(
-            f"listen of the active peer '{peer.name}'", "connect, or a peer with active = false"
+            f"listen for the active peer '{peer.name}'", "connect, or a peer with active = false"
         )
     return PeerAction(peer.name, verb)

@@ -116,7 +116,7 @@ def _read_new_name(words: Words, project: Project) -> str:
     if not name.isidentifier() or name in RESERVED_NAMES:
         raise words.error(quote(name), IDENTIFIER_TEXT)
     if project.instance(name) is not None or project.data_decl(name) is not None:
-        raise words.error(f"{quote(name)}, which is there already", "a name of its own", "taken")
+        raise words.error(f"{quote(name)}, which is there already", "an unused name", "taken")
     return name
 
 
@@ -125,7 +125,7 @@ def _read_pairs(words: Words) -> dict[str, str]:
     for word in words.take_rest():
         key, equals, text = word.partition("=")
         if not equals or key in pairs:
-            raise words.error(quote(word), "KEY=VALUE once each, such as connect=C1 data=rx CONT=1")
+            raise words.error(quote(word), "KEY=VALUE, each key once, such as connect=C1 data=rx CONT=1")
         pairs[key] = text
     return pairs
 
@@ -146,7 +146,7 @@ def _read_inputs(
     keys = (*link, "task", *pins)
     for key in given:
         if key == "data":
-            raise words.error("'data'", f"nothing: {block} has no DATA")
+            raise words.error("'data'", f"no DATA: {block} has no such pin")
         if key not in pins:
             with_data = ("data", *keys) if row.data_pin else keys
             raise words.make_unknown_error(key, with_data, "key or input")
@@ -324,7 +324,7 @@ def parse_tap(words: Words, project: Project) -> TapAct:
             sizes = tuple([parse_value(kind, part, f"{verb} ", words.where) for part in parts])
     payload = parse_payload(words, project) if takes_bytes else Payload(b"", "")
     if len(payload.content) > MOST_INSERTED:
-        raise words.error(f"{len(payload.content)} bytes", f"{MOST_INSERTED} at most")
+        raise words.error(f"{len(payload.content)} bytes", f"at most {MOST_INSERTED} bytes")
     words.expect_end()
     return TapAct(name, to_plc, verb, sizes, payload.content, payload.text, conversation)
 

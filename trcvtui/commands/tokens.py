@@ -89,7 +89,7 @@ def _read_braces(text: str, at: int, where: str) -> tuple[list[tuple[str, str]],
         members += [(_join_path(path[1], name), value) for name, value in inner]
         end = _VALUE_END.match(text, at)
         if end is None:
-            raise mistake(where, quote(text[at:]), ", or } after a value")
+            raise mistake(where, quote(text[at:]), "a comma or } after a value")
         if end[1] == "}":
             return members, end.end()
         at = end.end() - 1
@@ -158,7 +158,7 @@ def file_bytes(path: Path, where: str) -> bytes:
     except (OSError, ValueError) as failed:
         raise mistake(where, f"{reason_of(failed)}: '{path}'", EXPECTED_READABLE, "file") from None
     if len(content) > MOST_BYTES:
-        raise mistake(where, f"'{path}', which is larger", f"at most {MOST_BYTES} bytes")
+        raise mistake(where, f"'{path}', which is too large", f"at most {MOST_BYTES} bytes")
     if not content:
         raise mistake(where, f"'{path}', which is empty", "at least one byte")
     return content
@@ -361,7 +361,7 @@ class Payload(Struct, frozen=True):
 def parse_payload(words: Words, project: Project) -> Payload:
     """Return the payload of all remaining words; raise UserError."""
     start = words.place
-    form = words.next("hex, text, udt, file or random")
+    form = words.next("one of hex, text, udt, file, random")
     if form not in FORMS:
         raise words.make_unknown_error(form, FORMS, "form of payload")
     content = FORMS[form](words, project)

@@ -135,7 +135,7 @@ def describe_expected(switch: Switch) -> str:
         case "bool":
             return "true or false"
         case "duration":
-            return "a duration such as T#1s500ms, not negative"
+            return "a duration of at least T#0s, such as T#1s500ms"
         case _:
             return f"a whole number from {switch.least} to {switch.most}"
 

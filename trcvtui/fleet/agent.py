@@ -374,15 +374,15 @@ def run_agent(settings: AgentSettings, project: Project) -> int:
     """Run a project until SIGTERM or Ctrl+C; raise UserError if it cannot run with these settings."""
     where, program = settings.project, settings.packets[:1]
     if project.taps and project.watches:
-        raise mistake(f"{where}", "[[watch]] beside [[tap]]", "one of them: an agent runs one project each")
+        raise mistake(f"{where}", "[[watch]] beside [[tap]]", "only one of the two in a project")
     if project.taps and settings.record is not None:
-        raise mistake("--record", "[[tap]] beside it", "a bench: `trcvtui tap --record` keeps what passes")
+        raise mistake("--record", "[[tap]] beside it", "a bench; for a tap use `trcvtui tap --record`")
     if project.watches and not program:
         raise mistake(f"{where}: [[watch]]", "no packets", '--packets "dumpcap -q -i eth0 -w -"')
     if program and not project.watches:
         raise mistake("--packets", f"no [[watch]] in {where}", "a row that names the line")
     if program and settings.record is not None:
-        raise mistake("--record", "--packets beside it", "a bench: the capture program keeps its own files")
+        raise mistake("--record", "--packets beside it", "a bench; let the capture program keep files")
     if program and which(program[0]) is None:
         raise mistake("--packets", f"no program '{program[0]}'", "one that writes packets, such as dumpcap")
     return Agent(settings, project).run()

@@ -137,7 +137,7 @@ def parse_broker(
         raise mistake(where, f"'{one_line(url)}'", wanted)
     has_tls = parts.scheme == "mqtts"
     if not has_tls and (ca or cert or key):
-        raise mistake(where, "mqtt:// beside a certificate", "mqtts://")
+        raise mistake(where, "mqtt:// with a certificate", "mqtts://")
     if (cert is None) != (key is None):
         raise mistake("--mqtt-cert, --mqtt-key", "one of them", "both")
     for option, path in (("--mqtt-ca", ca), ("--mqtt-cert", cert), ("--mqtt-key", key)):
@@ -161,14 +161,14 @@ def parse_broker(
 def _read_password(environment: Mapping[str, str]) -> str | None:
     path, given = environment.get(PASSWORD_FILE), environment.get(PASSWORD)
     if path and given:
-        raise mistake(PASSWORD_FILE, f"{PASSWORD} beside it", "one of them")
+        raise mistake(PASSWORD_FILE, f"{PASSWORD} as well", "one of them")
     if not path:
         return given or None
     try:
         with open(path, encoding="utf-8") as file:
             return file.read(MOST_PASSWORD_CHARS).rstrip("\r\n")
     except (OSError, ValueError) as failed:
-        why = failed.strerror if isinstance(failed, OSError) else "no UTF-8"
+        why = failed.strerror if isinstance(failed, OSError) else "not UTF-8"
         raise mistake(PASSWORD_FILE, f"'{why}' at '{path}'", "a file with the password") from None
 
 

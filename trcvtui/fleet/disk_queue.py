@@ -176,7 +176,7 @@ def _lock_file(path: Path | None, tell: Callable[[str], None]) -> int | None:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(lock)
-        raise mistake("--site, --name", "an agent of both that runs here", "a name of its own") from None
+        raise mistake("--site, --name", "another running agent with both", "an unused name") from None
     except OSError:  # a file system without locks: no protection there
         return lock
     return lock

@@ -31,10 +31,10 @@ _UP_TEXT: Final = "1: the CONNECT is connected, the UDP_CONFIG ready, the port t
 METRICS: Final = (
     Metric("trcvtui_broker_up", "gauge", "1: the broker has taken the agent", _AGENT, lambda a: a.is_up),
     Metric("trcvtui_queued", "gauge", "messages that wait for the broker", _AGENT, lambda a: a.queued),
-    Metric("trcvtui_dropped", "counter", "messages without room", _AGENT, lambda a: a.dropped),
-    Metric("trcvtui_restarts", "counter", "engines that were started anew", _AGENT, lambda a: a.restarts),
+    Metric("trcvtui_dropped", "counter", "messages dropped for lack of room", _AGENT, lambda a: a.dropped),
+    Metric("trcvtui_restarts", "counter", "restarts of the engine", _AGENT, lambda a: a.restarts),
     Metric("trcvtui_engine_up", "gauge", "1: the engine scans", _AGENT, lambda a: a.is_running),
-    Metric("trcvtui_scan_age_seconds", "gauge", "since the last scan", _AGENT, lambda a: a.scan_age_s),
+    Metric("trcvtui_scan_age_seconds", "gauge", "age of the last scan", _AGENT, lambda a: a.scan_age_s),
     Metric("trcvtui_line_up", "gauge", _UP_TEXT, _LINE, lambda line: line.state in UP_STATES),
     Metric("trcvtui_received_bytes", "counter", "bytes", _LINE, lambda line: line.received),
     Metric("trcvtui_sent_bytes", "counter", "bytes", _LINE, lambda line: line.sent),

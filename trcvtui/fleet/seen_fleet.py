@@ -42,7 +42,7 @@ STATES: Final = ("offline", "no scan", "ERROR", "finding", "stuck", "not connect
 
 
 CAUSE_TEXTS: Final = {
-    STALE: "the agent's engine makes no scan",
+    STALE: "the agent's engine does not scan",
     STUCK: "a job has some of its bytes and gets no more",
     AWAY: "the line is not connected",
 }
@@ -289,7 +289,7 @@ class FleetModel:
     def _get_or_make(self, of: dict[K, V], key: K, what: str, name: str, make: Callable[[], V]) -> V:
         if key not in of:
             if self.names >= MOST_NAMES:  # rule 1
-                raise mistake("fleet", f"one more {what}, '{name}'", f"{MOST_NAMES} names at most")
+                raise mistake("fleet", f"one more {what}, '{name}'", f"at most {MOST_NAMES} names")
             self.names += 1
             of[key] = make()
         return of[key]

@@ -97,9 +97,9 @@ class ReceivedRing:
         if self.end - self.begin == self.most:
             return f"older than the {exact_size(self.most)} that are kept"
         if self.begin == self._restored:
-            return "before the keyframe from which the run continues"
+            return "from before the keyframe at which the run continues"
         if self._all.is_full:
-            return "older than the 64MiB that all keep together"
+            return "older than the 64MiB that all histories keep together"
         return "older than what was kept while its history was smaller"
 
     def append(self, content: bytes | memoryview) -> int:

@@ -81,7 +81,7 @@ def make_route(name: str, listen: str, to: str, where: tuple[str, str]) -> Route
     if route.listen.kind != route.to.kind:
         raise mistake(where[1], f"'{to}' after '{listen}'", "two places of one kind")
     if str(route.listen) == str(route.to) or (route.to.line is None and not route.to.port):
-        raise mistake(where[1], f"'{to}'", "another place than that of LISTEN")
+        raise mistake(where[1], f"'{to}'", "a place other than LISTEN")
     return route
 
 

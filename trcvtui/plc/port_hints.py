@@ -9,28 +9,28 @@ from trcvtui.plc.snapshot import ComBufferSnapshot
 # Rule: the errno chooses the hint; for any other errno it is the system's own text.
 
 NO_RIGHTS_HINT: Final = (
-    "this user may not open it; on Linux its group may, most often dialout (`ls -l` of the port shows it): "
+    "this user may not open the port; on Linux, join its group (`ls -l` shows it, most often dialout): "
     "sudo usermod -aG dialout $USER, then log in again"
 )
-GONE_HINT: Final = "the device is gone, or what is connected to the port: is the cable plugged in?"
-IN_USE_HINT: Final = "another program has it open"
+GONE_HINT: Final = "the port or the device on it is gone: is the cable plugged in?"
+IN_USE_HINT: Final = "another program has the port open"
 PORT_HINTS: Final = {
     "EACCES": NO_RIGHTS_HINT,
     "EPERM": NO_RIGHTS_HINT,
-    "ENOENT": "there is no such device: is it plugged in, and is this its name?",
+    "ENOENT": "there is no such device: is it plugged in, and is the name right?",
     "ENODEV": GONE_HINT,
     "ENXIO": GONE_HINT,
     "EIO": GONE_HINT,
     "EBUSY": IN_USE_HINT,
     "EAGAIN": IN_USE_HINT,
-    "ENOTTY": "that is no serial port",
+    "ENOTTY": "this is not a serial port",
     "EINPROGRESS": "there is no answer yet",
     "ECONNREFUSED": "the host is there, but nothing listens on that TCP port",
     "ECONNRESET": "the far end has reset the connection",
     "EHOSTUNREACH": "the host is unreachable: check address, network and cable",
     "ENETUNREACH": "the host is unreachable: check address, network and cable",
     "ETIMEDOUT": "there is no answer: is the host on, and does it speak this protocol?",
-    "EAI_NONAME": "no host of that name is known",
+    "EAI_NONAME": "the name of the host is unknown",
     "EAI_AGAIN": "no name server answers",
     "EOF": "the far end has closed the connection",
 }

@@ -140,7 +140,7 @@ def read_entry(
     if isinstance(decl, ComBufferDecl):
         decl = mark_buffer_users((decl,), project.instances)[0]
     elif isinstance(decl, CertificateDecl) and decl.number in project.certificates:
-        table.report("number", f"{decl.number}, which is there already", "a number of its own", "taken")
+        table.report("number", f"{decl.number}, which another certificate has", "an unused number", "taken")
     if problems or decl is None:
         raise UserError(dict.fromkeys(_relocate_problem(problem, where) for problem in problems))
     found: Declaration = decl

@@ -31,6 +31,7 @@ from trcvtui.project.tables import (
     parse_reference,
     quote,
     read_toml,
+    with_article,
 )
 from trcvtui.udt.layout.rules import rules_for
 from trcvtui.udt.sources import content_of, read_files
@@ -42,9 +43,9 @@ NamesByKind = Mapping[str, Mapping[str, None]]  # by kind, and by use such as `s
 
 # Keys whose value only one ComBuffer may have: what was found with the first user {}, what was expected.
 BUFFER_ENDS: Final = (
-    ("source", "whose bytes go to {}", "a source of its own: each byte goes to one ComBuffer"),
-    ("line", "the line of {}", "a line of its own: only one ComBuffer may send over it"),
-    ("port", "the port of {}", "a port of its own"),
+    ("source", "whose bytes go to {}", "an unused source: each byte goes to only one ComBuffer"),
+    ("line", "the line of {}", "an unused line: only one ComBuffer may send over it"),
+    ("port", "the port of {}", "an unused port"),
 )
 
 
@@ -58,8 +59,8 @@ def find_duplicates(kinds: Iterable[tuple[str, Sequence[Table]]], reserved: Iter
             if not isinstance(name, str):
                 continue
             if name in seen:
-                table.report(called, f"{quote(name)}, {seen[name]}", "a name of its own", "taken")
-            seen.setdefault(name, f"the name of another {kind}")
+                table.report(called, f"{quote(name)}, {seen[name]}", "an unused name", "taken")
+            seen.setdefault(name, f"the name of {with_article(TABLES[kind].what)}")
 
 
 def all_names(
@@ -344,7 +345,7 @@ class DocumentReader:
         for table in tables.pop("certificate"):
             one = read_table("certificate", table, around)
             if one is not None and one.number in certificates:
-                table.report("number", f"{one.number} for the second time", "a number of its own")
+                table.report("number", f"{one.number}, which another certificate has", "an unused number")
             elif one is not None:
                 certificates[one.number] = one
         tasks = _entries("task", tables.pop("task"), around) or (Task(),)

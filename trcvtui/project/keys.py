@@ -126,7 +126,7 @@ def _name_key(what: str) -> Key:
 
 _HISTORY: Final = Key(
     "history", HISTORY_SIZE,
-    "How many of the newest bytes are kept, received and sent each; default 1MiB, 64MiB in all.",
+    "Bytes kept of what was received, and of what was sent; default 1MiB each, at most 64MiB in all.",
     "history", DEFAULT_HISTORY, is_played=True,
 )  # fmt: skip
 
@@ -193,7 +193,7 @@ def _local_port(config: ConnectConfig) -> int | None:
 
 _CONNECT: Final = TableRow(
     "connect", "connects", ConnectConfig,
-    "A connection, one TCP_CONNECTCONFIG. A key that is left out is 0, as in the record.",
+    "A connection: one TCP_CONNECTCONFIG. A key that is left out is 0, as in that structure.",
     (
         _name_key("CONNECT"),
         Key("ActiveEstablished", TRUTH, "Whether the PLC connects, or waits for a partner.", "active", False,
@@ -204,9 +204,9 @@ _CONNECT: Final = TableRow(
             Hint("0: a free one", first="0"), writes=_local_port, is_said=True),
         Key("RemoteAddress", ADDRESS, "The partner's address; 0.0.0.0 accepts any.", "remote_address",
             ANY_ADDRESS, Hint("0.0.0.0: any")),
-        Key("RemotePort", PORT_OR_NAME, "The partner's port; @NAME: where that peer or CONNECT listens.",
+        Key("RemotePort", PORT_OR_NAME, "The partner's port; @NAME: the port of that peer or CONNECT.",
             "remote_port", 0, Hint("a port, or @NAME", _references("peer", "connect")), _PEER_OR_CONNECT),
-        Key("SendDelayOpt", TRUTH, "Whether small pieces are sent at once (Nagle off).", "send_delay_opt",
+        Key("SendDelayOpt", TRUTH, "true: small pieces are sent at once (Nagle off).", "send_delay_opt",
             False, _truth_hint("true: Nagle off")),
         Key("KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0 means 10.",
             "keep_alive_interval_s", 0, Hint("seconds, 0: 10 s")),
@@ -216,7 +216,7 @@ _CONNECT: Final = TableRow(
 )  # fmt: skip
 
 _UDP_CONFIG: Final = TableRow(
-    "udp_config", "udp_configs", UdpConfig, "Where a PLC receives datagrams.",
+    "udp_config", "udp_configs", UdpConfig, "An address and port where a PLC receives datagrams.",
     (
         _name_key("UDP_CONFIG"),
         Key("LocalAddress", ADDRESS, "The address of this machine to use.", "local.address",
@@ -229,7 +229,7 @@ _UDP_CONFIG: Final = TableRow(
 )  # fmt: skip
 
 _ADDR: Final = TableRow(
-    "addr", "addrs", AddrParam, "An ADDR_PARAM: where datagrams go, and where they came from.",
+    "addr", "addrs", AddrParam, "An ADDR_PARAM: the address to which datagrams go, or from which they came.",
     (
         _name_key("ADDR"),
         Key("RemoteAddress", ADDRESS, "The partner's address.", "remote_address", ANY_ADDRESS,
@@ -268,13 +268,13 @@ def _field_keys() -> Iterable[Key]:
     yield newer_key("ConnectionType", "11 TCP, 12 ISO, 13 by name, 19 UDP")
     yield newer_key("ActiveEstablished", "true: the PLC connects", offer_fixed(*BOOLS))
     yield newer_key("RemoteAddress", "0.0.0.0: any")
-    yield newer_key("RemoteQDN", "TCON_QDN: a name with a dot at its end")
+    yield newer_key("RemoteQDN", "TCON_QDN: a name that ends with a dot")
     yield newer_key("RemotePort", "a port, or @NAME", ends)
     yield newer_key("LocalPort", "passive: 1 to 49151")
     yield newer_key("LocalTSelector", "TCON_IP_RFC: 16#E002, E0.02 or TCP-1", is_quoted=True)
-    yield newer_key("RemoteTSelector", "that of the partner", is_quoted=True)
-    yield Key("IsoPort", PORT_OR_NAME, "The port instead of 102, which needs rights.",
-              default=descriptions.ISO_PORT, ask=Hint("of the bench, in place of 102", ends, where=_is_newer),
+    yield newer_key("RemoteTSelector", "the partner's, as for LocalTSelector", is_quoted=True)
+    yield Key("IsoPort", PORT_OR_NAME, "A port to use instead of 102, which needs rights.",
+              default=descriptions.ISO_PORT, ask=Hint("on the bench, in place of 102", ends, where=_is_newer),
               refers=_PEER_OR_CONNECT, writes=descriptions.iso_port_of, is_said=True)  # fmt: skip
     yield newer_key("ActivateSecureConn", "SEC: true is TLS", offer_fixed(*BOOLS))
     yield newer_key("TLSServerCertRef", "the number of a certificate", numbers)
@@ -316,7 +316,7 @@ def _make_described_fields(values: TableValues) -> dict[str, Any] | None:
 
 _DESCRIBED_CONNECT: Final = replace(
     _CONNECT,
-    help="A connection description, by fields or as the bytes of the DB, and some keys of the bench.",
+    help="A connection description, as fields or as the bytes of the DB. Some keys are for the bench alone.",
     keys=(
         _name_key("CONNECT"),
         Key("type", None, "The structure, such as TCON_IP_v4.", reads=_read_description,
@@ -324,17 +324,17 @@ _DESCRIBED_CONNECT: Final = replace(
                      lambda project, block: project.dialect.structures or tuple(CONNECTIONS))),
         Key("bytes", None, "The bytes of the DB in hex, instead of the fields.",
             ask=Hint("hex of the DB in place of the fields", is_quoted=True)),
-        Key("LocalAddress", ADDRESS, "The address of the interface that InterfaceId means.",
-            ask=Hint("of the bench, for InterfaceId", first=LOOPBACK),
+        Key("LocalAddress", ADDRESS, "The address of the interface with the number InterfaceId.",
+            ask=Hint("on the bench, for InterfaceId", first=LOOPBACK),
             writes=lambda c: None if c.any_local else c.local.address),
-        Key("ListenPort", PORT, "The port to listen on instead of LocalPort.",
-            ask=Hint("of the bench, 0: a free one"), writes=descriptions.listen_port_of),
+        Key("ListenPort", PORT, "The port to listen on, instead of LocalPort.",
+            ask=Hint("on the bench, 0: a free one"), writes=descriptions.listen_port_of),
         *_field_keys(),
-        Key("DnsAnswer", descriptions.DNS_ANSWER, "What the name in RemoteQDN means.",
+        Key("DnsAnswer", descriptions.DNS_ANSWER, "The address that the name in RemoteQDN stands for.",
             writes=descriptions.dns_answer_of),
-        Key("verify", VERIFY, "Switches the check of the certificate off.",
+        Key("verify", VERIFY, "Switches the check of the partner's certificate off.",
             writes=descriptions.verify_of),
-        Key("KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0: keep_alive.",
+        Key("KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0: as keep_alive.",
             default=0, writes=lambda c: c.keep_alive_interval_s),
         _HISTORY,
     ),
@@ -343,18 +343,18 @@ _DESCRIBED_CONNECT: Final = replace(
 
 
 _DESCRIBED_ADDR: Final = replace(
-    _ADDR, help="A TADDR_Param, by its fields or as bytes.",
+    _ADDR, help="A TADDR_Param, as fields or as bytes.",
     keys=(
         _name_key("ADDR"),
         Key("type", None, "The structure; default TADDR_Param.",
             reads=lambda values: values.update(structure=descriptions.read_addr_structure(values.table))),
         Key("bytes", None, "The bytes of the DB in hex, instead of the fields."),
-        Key("rem_ip_addr", None, "The partner's address; a receiver writes it.",
-            ask=Hint("0.0.0.0: a receiver writes it", first=LOOPBACK)),
+        Key("rem_ip_addr", None, "The partner's address; a receiving block writes it.",
+            ask=Hint("0.0.0.0: the receiver writes it", first=LOOPBACK)),
         Key("rem_port_nr", None, "The partner's port, or @NAME.",
             ask=Hint("a port, or @NAME", _references("peer")), refers=_PEER_OR_UDP),
-        Key("reserved", None, "The two bytes after them."),
-        Key("RemotePort", None, "@NAME, with `bytes`.", refers=_PEER_OR_UDP),
+        Key("reserved", None, "The two bytes after rem_port_nr."),
+        Key("RemotePort", None, "@NAME of the port, if `bytes` is given.", refers=_PEER_OR_UDP),
     ),
     also=lambda values: values["structure"], head=lambda a: descriptions.addr_keys(a),
 )  # fmt: skip
@@ -380,30 +380,30 @@ def _lines(project: Project, block: str) -> tuple[str, ...]:
 
 
 _COMBUFFER: Final = TableRow(
-    "combuffer", "combuffers", ComBufferDecl, "A ComBuffer of TwinCAT: bytes between a line and the blocks.",
+    "combuffer", "combuffers", ComBufferDecl, "A ComBuffer of TwinCAT, between a line and the blocks.",
     (
         _name_key("ComBuffer"),
-        Key("source", TEXT, "Where bytes come from: sim, serial, an instance of TRCV_C, another ComBuffer.",
+        Key("source", TEXT, "Where its bytes come from: sim, serial, a TRCV_C instance or another ComBuffer.",
             "source", SIMULATED, Hint("where bytes come from", _sources, SIMULATED),
             NameUse("source", ("stream_in", "combuffer"), words=(SIMULATED, SERIAL))),
-        Key("port", PORT_NAME, "The port of a serial source: a device, socket://, rfc2217://.", "serial.port",
+        Key("port", PORT_NAME, "Its serial port: a device, socket:// or rfc2217://.", "serial.port",
             ask=Hint("serial: a device, socket://"), only=_is_serial, is_needed=True),
-        Key("baud", BAUD, "Bits a second.", "serial.baud", 9600, Hint("serial: 9600"),
+        Key("baud", BAUD, "Bits per second.", "serial.baud", 9600, Hint("serial: 9600"),
             only=_is_serial, is_said=True),
         Key("parity", PARITY, "The parity bit of each byte.", "serial.parity", "none",
             Hint("serial: none", offer_fixed("none", "even", "odd", "mark", "space")), only=_is_serial),
-        Key("stop_bits", STOP_BITS, "Stop bits of each byte.", "serial.stop_bits", 1.0,
+        Key("stop_bits", STOP_BITS, "The number of stop bits of a byte.", "serial.stop_bits", 1.0,
             Hint("serial: 1", offer_fixed("1", "1.5", "2")), only=_is_serial),
-        Key("data_bits", DATA_BITS, "Bits of each byte.", "serial.data_bits", 8,
+        Key("data_bits", DATA_BITS, "The number of data bits of a byte.", "serial.data_bits", 8,
             Hint("serial: 8", offer_fixed("8", "7", "6", "5")), only=_is_serial),
         Key("handshake", HANDSHAKE, "The flow control.", "serial.handshake", "none",
             Hint("serial: none", offer_fixed("none", "rts/cts", "dsr/dtr", "xon/xoff")), only=_is_serial),
-        Key("line", TEXT, "What sends the bytes: a ComBuffer with a port, or a TSEND_C.",
+        Key("line", TEXT, "What sends its bytes: a ComBuffer with a port, or a TSEND_C.",
             "line", "", Hint("what sends its bytes", _lines),
             NameUse('TSEND_C, or ComBuffer with source = "serial"', ("port", "stream_out"))),
-        Key("size", QUEUE_SIZE, "Its size in bytes; default: by source.", "size", 0,
+        Key("size", QUEUE_SIZE, "Its size in bytes; the default depends on source.", "size", 0,
             Hint("its size in bytes: 300"), is_played=True),
-        Key("per_cycle", QUEUE_SIZE, "Bytes that leave in a scan; default: all.", "per_cycle", 0,
+        Key("per_cycle", QUEUE_SIZE, "The most bytes that leave it in a scan; default: all.", "per_cycle", 0,
             Hint("bytes a scan, 0: all")),
         _HISTORY,
     ),
@@ -427,8 +427,8 @@ _LAYOUT_CHOICE_KEYS: Final = (
         "byte_order", BYTE_ORDER, "Its byte order; default: that of the layout.",
         Hint("none: that of the layout", offer_fixed(*BYTE_ORDERS), is_of_change=True),
     ),
-    _layout_choice_key("text", TEXT_FORM, "How a STRING lies."),
-    _layout_choice_key("pointer_size", POINTER_SIZE, "The bytes of a pointer."),
+    _layout_choice_key("text", TEXT_FORM, "How a STRING is stored."),
+    _layout_choice_key("pointer_size", POINTER_SIZE, "The size of a pointer in bytes."),
     _layout_choice_key("string_even", TRUTH, "Whether a STRING begins at an even byte."),
 )  # fmt: skip
 
@@ -460,13 +460,13 @@ def _lay_out_at(type_: Type, rules: LayoutRules, name: str, place: str) -> Layou
 
 
 _DATA: Final = TableRow(
-    "data", "data", DataDecl, "A global variable, to which the DATA of blocks points.",
+    "data", "data", DataDecl, "A global variable for the DATA pin of blocks.",
     (
         _name_key("variable"),
         Key("type", TEXT, "An IEC type, or a UDT of a [[udt]] file.", "type_name",
             ask=Hint("an IEC type or a UDT", lambda project, block: tuple(project.types.names()),
                     "ARRAY[0..99] OF BYTE", is_bare=True), is_needed=True, is_played=True),
-        Key("optimized", TRUTH, "Whether it is in an optimized data block.", "optimized",
+        Key("optimized", TRUTH, "Whether the variable is in an optimized data block.", "optimized",
             False, is_played=True, only=lambda table, around: around.rules.area.symbolic_alone),
         *_LAYOUT_CHOICE_KEYS,
     ),
@@ -492,7 +492,7 @@ def link_key(block: str) -> str:
 def _has_config(table: Table, around: Context) -> bool | Refusal:
     row = block_row(table.text("block"))
     if row.datagrams and table.has("connect"):
-        return "a UDP_CONFIG beside a CONNECT", "one of them"
+        return "both a UDP_CONFIG and a CONNECT", "one of them"
     return row.speaks_udp
 
 
@@ -517,7 +517,7 @@ def _to_link(key: str) -> Callable[[InstanceDecl], str | None]:
 
 
 def _buffer_key(pin: str) -> Key:
-    return Key(pin, TEXT, "The ComBuffer of a block of TwinCAT.", "connect",
+    return Key(pin, TEXT, "The ComBuffer of a TwinCAT block.", "connect",
                ask=Hint("a ComBuffer", _offer_new_or("combuffer"), propose_free("combuffer"),
                         lambda project, block: block_row(block).buffer_pin == pin),
                refers=NameUse("ComBuffer", ("combuffer",)), writes=_to_link(pin), is_needed=True,
@@ -536,7 +536,7 @@ def _connect_choices(project: Project, block: str) -> tuple[str, ...]:
 
 def _pointer_key(pin: str) -> Key:
     mark = pin.removeprefix("p").lower()
-    return Key(pin, TEXT, f"The variable of the {mark}; default: the pointer is 0.", default="",
+    return Key(pin, TEXT, f"The variable with the {mark}; default: none, the pointer is 0.", default="",
                ask=Hint(f"{mark}, none: 0", _names("data", before=("",)),
                         where=lambda project, block: pin in block_row(block).pointers),
                refers=NameUse("DATA", ("data",)),
@@ -560,7 +560,7 @@ def _read_inputs(values: TableValues) -> None:
             table.report(lacking, "a pin", expected)
     data, row = values.get("data"), block_row(block)
     if data is not None and block in around.blocks and not row.data_pin:
-        table.report("data", quote(data), f"nothing: {block} has no DATA")
+        table.report("data", quote(data), f"no DATA: {block} has no such pin")
     if block is not None and block not in around.blocks:
         table.add_unknown_name("block", block, around.blocks, "block")
     # Without a known block its pins are unknown; the other keys are checked all the same.
@@ -589,20 +589,20 @@ def _make_instance_fields(values: TableValues) -> dict[str, Any] | None:
 
 
 _INSTANCE_ADDR_KEY: Final = Key(
-    "addr", TEXT, "The ADDR of a block of UDP.", "addr", refers=NameUse("ADDR", ("addr",)),
+    "addr", TEXT, "The ADDR of a UDP block.", "addr", refers=NameUse("ADDR", ("addr",)),
     only=_may_have_addr,
 )  # fmt: skip
 _INSTANCE: Final = TableRow(
     "instance", "instances", InstanceDecl,
-    "A block instance. Every other key is an input pin of its block.",
+    "A block instance. Any key besides these is an input pin of its block.",
     (
         _name_key("instance"),
-        Key("block", TEXT, "The block.", "block", is_needed=True,
+        Key("block", TEXT, "The type of the block, such as TRCV_C.", "block", is_needed=True,
             ask=Hint("a block", lambda project, block: project.dialect.blocks, lambda project, block: block)),
-        Key("connect", TEXT, "The CONNECT that it works on.", "connect", is_needed=True,
+        Key("connect", TEXT, "The CONNECT that the instance uses.", "connect", is_needed=True,
             ask=Hint("of a UDP description", _connect_choices, propose_free("connect"), _asks_for_connect),
             refers=NameUse("CONNECT", ("connect",)), writes=_to_link("connect"), only=_has_link("connect")),
-        Key("config", TEXT, "The UDP_CONFIG of a block of UDP.", "connect", is_needed=True, only=_has_config,
+        Key("config", TEXT, "The UDP_CONFIG of a UDP block.", "connect", is_needed=True, only=_has_config,
             ask=Hint("of a UDP block", _offer_new_or("udp_config"), propose_free("udp_config"),
                     lambda project, block: block_row(block).speaks_udp),
             refers=NameUse("UDP_CONFIG", ("udp_config",)), writes=_to_link("config")),
@@ -612,7 +612,7 @@ _INSTANCE: Final = TableRow(
         replace(_INSTANCE_ADDR_KEY, writes=lambda i: None, ask=Hint(
             "of a UDP block", _offer_new_or("addr"), propose_free("addr"), lambda project, block:
             block_row(block).speaks_udp or (block_row(block).owns_link and bool(project.addrs)))),
-        Key("data", TEXT, "The variable at its DATA; without it the pin is open.", "data",
+        Key("data", TEXT, "The variable at its DATA pin; without this key the pin is open.", "data",
             ask=Hint("a DATA variable", _offer_new_or("data"), propose_free("data"),
                     lambda project, block: bool(block_row(block).data_pin)),
             refers=NameUse("DATA", ("data",))),
@@ -632,7 +632,7 @@ _INSTANCE: Final = TableRow(
 # -- peers and what they say -----------------------------------------------------------------------------
 
 _OFFER_ENDS: Final = _references("connect", "udp_config")
-_NO_CONNECTION: Final = "a key of TCP peers", "local and remote alone: UDP has no connection"
+_NO_CONNECTION: Final = "a key of TCP peers", "only local and remote: UDP has no connection"
 
 
 def _is_tcp(table: Table, around: Context) -> bool:
@@ -647,7 +647,7 @@ def _is_active(table: Table) -> bool:
 def _may_have_remote(table: Table, around: Context) -> bool | Refusal:
     if table.is_true("udp"):
         return False
-    return _is_active(table) or ("an address to connect to", "active = true, or local alone")
+    return _is_active(table) or ("an address to connect to", "active = true, or local instead of remote")
 
 
 def _is_active_tcp(table: Table, around: Context) -> bool:
@@ -692,35 +692,35 @@ def _make_peer_fields(values: TableValues) -> dict[str, Any]:
 
 
 _PEER: Final = TableRow(
-    "peer", "peers", PeerDecl, "A partner that the bench plays, and what it does by itself.",
+    "peer", "peers", PeerDecl, "A partner that the bench plays, with what it does without a command.",
     (
         _name_key("peer"),
         Key("udp", TRUTH, "Whether it sends and receives datagrams.", "udp", False,
             _truth_hint("true: datagrams, no active")),
-        Key("active", TRUTH, "Whether it connects; default: if it has a remote.", is_said=True,
+        Key("active", TRUTH, "Whether it connects; default: true if it has a remote.", is_said=True,
             only=lambda table, around: _NO_CONNECTION if table.is_true("udp") else True,
             ask=Hint("true: it connects to remote", offer_fixed(*BOOLS[::-1]),
                     lambda project, block: "true" if project.links() else "false"),
             writes=lambda p: None if p.udp else p.active),
-        Key("remote", END_OR_NAME, "Where it connects to; @C1: where C1 listens.", "end", is_needed=True,
+        Key("remote", END_OR_NAME, "The end to connect to; @C1: where C1 listens.", "end", is_needed=True,
             ask=Hint("address:port, or @NAME", _OFFER_ENDS, _propose_last(_OFFER_ENDS)),
             refers=NameUse("CONNECT", ("connect",), by_at=True), only=_may_have_remote,
             writes=lambda p: p.end if p.active else None),
-        Key("local", ENDPOINT, "Where it listens, or, if it connects, its own end.", "source",
+        Key("local", ENDPOINT, "The end at which it listens, or from which it connects.", "source",
             ask=Hint("where it listens, 127.0.0.1:0"), only=_is_active_tcp),
-        Key("local", ENDPOINT, "Where it listens.", "end", FREE_PORT,
+        Key("local", ENDPOINT, "UDP: the end at which it listens.", "end", FREE_PORT,
             only=lambda table, around: not _is_active_tcp(table, around),
             writes=lambda p: None if p.active else p.end),
-        Key("remote", UDP_END_OR_NAME, "Where it sends datagrams; default: to the last sender.", "remote",
+        Key("remote", UDP_END_OR_NAME, "UDP: the end to which it sends; default: the last sender.", "remote",
             refers=NameUse("UDP_CONFIG", ("udp_end",), by_at=True),
             only=lambda table, around: table.is_true("udp")),
-        Key("reconnect", DELAY, "When it connects again after a close; default: never.", "reconnect_ns", 0,
-            Hint("after so long, such as T#1s"),
+        Key("reconnect", DELAY, "How long after a close it reconnects; default: never.", "reconnect_ns", 0,
+            Hint("this long after a close: T#1s"),
             only=lambda table, around: _NO_CONNECTION if table.is_true("udp") else _is_active(table)),
-        Key("says", MESSAGE_LIST, "Messages that it sends in turn, written as after `send`.", "says", (),
+        Key("says", MESSAGE_LIST, "Messages to send in turn, written as in `peer P1 send`.", "says", (),
             Hint("a message, such as hex 01 02", is_quoted=True)),
-        Key("every", INTERVAL, "How often it sends one.", "every_ns", DEFAULT_EVERY_NS, Hint("T#1s")),
-        Key("replies", RULE_LIST, "Rules by which it answers, written as after `reply on`.", "replies", ()),
+        Key("every", INTERVAL, "The time between two messages.", "every_ns", DEFAULT_EVERY_NS, Hint("T#1s")),
+        Key("replies", RULE_LIST, "Rules by which it answers, as in `peer P1 reply on`.", "replies", ()),
         *[replace(key, ask=None) for key in _LAYOUT_CHOICE_KEYS],
         Key("iso", TRUTH, "Whether it speaks ISO-on-TCP.", default=False, only=_is_tcp,
             ask=_truth_hint("true: it speaks ISO-on-TCP", where=_describes_connects),
@@ -729,11 +729,11 @@ _PEER: Final = TableRow(
             ask=Hint("its own: 16#E001, E0.01 or TCP-1", where=_describes_connects, is_quoted=True)),
         Key("remote_tsap", TSAP, "The TSAP of the PLC.", default=b"", only=_ISO, writes=_iso_writer("remote"),
             ask=Hint("that of the PLC", where=_describes_connects, is_quoted=True)),
-        Key("tpdu", TPDU, "The TPDU size that it asks for.", default=OWN_SIZE_CODE, only=_ISO,
+        Key("tpdu", TPDU, "The TPDU size that it proposes.", default=OWN_SIZE_CODE, only=_ISO,
             writes=_iso_writer("size_code")),
         Key("tls", TRUTH, "Whether it speaks TLS.", default=False, only=_is_tcp, writes=_tls_writer("tls"),
             ask=_truth_hint("true: it speaks TLS", where=_describes_connects)),
-        Key("certificate", CERTIFICATE_NUMBER, "The number of its certificate, which has a key.", only=_TLS,
+        Key("certificate", CERTIFICATE_NUMBER, "The number of its certificate; that needs a key.", only=_TLS,
             ask=Hint("number of its own, with a key", _numbers(with_key=True), where=_describes_connects),
             writes=_tls_writer("certificate")),
         Key("authority", CERTIFICATE_NUMBER, "The number of the certificate that it trusts.", only=_TLS,
@@ -743,7 +743,7 @@ _PEER: Final = TableRow(
             only=_TLS, writes=_tls_writer("client_certificate")),
         Key("server_name", HOST, "The name that the partner's certificate must have.", only=_TLS,
             writes=_tls_writer("server_name")),
-        Key("verify", VERIFY, "Switches the check of the certificate off.", only=_TLS,
+        Key("verify", VERIFY, "Switches the check of the partner's certificate off.", only=_TLS,
             writes=_tls_writer("verify")),
     ),
     "peer", "a peer", "P", also=_make_peer_fields, asks_first=("active", "remote", "local"),
@@ -754,9 +754,9 @@ _MESSAGE: Final = TableRow(
     "message", "messages", MessageDecl, "A message of the library: `peer P1 send message NAME`.",
     (
         _name_key("message"),
-        Key("text", TEXT, "What is sent, written as after `send`.", "text", is_needed=True,
+        Key("text", TEXT, "What is sent, written as in `peer P1 send`.", "text", is_needed=True,
             ask=Hint("as after `send`: hex 01 02 split=1", is_bare=True)),
-        Key("peer", TEXT, "The only peer that may send it; default: all may.", "peer", "",
+        Key("peer", TEXT, "The only peer that may send it; default: any peer may.", "peer", "",
             Hint("for one peer; none: for all", _names("peer")), NameUse("peer", ("peer",), or_none=True)),
     ),
     "message", "a message of the library", "message", asks_first=("peer",),
@@ -764,7 +764,7 @@ _MESSAGE: Final = TableRow(
 
 _SEQUENCE: Final = TableRow(
     "sequence", "sequences", SequenceDecl,
-    "Messages in a row over one connection: `peer P1 play NAME`.",
+    "Messages that follow one another over one connection: `peer P1 play NAME`.",
     (
         _name_key("sequence"),
         Key("steps", STEP_LIST, "Names of messages, and pauses such as T#100ms between them.", "steps",
@@ -778,15 +778,15 @@ _SEQUENCE: Final = TableRow(
 
 _WATCH: Final = TableRow(
     "watch", "watches", WatchDecl,
-    "A line to watch: instances on a CONNECT or UDP_CONFIG receive its traffic as shadows.",
+    "A line to watch: shadow instances, those of a CONNECT or UDP_CONFIG, receive its traffic.",
     (
         _name_key("line"),
-        Key("plc", FAR_END, "The PLC end: 10.0.0.5:2000, or 10.0.0.5 if the PLC connects.", "plc",
+        Key("plc", FAR_END, "The end of the PLC: 10.0.0.5:2000; if the PLC connects, 10.0.0.5.", "plc",
             ask=Hint("the PLC end: 10.0.0.5:2000"), is_needed=True),
-        Key("connect", TEXT, "The CONNECT whose instances are the shadows.", "connect",
+        Key("connect", TEXT, "The CONNECT or UDP_CONFIG whose instances are the shadows.", "connect",
             ask=Hint("a CONNECT", _names("connect"), _propose_last(_names("connect"))),
             refers=NameUse("CONNECT or UDP_CONFIG", ("connect", "udp_config")), is_needed=True),
-        Key("partner", FAR_END, "The other end; default: any.", "partner", "",
+        Key("partner", FAR_END, "The end of the partner; default: any.", "partner", "",
             Hint("the other end; none: any")),
     ),
     "watched line", "a line that is watched", "watch",
@@ -796,18 +796,18 @@ _WATCH: Final = TableRow(
 _OBSERVED_NAMES: Final = NameUse("CONNECT, UDP_CONFIG or ComBuffer", ("connect", "udp_config", "combuffer"))
 _TAP: Final = TableRow(
     "tap", "taps", TapDecl,
-    "A tap (`trcvtui tap`): forwards between two ends; instances on a CONNECT are shadows.",
+    "A tap (`trcvtui tap`): forwards bytes between two ends. Instances of a CONNECT are its shadows.",
     (
         _name_key("tap"),
-        Key("listen", TAP_PLACE, "Where it listens: 2000, 0.0.0.0:2000, udp:2000, serial:/dev/ttyS0.",
+        Key("listen", TAP_PLACE, "Where it listens: 2000, 0.0.0.0:2000, udp:2000 or serial:/dev/ttyS0.",
             "listen", ask=Hint("where it listens: 2000"), is_needed=True),
-        Key("to", TAP_PLACE, "Where it forwards to: 10.0.0.5:2000, the PLC end.", "to",
+        Key("to", TAP_PLACE, "Where it forwards to: the end of the PLC, such as 10.0.0.5:2000.", "to",
             ask=Hint("the PLC end: 10.0.0.5:2000"), is_needed=True),
-        Key("connect", TEXT, "The CONNECT whose instances receive what goes to the PLC end.", "connect",
+        Key("connect", TEXT, "The CONNECT whose instances receive the bytes to the PLC.", "connect",
             ask=Hint("a CONNECT", _names("connect"), _propose_last(_names("connect"))),
             refers=_OBSERVED_NAMES, is_needed=True),
-        Key("back", TEXT, "The CONNECT whose instances receive what comes from it.", "back", "",
-            Hint("a CONNECT for what comes back, or none", _names("connect")),
+        Key("back", TEXT, "The CONNECT whose instances receive the bytes from the PLC.", "back", "",
+            Hint("CONNECT for bytes from the PLC, or none", _names("connect")),
             refers=_OBSERVED_NAMES._replace(or_none=True)),
     ),
     "tap", "a tap", "tap",
@@ -817,10 +817,10 @@ _TAP: Final = TableRow(
 # -- the rest --------------------------------------------------------------------------------------------
 
 _TASK: Final = TableRow(
-    "task", "tasks", Task, "A task calls its instances. Without one there is MAIN with 10 ms.",
+    "task", "tasks", Task, "A task calls its instances. Default: one task MAIN, every 10 ms.",
     (
         _name_key("task"),
-        Key("interval", INTERVAL, "The time from call to call.", "interval_ns", DEFAULT_INTERVAL_NS,
+        Key("interval", INTERVAL, "The time from one call to the next.", "interval_ns", DEFAULT_INTERVAL_NS,
             is_played=True),
         Key("priority", PRIORITY, "The smallest number runs first.", "priority", 1, is_played=True),
     ),
@@ -835,7 +835,7 @@ def _finish_unnamed(values: TableValues) -> None:
 
 _CERTIFICATE: Final = TableRow(
     "certificate", "certificates", make_certificate,
-    "A certificate of the CPU's certificate manager. One without a key is an authority to trust.",
+    "A certificate of the CPU's certificate manager. A certificate without a key is a trusted authority.",
     (
         Key("number", CERTIFICATE_NUMBER, "The number that other keys refer to.", "number", is_needed=True),
         Key("file", FILE, "Its PEM file.", "file", ask=Hint("a PEM file"), is_needed=True),
@@ -848,21 +848,21 @@ _CERTIFICATE: Final = TableRow(
 SIM_ROW: Final = TableRow(
     "sim", "sim", SimDecl, "The simulated network.",
     (
-        Key("addresses", ADDRESSES, "Addresses of the PLC besides loopback.", "addresses", ()),
-        Key("not_ethernet", ADDRESSES, "Those of them that are not on an Ethernet port.", "not_ethernet", ()),
-        Key("seed", SEED, "The seed of random faults and pieces.", "seed", 0),
-        Key("latency", DELAY, "How long bytes travel.", "latency_ns", 0),
+        Key("addresses", ADDRESSES, "Addresses of the PLC, in addition to loopback.", "addresses", ()),
+        Key("not_ethernet", ADDRESSES, "Those of `addresses` not on an Ethernet port.", "not_ethernet", ()),
+        Key("seed", SEED, "The seed for random faults and random pieces.", "seed", 0),
+        Key("latency", DELAY, "The time that bytes travel from end to end.", "latency_ns", 0),
         Key("fragment", TRUTH, "Whether bytes arrive in random pieces.", "fragment", False),
-        Key("names", HOST_NAMES, "The names that its DNS server knows; default: no server.", "names"),
+        Key("names", HOST_NAMES, "Names that the DNS server knows; default: no DNS server.", "names"),
     ),
 )  # fmt: skip
 TOP_ROW: Final = TableRow(
     "", "", dict, "Keys before the first table.",
     (
-        Key("dialect", None, "The dialect: which PLC it is."),
-        Key("model", None, "The model of the PLC, which limits its connections."),
-        Key("start", TEXT, "Bench commands before scan 1.", "start", ""),
-        Key("program", TEXT, "Bench commands of the PLC's program while scans pass.", "program", ""),
+        Key("dialect", None, "The dialect: the kind of the PLC."),
+        Key("model", None, "The model of the PLC; it limits the number of connections."),
+        Key("start", TEXT, "Bench commands that run before scan 1.", "start", ""),
+        Key("program", TEXT, "Bench commands that run as the PLC's program while scans pass.", "program", ""),
     ),
 )  # fmt: skip
 
@@ -878,7 +878,7 @@ def _udt_content(values: TableValues) -> dict[str, Any] | None:
 
 UDT: Final = TableRow(
     "udt", "udts", UdtFile, "A file with UDTs.",
-    (Key("file", FILE, "The file; its path begins at the project's folder.", "name", is_needed=True),),
+    (Key("file", FILE, "The file, by its path from the project's folder.", "name", is_needed=True),),
     "UDT file", "a UDT file", called="file", also=_udt_content,
 )  # fmt: skip
 

@@ -101,15 +101,15 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         dots = len(re.findall(_KEY_PART, token[1] or "")) - 1
         if dots > MOST_DOTS:
             line = text.count("\n", 0, token.start()) + 1
-            raise mistake(f"{where}: line {line}", f"a key with {dots} dots", f"at most {MOST_DOTS}")
+            raise mistake(f"{where}: line {line}", f"a key with {dots} dots", f"at most {MOST_DOTS} dots")
     try:
         return tomllib.loads(text)
     except ValueError as wrong:  # TOMLDecodeError, and numbers of more digits than Python reads
         found = _TOML_PLACE.fullmatch(str(wrong))
         message, place = found.groups() if found else (str(wrong), "")
-        raise mistake(f"{where}: {place}" if place else where, f"no TOML ({message})", "TOML 1.0") from None
+        raise mistake(f"{where}: {place}" if place else where, f"bad TOML ({message})", "TOML 1.0") from None
     except RecursionError:
-        raise mistake(where, "brackets nested too deeply", "TOML 1.0") from None
+        raise mistake(where, "brackets nested too deeply", "fewer levels of brackets") from None
 
 
 def read_text(path: Path) -> str:
@@ -125,7 +125,7 @@ def read_text(path: Path) -> str:
             reason = f"no folder {path.parent}"
         raise mistake(str(path), reason, "a TOML file that can be read", "file") from None
     if len(content) > LARGEST_FILE:
-        raise mistake(str(path), "a larger file", f"at most {LARGEST_FILE} bytes")
+        raise mistake(str(path), "a file that is too large", f"at most {LARGEST_FILE} bytes")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as wrong:
@@ -258,9 +258,9 @@ FILE: Final = text_kind(
     "a text in quotes", lambda text: None if find_hidden(text) else text, lambda text: EXPECTED_VISIBLE_NAME
 )
 INTERVAL: Final = text_kind(
-    "a duration from T#100us on, such as T#10ms", _duration_parser(LEAST_INTERVAL_NS), write=format_time
+    "a duration of at least T#100us, such as T#10ms", _duration_parser(LEAST_INTERVAL_NS), write=format_time
 )
-DELAY: Final = text_kind("a duration from T#0s on, such as T#5ms", _duration_parser(0), write=format_time)
+DELAY: Final = text_kind("a duration of at least T#0s, such as T#5ms", _duration_parser(0), write=format_time)
 MILLISECONDS: Final = Kind(
     "a TIME of whole milliseconds such as T#50ms or 50",
     lambda value: None if isinstance(value, bool | float) else _milliseconds(str(value)),

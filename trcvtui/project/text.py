@@ -122,13 +122,13 @@ def _apply(text: str, wanted: dict[str, Any], where: str, *edits: Callable[[str]
     ends = CRLF if CRLF in text else "\n"
     plain = text.replace(CRLF, "\n")
     if plain.replace("\n", ends) != text:
-        raise mistake(where, "lines that end with LF and with CRLF", "the same line end in all of the file")
+        raise mistake(where, "lines that end with LF and with CRLF", "the same line ends in the whole file")
     plain += "\n" if plain and not plain.endswith("\n") else ""
     for edit in edits:
         edited = edit(plain)
         if edited is not None and _parses_as(edited, wanted):  # rule 2
             return edited.replace("\n", ends)
-    raise mistake(where, "a form that cannot be extended", "tables that begin with [[connect]] and the like")
+    raise mistake(where, "a form that cannot be extended", "tables such as [[connect]]")
 
 
 def _parses_as(text: str, wanted: dict[str, Any]) -> bool:

@@ -29,7 +29,7 @@ Write = Callable[[str], object]
 
 LONGEST_NAME: Final = 120  # GitLab keeps 255 characters; the failure has the whole line
 WHOLE_CASE_NAME: Final = "the scenario runs to its end"
-NOT_REACHED_TEXT: Final = "not reached: a wait before it failed"
+NOT_REACHED_TEXT: Final = "not reached: an earlier wait failed"
 
 
 class JunitCase(Struct, frozen=True):

@@ -220,7 +220,9 @@ def read_scenario_file(path: Path) -> ScenarioFile | None:
     if b"scenario" not in content:
         return None
     if len(content) > MOST_BYTES:
-        too_large = f"{path}: found a larger file, expected at most {MOST_BYTES} bytes for this list"
+        too_large = (
+            f"{path}: found a file that is too large, expected at most {MOST_BYTES} bytes for this list"
+        )
         return ScenarioFile(path, path.stem, "", (), too_large) if _TABLE_PATTERN.search(content) else None
     return _parse_file(path, content)
 

@@ -42,7 +42,7 @@ class TraceSection(Struct, frozen=True):
         return (not self.lost or pattern.atoms[0] == ANY_SCANS) and matches(pattern, self.runs)
 
     def __str__(self) -> str:
-        lost = f"{self.lost} older scans, no longer kept ({MOST_NEWEST_RUNS} changes are), then "
+        lost = f"{self.lost} older scans, not kept (only {MOST_NEWEST_RUNS} changes are), then "
         return lost * bool(self.lost) + format_trace(self.runs)
 
 

@@ -94,7 +94,7 @@ def test_a_message_is_one_datagram_and_split_makes_several(air: Air) -> None:
 
 def test_without_a_remote_it_answers_whoever_was_heard_last(air: Air) -> None:
     peer = air.listening()
-    line = "P1 has no partner to send to: no open remote, and no datagram came yet"
+    line = "P1 has no partner to send to: no remote is open, and no datagram has come"
     assert (peer.can_send, peer.send(PeerSend("P1", b"x"), air.now)) == (False, line)
     other = air.socket()
     for sender, question in ((air.plc, b"one"), (other, b"two")):
@@ -138,7 +138,7 @@ def test_what_the_stack_refuses_is_told_and_not_tried_again(air: Air) -> None:
 
 def test_a_message_larger_than_a_datagram_needs_split(air: Air) -> None:
     peer = air.listening(air.end(air.plc))
-    line = "P1: a datagram of 65508 bytes; at most 65507, so use split="
+    line = "P1: a datagram of 65508 bytes exceeds 65507: use split="
     assert peer.send(PeerSend("P1", bytes(65508)), air.now) == line
     assert peer.send(PeerSend("P1", bytes(65508), (65507,)), air.now) == ""
     assert air.heard(air.plc) == [bytes(65507), bytes(1)]

@@ -196,7 +196,7 @@ def test_the_first_byte_is_enough_to_know_plain_tcp(
     session = certificates.settings("plc").make_session(is_active)
     fed(session, first)
     assert session.ended is not None
-    assert session.ended[:2] == (TlsError.PLAIN, f"no TLS: it begins with {first[0]:02X}, not with 16")
+    assert session.ended[:2] == (TlsError.PLAIN, f"no TLS: the data begins with {first[0]:02X}, not with 16")
     assert (session.is_up, session.wants_more, session.has_data) == (False, False, False)
 
 

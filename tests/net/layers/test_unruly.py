@@ -143,14 +143,14 @@ def test_a_dt_larger_than_agreed_ends_an_established_connection(b: IsoBench) -> 
     assert answer_of(b, client, 22) == [ConnectTpdu(Code.CC, 1, 1, E001, E002, 7)]
     b.send(client, encode_tpdu(DataTpdu(bytes(126), True)))
     assert b.loss(called).fault == Fault("session", "EPROTO")
-    assert b.net.heard == [("C1", SESSION_ENDED, "a DT of 129 bytes, 128 are agreed")]
+    assert b.net.heard == [("C1", SESSION_ENDED, "a DT of 129 bytes, but 128 are agreed")]
 
 
 @pytest.mark.parametrize(
     ("begins", "why"),
     [
-        (b"\x03\0\x9c\x40", "a TPKT of 40000 bytes, TPDUs of 128 are agreed"),
-        (b"\x03\0\0\x86\x02\xf0", "a DT of 130 bytes, 128 are agreed"),
+        (b"\x03\0\x9c\x40", "a TPKT of 40000 bytes, but TPDUs of 128 are agreed"),
+        (b"\x03\0\0\x86\x02\xf0", "a DT of 130 bytes, but 128 are agreed"),
     ],
 )
 def test_a_tpkt_announced_larger_than_agreed_is_refused_when_its_header_is_there(

@@ -261,9 +261,9 @@ def test_our_own_end_passes_and_is_marked_as_ours(stand: Stand, verb: str, ends:
 @pytest.mark.parametrize(
     ("verb", "sizes", "said"),
     [
-        ("drop", (9,), "4 bytes are held, not 9"),
-        ("edit", (3,), "4 bytes are held: byte 4 is none of them"),
-        ("insert", (), "the tap holds no more than 1 MiB of a direction"),
+        ("drop", (9,), "only 4 bytes are held, not 9"),
+        ("edit", (3,), "4 bytes are held: there is no byte 4"),
+        ("insert", (), "the tap holds at most 1 MiB of each direction"),
     ],
 )
 def test_an_order_that_cannot_be_done_says_why(
@@ -480,7 +480,7 @@ def test_held_datagrams_beyond_the_bound_are_lost_and_told(datagrams: Datagrams)
             datagrams.near.send(bytes(60_000))
         datagrams.loop.run_once(0.01)
         told = [each for each in datagrams.events() if each.kind == TapEventKind.INTERVENTION]
-    assert told[0].data.startswith(b"drop 60000 bytes: the tap holds no more than 1 MiB")
+    assert told[0].data.startswith(b"drop 60000 bytes: the tap holds at most 1 MiB")
     assert len(lane.held or b"") <= 1 << 20
 
 

@@ -42,7 +42,7 @@ async def test_keys_change_a_port_remove_a_peer_and_undo_both(size: tuple[int, i
         await looker.type("2500")
         assert "▸ set connect C2 LocalPort=2500" in looker.text
         said = str(looker.app.screen.query_one("#form-line", Static).content)
-        assert "LocalPort none before, 2500 now; begins anew: CONNECT C2, instance TRCV_C_2" in said
+        assert "LocalPort none before, 2500 now; restarts: CONNECT C2, instance TRCV_C_2" in said
         assert looker.lines == [], "nothing was sent before it was seen"
         await looker.press("enter")
         await scanned(looker)
@@ -67,7 +67,7 @@ async def test_keys_change_a_port_remove_a_peer_and_undo_both(size: tuple[int, i
         assert looker.app.view_model.project.peer("P2") is not None
         await looker.press("ctrl+z")
         said = " ".join(looker.text.split())
-        assert "LocalPort 2500 before, none now; begins anew: CONNECT C2, instance TRCV_C_2" in said
+        assert "LocalPort 2500 before, none now; restarts: CONNECT C2, instance TRCV_C_2" in said
         await looker.press("enter")
         await scanned(looker)
         changed = connect(looker, "C2")
@@ -118,7 +118,7 @@ async def test_on_pane_7_the_selected_peer_comes_first() -> None:
         await looker.press("7", "E", "enter")
         assert "Change peer P1" in looker.text
         await fill(looker, reconnect="T#50ms")
-        assert "begins anew: peer P1" in looker.text
+        assert "restarts: peer P1" in looker.text
         await looker.press("enter")
         assert looker.lines == ["set peer P1 reconnect=T#50ms"]
 
@@ -153,7 +153,7 @@ async def test_the_block_of_an_instance_changes_with_its_fields_in_one_line() ->
         line = str(shown.app.screen.query_one("#form-line", Static).content)
         words = ("block=SendByte", "TxBuffer=RX", "RxBuffer=", "data=", "pPrefix=", "SizeReceiveData=")
         assert line.startswith("▸ set instance RD ") and all(word in line.split() for word in words)
-        assert line.endswith("begins anew: instance RD")
+        assert line.endswith("restarts: instance RD")
 
 
 async def test_the_palette_changes_removes_and_undoes() -> None:
@@ -174,11 +174,11 @@ async def test_a_line_that_is_typed_says_who_begins_anew_before_it_is_sent() -> 
     async with on_a_bench() as looker:
         await looker.press("colon")
         await looker.type("set C1 Local")
-        assert "begins anew" not in looker.text
+        assert "restarts" not in looker.text
         await looker.type("Port=2500")
-        assert "▸ CONNECT C1: LocalPort 2000 before, 2500 now; begins anew: CONNECT C1" in looker.text
+        assert "▸ CONNECT C1: LocalPort 2000 before, 2500 now; restarts: CONNECT C1" in looker.text
         await looker.press("escape")
-        assert "begins anew" not in looker.text and looker.lines == []
+        assert "restarts" not in looker.text and looker.lines == []
 
 
 async def test_a_read_only_screen_changes_nothing_and_reads_no_line() -> None:
@@ -192,7 +192,7 @@ async def test_a_read_only_screen_changes_nothing_and_reads_no_line() -> None:
             assert looker.app.screen is looker.app.main and not looker.app.main.prompt.is_open
         await looker.press("colon")
         await looker.type("set C1 LocalPort=2600")
-        assert "begins anew" not in looker.text
+        assert "restarts" not in looker.text
         await looker.press("enter")
         assert looker.lines == []
 

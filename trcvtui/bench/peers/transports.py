@@ -408,10 +408,10 @@ class DatagramTransport(_Transport):
         if send is None:
             return ""
         if self.remote is None:
-            return f"{self._decl.name} has no partner to send to: no open remote, and no datagram came yet"
+            return f"{self._decl.name} has no partner to send to: no remote is open, and no datagram has come"
         largest = max(map(len, chunks(send.payload, send.split)))
         if largest > LARGEST_BYTES:
-            return f"{self._decl.name}: a datagram of {largest} bytes; at most {LARGEST_BYTES}, so use split="
+            return f"{self._decl.name}: a datagram of {largest} bytes exceeds {LARGEST_BYTES}: use split="
         return ""
 
     def free_sockets(self) -> None:

@@ -191,7 +191,7 @@ class ReceiveData(JobBlock):
                 CauseKind.PARAMETER, "the size is not greater than 0", pin="SizeReceiveData", value=size
             )
             if size > 0:
-                name = "the variable is smaller"
+                name = "the variable is smaller than SizeReceiveData"
                 cause = Cause(CauseKind.PARAMETER, name, pin="SizeReceiveData", have=room, need=size)
             return Condition.RECEIVE_LENGTH_WRONG, cause
         for name, area, length in (
@@ -200,7 +200,7 @@ class ReceiveData(JobBlock):
         ):
             room = area.size if area is not None else 0
             if length > room:
-                cause = Cause(CauseKind.PARAMETER, f"{name} points to less", pin=name, have=room, need=length)
+                cause = Cause(CauseKind.PARAMETER, f"{name} is too small", pin=name, have=room, need=length)
                 return Condition.NULL_POINTER, cause
         return None
 
@@ -232,7 +232,7 @@ class ReceiveString(JobBlock):
         if inputs.reset:
             return self.job.reset()
         if self._data is None or self._data.size < 2:
-            cause = Cause(CauseKind.PARAMETER, "ReceivedString is no STRING", pin="ReceivedString")
+            cause = Cause(CauseKind.PARAMETER, "ReceivedString is not a STRING", pin="ReceivedString")
             return self.job.refuse(Condition.NULL_RECEIVE_POINTER, cause)
         longest = min(self.longest, self._data.size - 1)  # one byte is the 00 after the text
         timeout = inputs.timeout * MILLISECOND_NS

@@ -57,7 +57,7 @@ class SendBlock(NoJob):
             )
         if len(payload) > self._buffer.size:
             have, need = self._buffer.size, len(payload)
-            cause = Cause(CauseKind.PARAMETER, "the ComBuffer is smaller", have=have, need=need)
+            cause = Cause(CauseKind.PARAMETER, "more bytes than the ComBuffer can hold", have=have, need=need)
             return Outcome(Condition.SEND_OVERRUN, cause)
         if not self.running:
             self.have, self.need, self._begun = 0, len(payload), asked
@@ -70,7 +70,7 @@ class SendBlock(NoJob):
             self.have += len(room)
             self.last_bytes_at = self._env.now
         is_all = self.have == self.need
-        cause = Cause(CauseKind.BYTES, "in the ComBuffer", have=self.have, need=self.need)
+        cause = Cause(CauseKind.BYTES, "bytes are in the ComBuffer", have=self.have, need=self.need)
         return Outcome(Condition.SENT if is_all else Condition.SENDING, cause)
 
     def _remember_outcome(self, shown: Outcome) -> Outcome:
@@ -86,7 +86,7 @@ class SendData(SendBlock):
     def bytes_to_send(self, inputs: Inputs) -> bytes | Outcome:
         have = self._data.size if self._data is not None else 0
         if self._data is None or inputs.length > have:
-            name = "pSendData points to less"
+            name = "pSendData points to fewer bytes"
             cause = Cause(CauseKind.PARAMETER, name, pin="pSendData", have=have, need=inputs.length)
             return Outcome(Condition.NULL_POINTER, cause)
         return bytes(self._data.content[: inputs.length])

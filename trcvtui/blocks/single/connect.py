@@ -24,7 +24,7 @@ from trcvtui.net.results import Fault
 
 IDLE: Final = Outcome(Condition.NO_JOB, Cause(CauseKind.WAITING, "REQ has not risen", pin="REQ"), stable=True)
 REQ_ROSE: Final = Cause(CauseKind.INPUT, "REQ rose", pin="REQ", value=1)
-NO_ENDPOINT: Final = Cause(CauseKind.INPUT, "REQ rose where no such connection is", pin="REQ", value=1)
+NO_ENDPOINT: Final = Cause(CauseKind.INPUT, "REQ rose, but no such connection exists", pin="REQ", value=1)
 
 
 def no_socket_outcome(port: UdpEndpoint, pin: str, asked: str) -> Outcome:
@@ -54,7 +54,7 @@ def end_job(loss: ConnectionLoss, job: StoppableJob, course: StatusSequence, fai
     return Outcome(condition, cause)
 
 
-ENDPOINT_IS_THERE: Final = Cause(CauseKind.INPUT, "REQ rose, and the endpoint is there", pin="REQ", value=1)
+ENDPOINT_IS_THERE: Final = Cause(CauseKind.INPUT, "REQ rose, but the connection exists", pin="REQ", value=1)
 STILL_CLOSING: Final = Cause(CauseKind.OTHER_BLOCK, "TDISCON is still closing the connection")
 
 
@@ -157,7 +157,7 @@ _BUILDING = Outcome(Condition.RUNNING, Cause(CauseKind.WAITING, "no partner yet"
 _KEEPING = Outcome(Condition.NO_JOB, Cause(CauseKind.WAITING, "established; REQ has not risen", pin="REQ"))
 _REBUILDING = Outcome(
     Condition.NO_JOB,
-    Cause(CauseKind.WAITING, "it builds the lost connection again; REQ has not risen", pin="REQ"),
+    Cause(CauseKind.WAITING, "the lost connection is being rebuilt; REQ has not risen", pin="REQ"),
 )
 
 STILL_BUILDING: Final = Cause(CauseKind.OTHER_BLOCK, "the connection is still being built")

@@ -47,7 +47,7 @@ BY_REQ: Final = ConnectionReasons(
 )
 BY_EN_R: Final = ConnectionReasons(
     asked=Cause(CauseKind.INPUT, "EN_R is 1 without a connection", pin="EN_R", value=1),
-    ended=Cause(CauseKind.INPUT, "CONT was 0 when the connection was begun", pin="CONT", value=0),
+    ended=Cause(CauseKind.INPUT, "CONT was 0 when the connection began", pin="CONT", value=0),
     idle=_idle_outcome("CONT and EN_R are 0", "EN_R"),
 )
 
@@ -275,7 +275,7 @@ class ConnectionControl:
             return refused
         if self._connect_in_use.rival:
             return self._waiting(
-                "before the next attempt", detail=f"{self._connect_in_use.rival} works on it"
+                "before the next attempt", detail=f"CONNECT in use by {self._connect_in_use.rival}"
             )
         begun = self._start()
         return (

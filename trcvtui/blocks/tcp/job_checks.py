@@ -79,9 +79,9 @@ def _find_length_misfit(env: Environment, data: DataArea | None, request: JobReq
     if unfit is not None:
         return unfit
     if request.needs_len and not length and not data.symbolic:
-        return _refuse(Condition.LENGTH_WRONG, "LEN is 0, and this block needs one", "LEN", 0)
+        return _refuse(Condition.LENGTH_WRONG, "LEN is 0, but this block needs a length", "LEN", 0)
     if area.texts_whole and 0 < length < request.least:
-        name = f"LEN cuts {data.type_name}: 0, or from {request.least} on"
+        name = f"LEN cuts {data.type_name}: use 0, or {request.least} or more"
         return _refuse(Condition.LEN_OF_TEXT, name, "LEN", length)
     if length > data.size or (length or data.size) > limit:
         return _length_error(env, limit, data, length)
@@ -98,13 +98,13 @@ def find_rival(env: Environment, connection: Connection, claim: Claim) -> Claim 
 
 def _find_area_misfit(area: DataAreaRules, data: DataArea, length: int, adhoc: bool) -> Outcome | None:
     if area.refuses_bits and data.elements is ElementKind.BITS:
-        return _refuse(Condition.DATA_REFUSED, f"DATA is {data.type_name}: bits alone are refused")
+        return _refuse(Condition.DATA_REFUSED, f"DATA is {data.type_name}: single bits are refused")
     if not data.symbolic:
         return None
     if area.symbolic_alone and length:
-        return _refuse(Condition.DATA_SYMBOLIC, "DATA is symbolic, so LEN has to be 0", "LEN", length)
+        return _refuse(Condition.DATA_SYMBOLIC, "DATA is symbolic, so LEN must be 0", "LEN", length)
     if area.symbolic_bytes and adhoc and data.elements is not ElementKind.BYTES:
-        return _refuse(Condition.DATA_SYMBOLIC, "ad-hoc into a symbolic DATA takes elements of 8 bits")
+        return _refuse(Condition.DATA_SYMBOLIC, "ad-hoc with a symbolic DATA needs elements of 8 bits")
     return None
 
 
@@ -119,7 +119,7 @@ def changed_outcome(what: str) -> Outcome:
 def _length_error(env: Environment, most: int, data: DataArea, length: int) -> Outcome:
     limit = min(data.size, most)
     if (length or data.size) > most:
-        condition, name = Condition.LENGTH_WRONG, "longer than one job can be"
+        condition, name = Condition.LENGTH_WRONG, "more bytes than one job can have"
     else:
         condition, name = env.rules.area.longer, "LEN is larger than DATA"
     cause = Cause(CauseKind.PARAMETER, name, pin="LEN", value=length, have=length or data.size, need=limit)
@@ -128,14 +128,12 @@ def _length_error(env: Environment, most: int, data: DataArea, length: int) -> O
 
 def in_use_cause(other: Claim, asking: Claim) -> Cause:
     if other.is_orphan:
-        name = "an instance that is gone still holds this CONNECT"
-        cure = "disconnect or reset frees it"
+        name = "CONNECT still held by an instance that is gone"
+        cure = "a disconnect or reset frees the CONNECT"
         return Cause(CauseKind.OWNER, name, detail=cure, holder=other.instance, is_orphan=True)
     if other.priority != asking.priority:
-        return Cause(
-            CauseKind.OWNER, "a block of another priority works on this CONNECT", holder=other.instance
-        )
-    return Cause(CauseKind.OWNER, "another instance works on this CONNECT", holder=other.instance)
+        return Cause(CauseKind.OWNER, "CONNECT in use by a block of another priority", holder=other.instance)
+    return Cause(CauseKind.OWNER, "CONNECT in use by another instance", holder=other.instance)
 
 
 _EMPTY = Outcome(Condition.DATA_EMPTY, Cause(CauseKind.PARAMETER, "DATA has no byte", pin="DATA", value=0))
@@ -148,7 +146,7 @@ def find_misfit(bound: ConnectBinding, needs_datagrams: bool, receives: bool = F
     """Return why this block can never work on this connection; `needs_datagrams`: it is TUSEND or TURCV."""
     is_udp = isinstance(bound.connection, UdpEndpoint)
     if is_udp and bound.address is None:
-        return _addr_error(Condition.OTHER_TRANSPORT, "the connection is UDP, and this block has no ADDR")
+        return _addr_error(Condition.OTHER_TRANSPORT, "the connection is UDP, but this block has no ADDR")
     if is_udp and receives and bound.address is not None:
         return find_structure_error(bound.address)
     if needs_datagrams and not is_udp:
@@ -174,9 +172,9 @@ def find_structure_error(address: RemoteAddress, accepted: tuple[str, ...] = SOU
         return None
     name, size = written.structure.name, len(written.data)
     if name not in accepted:
-        return _addr_error(Condition.NO_DESCRIPTION, f"ADDR is a {name}, and {accepted[0]} is expected")
+        return _addr_error(Condition.NO_DESCRIPTION, f"ADDR is a {name}, but must be a {accepted[0]}")
     if size != written.structure.size:
-        text = f"ADDR has {size} bytes, and {name} has {written.structure.size}"
+        text = f"ADDR has {size} bytes, but a {name} has {written.structure.size}"
         return _addr_error(Condition.PARAMETER_WRONG, text)
     return None
 
@@ -186,7 +184,7 @@ def _addr_error(condition: Condition, name: str, pin: str = "ADDR") -> Outcome:
 
 
 FAULT_SHOWN: Final = Cause(
-    CauseKind.WAITING, "the error has shown; EN_R is 1, and LEN and DATA are unchanged"
+    CauseKind.WAITING, "the error was shown already, and EN_R, LEN and DATA are unchanged"
 )
 
 

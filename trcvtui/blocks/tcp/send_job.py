@@ -158,7 +158,7 @@ class SendJob(OutgoingJob):
 
 @lru_cache(OUTCOMES_KEPT)
 def _sending_outcome(have: int, need: int) -> Outcome:
-    name = "the stack has taken all, which shows in the next scan" if have == need else "bytes are left"
+    name = "the stack has taken all bytes; DONE in the next scan" if have == need else "bytes are left"
     return Outcome(Condition.SENDING, Cause(CauseKind.BYTES, name, have=have, need=need))
 
 

@@ -198,14 +198,14 @@ def _check_length(connect: DescribedConnect) -> FlawAnswer | None:
     structure, size = connect.description.structure, len(connect.description.data)
     if structure.size - structure.spare <= size <= structure.size:
         return None
-    return Flaw.LENGTH, "", f"{size} bytes, {structure.name} has {structure.size}"
+    return Flaw.LENGTH, "", f"{size} bytes, but {structure.name} has {structure.size}"
 
 
 def _check_identity(connect: DescribedConnect) -> FlawAnswer | None:
     if 1 <= connect.meaning.identity <= MOST_ID:
         return None
     name = "id" if connect.description.structure.field("id") else "ID"
-    return Flaw.ID, name, f"{name} is {connect.meaning.identity}, 1 to {MOST_ID}"
+    return Flaw.ID, name, f"{name} is {connect.meaning.identity}, not 1 to {MOST_ID}"
 
 
 def _check_configured(connect: DescribedConnect) -> FlawAnswer | None:
@@ -219,7 +219,7 @@ def _check_interface(connect: DescribedConnect) -> FlawAnswer | None:
     names_own = connect.meaning.remote_name or connect.description.structure.name.startswith("TCON_QDN")
     field = "local_device_id" if connect.description.structure.field("local_device_id") else "InterfaceId"
     if connect.description.number(field) == 0 and not names_own:
-        return Flaw.INTERFACE, field, f"{field} is 0, the hardware identifier of a port such as 64"
+        return Flaw.INTERFACE, field, f"{field} is 0, but must be a hardware identifier such as 64"
     if connect.own_address == ANY_ADDRESS:
         return Flaw.NO_LOCAL_ADDRESS, field, "LocalAddress is 0.0.0.0: the interface has no address"
     return None
@@ -232,20 +232,20 @@ def _check_type(connect: DescribedConnect) -> FlawAnswer | None:
     field = "connection_type" if structure.field("connection_type") else "ConnectionType"
     taken = ", ".join(f"16#{one:02X}" for one in connection_types_of(structure.name))
     number = connect.description.number(field)
-    return Flaw.TYPE, field, f"{field} is 16#{number:02X}, {structure.name} takes {taken}"
+    return Flaw.TYPE, field, f"{field} is 16#{number:02X}, but {structure.name} takes {taken}"
 
 
 def _check_udp_active(connect: DescribedConnect) -> FlawAnswer | None:
     if connect.meaning.protocol is not Transport.UDP or not connect.meaning.is_active:
         return None
-    return Flaw.UDP_ACTIVE, "ActiveEstablished", "UDP is never established actively"
+    return Flaw.UDP_ACTIVE, "ActiveEstablished", "UDP cannot be active"
 
 
 def _check_udp_port(connect: DescribedConnect) -> FlawAnswer | None:
     if connect.meaning.protocol is not Transport.UDP:
         return None
     if not connect.meaning.local_port and not connect.takes_free_port:
-        return Flaw.PARAMETER, "LocalPort", "LocalPort is 0, UDP needs a port"
+        return Flaw.PARAMETER, "LocalPort", "LocalPort is 0, but UDP needs a port"
     return None
 
 
@@ -264,15 +264,19 @@ def _test_tsap(connect: DescribedConnect) -> FlawAnswer | None:
     for field in ("LocalTSelector", "RemoteTSelector"):
         size = _selector_length(connect.description, field)
         if size > LONGEST_SELECTOR:
-            return Flaw.PARAMETER, field, f"TSelLength is {size}, at most {LONGEST_SELECTOR}"
+            return Flaw.PARAMETER, field, f"TSelLength is {size}, more than {LONGEST_SELECTOR}"
     if not local:
         return Flaw.TSAP, "LocalTSelector", "the local T-selector is empty"
     if len(local) < TSAP_SIZES.start and not connect.meaning.is_active:
-        return Flaw.TSAP, "LocalTSelector", "the local T-selector of a passive end has one byte, two or more"
+        return (
+            Flaw.TSAP,
+            "LocalTSelector",
+            "the local T-selector has one byte, but a passive end needs two or more",
+        )
     if len(local) == 2 and local[0] not in _first_bytes(connect):
-        return Flaw.TSAP, "LocalTSelector", f"two bytes begin with E0, not with {local[0]:02X}"
+        return Flaw.TSAP, "LocalTSelector", f"two bytes must begin with E0, not {local[0]:02X}"
     if local.startswith(b"SIMATIC-"):
-        return Flaw.TSAP, "LocalTSelector", "SIMATIC- is the system's own"
+        return Flaw.TSAP, "LocalTSelector", "SIMATIC- is reserved for the system"
     return None
 
 
@@ -284,9 +288,9 @@ def check_narrow_tsap(local: bytes) -> DescriptionFlaw | None:
     """Return a flaw of the local T-selector; only an S7-1200 reports this flaw (S7-1200 System Manual)."""
     text = ""
     if len(local) >= 2 and local[0] in TSAP_FIRST_BYTES and local[1] > 1:
-        text = f"after {local[0]:02X} 00 or 01, not {local[1]:02X}"
+        text = f"after {local[0]:02X} comes 00 or 01, not {local[1]:02X}"
     elif any(not 0x20 <= byte < 0x7F for byte in local[2:]):
-        text = f"from the third byte on ASCII, not {local[2:].hex(' ')}"
+        text = f"from the third byte on: ASCII, not {local[2:].hex(' ')}"
     return DescriptionFlaw(Flaw.TSAP, "LocalTSelector", text) if text else None
 
 
@@ -301,7 +305,7 @@ def _check_param_tsap(connect: DescribedConnect) -> FlawAnswer | None:
     if not connect.meaning.is_active and (
         len(local) < TSAP_SIZES.start or local[0] not in _first_bytes(connect)
     ):
-        return Flaw.TSAP, "local_tsap_id", f"{local.hex(' ')}: two bytes or more that begin with E0"
+        return Flaw.TSAP, "local_tsap_id", f"{local.hex(' ')}: must be two bytes or more, E0 first"
     return None
 
 
@@ -313,7 +317,7 @@ def _check_param_lengths(connect: DescribedConnect) -> FlawAnswer | None:
     for field, taken in _allowed_param_lengths(spec):
         if number(field) not in taken:
             wanted = " or ".join(map(str, taken)) if len(taken) < 4 else f"{taken[0]} to {taken[-1]}"
-            return Flaw.PARAMETER, field, f"{field} is {number(field)}, {wanted}"
+            return Flaw.PARAMETER, field, f"{field} is {number(field)}, not {wanted}"
     return None
 
 
@@ -345,9 +349,9 @@ def _check_ports(connect: DescribedConnect) -> FlawAnswer | None:
     if spec.protocol is not Transport.TCP:
         return None
     if spec.is_active and not spec.remote_port and not connect.remote_is_known:
-        return Flaw.PARAMETER, "RemotePort", "RemotePort is 0, an active end needs one"
+        return Flaw.PARAMETER, "RemotePort", "RemotePort is 0, but an active end needs one"
     if not spec.is_active and not spec.local_port and not connect.takes_free_port:
-        return Flaw.PARAMETER, "LocalPort", "LocalPort is 0, a passive end needs one"
+        return Flaw.PARAMETER, "LocalPort", "LocalPort is 0, but a passive end needs one"
     return None
 
 
@@ -357,9 +361,9 @@ def _check_remote(connect: DescribedConnect) -> FlawAnswer | None:
         return None
     # 0.0.0.0 is "any partner" on a passive end.
     if spec.is_active and spec.remote_address == ANY_ADDRESS:
-        return Flaw.PARAMETER, "RemoteAddress", "RemoteAddress is 0.0.0.0, the partner's address"
+        return Flaw.PARAMETER, "RemoteAddress", "RemoteAddress is 0.0.0.0, not the partner's address"
     if is_group(spec.remote_address):
-        text = f"{spec.remote_address} is no address of one partner, and multicast groups are not joined"
+        text = f"{spec.remote_address} is not one partner; multicast groups are not joined"
         return Flaw.REMOTE, "RemoteAddress", text
     # On loopback that is no mistake: the bench and its peers share the address.
     if spec.remote_address == connect.own_address and not is_loopback(spec.remote_address):
@@ -370,7 +374,7 @@ def _check_remote(connect: DescribedConnect) -> FlawAnswer | None:
 def _check_local_port(connect: DescribedConnect) -> FlawAnswer | None:
     port = connect.meaning.local_port
     if port in RESERVED_PORTS or port >= FIRST_DYNAMIC_PORT:
-        return Flaw.PORT_RESERVED, "LocalPort", f"port {port} is the system's own; take 2000 to 5000"
+        return Flaw.PORT_RESERVED, "LocalPort", f"port {port} is reserved for the system; use 2000 to 5000"
     return None
 
 
@@ -407,7 +411,7 @@ def _check_secure(connect: DescribedConnect) -> FlawAnswer | None:
         text = "ExtTLSCapabilities has bit 0: only a client checks the subjectAlternateName"
         return Flaw.SERVER_CHECKS, "ExtTLSCapabilities", text
     if not number("TLSServerCertRef"):
-        return Flaw.SERVER_BARE, "TLSServerCertRef", "TLSServerCertRef is 0: a server shows one"
+        return Flaw.SERVER_BARE, "TLSServerCertRef", "TLSServerCertRef is 0, but a server needs a certificate"
     return None
 
 

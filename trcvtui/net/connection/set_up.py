@@ -182,7 +182,7 @@ class SetUp:
     def _bind_hint(self, fault: Fault, local: Endpoint) -> str:
         if fault.error != "EACCES" or self.config.session is None or not self.config.session.shares_port:
             return ""
-        return f"{local} is not for every user: IsoPort sets another"  # ports below 1024 need a right
+        return f"this user may not use {local}: IsoPort sets another port"  # ports below 1024 need a right
 
     def _listen(self, handle: Handle) -> StepFault | None:
         fault = self._kernel.listen(handle, self._policy.backlog)
@@ -220,7 +220,7 @@ class SetUp:
         self.remote = Endpoint(address, port)
         # 3.1: 0.0.0.0 would silently mean loopback; and a socket can connect to itself.
         if address == ANY_ADDRESS or self.remote == self.local:
-            return Fault("address", f"{self.remote} is no end to connect to")
+            return Fault("address", f"{self.remote} cannot be connected to")
         return self._kernel.connect(handle, self.remote)
 
     def _resolve_address(self, handle: Handle) -> str | WouldBlock | Fault:

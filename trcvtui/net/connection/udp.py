@@ -23,7 +23,7 @@ from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlo
 NO_ADDR: Final = StepFault(
     SetUpStage.DESCRIPTION,
     Fault("description", Flaw.NEEDS_ADDR),
-    "UDP: this block has no ADDR; TUSEND and TURCV have one",
+    "UDP: this block has no ADDR; use TUSEND or TURCV",
 )
 
 

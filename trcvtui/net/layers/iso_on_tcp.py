@@ -167,10 +167,10 @@ class TpktReader:
         if self.agreed is None or tpdu <= self.agreed:
             return ""
         if self._held[begin + CODE_OFFSET : begin + CODE_OFFSET + 1] == bytes([Code.DT]):
-            return f"a DT of {tpdu} bytes, {self.agreed} are agreed"
+            return f"a DT of {tpdu} bytes, but {self.agreed} are agreed"
         if tpdu <= LONGEST_HEADER:  # it may carry no data; the agreed size is that of a DT
             return ""
-        return f"a TPKT of {size} bytes, TPDUs of {self.agreed} are agreed"
+        return f"a TPKT of {size} bytes, but TPDUs of {self.agreed} are agreed"
 
 
 def _tpkt_error(version: int, size: int) -> str:
@@ -515,7 +515,7 @@ class IsoSession:
     def _handle_data(self, piece: DataTpdu) -> None:
         size, agreed = len(piece.payload) + DATA_HEADER, self._reader.agreed
         if agreed is not None and size > agreed:  # it came with the CC: the reader knew no size yet
-            self._end("EPROTO", f"a DT of {size} bytes, {agreed} are agreed")
+            self._end("EPROTO", f"a DT of {size} bytes, but {agreed} are agreed")
         else:
             self._collect(piece)
 

@@ -262,7 +262,7 @@ CLIENT_DROPPED: Final = "client dropped"
 TPDU_IGNORED: Final = "TPDU ignored"
 SESSION_ENDED: Final = "session ended"
 GAVE_WAY_TEXT: Final = (
-    f"{MOST_WAITING_CLIENTS} clients were there before it was done, and a newer one takes its place"
+    f"{MOST_WAITING_CLIENTS} clients wait; a newer client takes the place of this unfinished one"
 )
 QUEUE_FULL_TEXT: Final = f"the queue is full: {MOST_WAITING_CLIENTS} clients wait to be accepted"
 

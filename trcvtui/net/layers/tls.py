@@ -155,7 +155,7 @@ class TlsSession:
             return 0
         # Checked here, since the library would wait for the rest of a record of up to 16 KiB.
         if not self._has_fed and data and data[0] not in self._first_bytes:
-            self._end(SessionEnd(TlsError.PLAIN, f"no TLS: it begins with {data[0]:02X}, not with 16"))
+            self._end(SessionEnd(TlsError.PLAIN, f"no TLS: the data begins with {data[0]:02X}, not with 16"))
             return 0
         if data:
             self._has_fed = True

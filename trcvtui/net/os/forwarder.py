@@ -92,7 +92,7 @@ class Forwarder(TapLoop):
             try:
                 order = parse_order(line, len(self.routes))
             except ValueError as wrong:
-                self.say(f"an observer gives an order that is none: {wrong}")
+                self.say(f"an observer gives an invalid order: {wrong}")
             else:
                 self.execute_order(order)
 

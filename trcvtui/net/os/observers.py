@@ -42,7 +42,7 @@ def _require_private_path(path: Path) -> str:
             found = f"mode {folder.st_mode & 0o777:o}" if is_ours else "a link, or another user's folder"
             raise mistake(str(path.parent), found, "a folder of yours, mode 700: set XDG_RUNTIME_DIR")
     if len(os.fsencode(path)) > MOST_PATH_BYTES:
-        raise mistake(str(path), f"a name of {len(os.fsencode(path))} bytes", f"{MOST_PATH_BYTES} at most")
+        raise mistake(str(path), f"a name of {len(os.fsencode(path))} bytes", f"at most {MOST_PATH_BYTES}")
     return str(path)
 
 
@@ -83,7 +83,7 @@ def listen_at(path: Path) -> socket.socket:
         with socket.socket(socket.AF_UNIX) as rival, suppress(FileNotFoundError, ConnectionRefusedError):
             rival.settimeout(CONNECT_TIMEOUT_S)
             rival.connect(_require_private_path(path))
-            raise mistake(str(path), "a tap that listens there already", "one tap of a project")
+            raise mistake(str(path), "another tap that listens there", "only one tap of this project")
         with suppress(FileNotFoundError):
             if not stat.S_ISSOCK(os.lstat(path).st_mode):
                 raise mistake(str(path), "a file", "nothing, or the socket of a tap")
@@ -183,7 +183,7 @@ class Observer:
         if self.kind.is_guest and not self._server.may_order:
             if not self._is_refused:
                 self._is_refused = True
-                self._server.notify("an observer gives orders: it needs `trcvtui tap --allow-orders`")
+                self._server.notify("an observer gives orders, which needs `trcvtui tap --allow-orders`")
             return
         self._has_ordered = True
         self._server.send_to_tap(line.lstrip(USER_LINE))  # only the server may write to the user

@@ -475,7 +475,7 @@ def _bind_socket(place: TapPlace, kind: int) -> socket.socket:
         sock.bind((place.address, place.port))
     except OSError as failed:
         sock.close()
-        raise mistake("LISTEN", f"{place} ({error_name(failed)})", "an address that is free here") from None
+        raise mistake("LISTEN", f"{place} ({error_name(failed)})", "a free address of this machine") from None
     return sock
 
 

@@ -26,7 +26,7 @@ UNREGISTERED_MASK, GONE_MASK = -1, -2  # in place of a mask: not in the poll set
 SPLIT_PAUSE_NS: Final = 50_000_000  # between two pieces
 READ_BYTES: Final = 256 << 10  # bytes of one read
 MOST_HELD_BYTES: Final = 1 << 20  # bytes of one direction that are held or delayed
-HELD_LIMIT: Final = "the tap holds no more than 1 MiB of a direction"
+HELD_LIMIT: Final = "the tap holds at most 1 MiB of each direction"
 
 
 class TapLoop:
@@ -439,17 +439,17 @@ def find_refusal(lane: TapLane, order: TapOrder) -> str:
     size = len(held or b"")
     match order.verb:
         case "rst" | "fin" if not has_ends:
-            return "there is no connection that FIN or RST could end"
+            return "there is no connection that FIN or RST can end"
         case "fin" | "insert" if lane.is_over:
-            return "this direction is over"
+            return "this direction has ended"
         case "insert" if len(order.data) > lane.room():
-            return HELD_LIMIT if not lane.out else "the other end takes nothing: nothing can be inserted"
+            return HELD_LIMIT if not lane.out else "the other end takes no bytes, so none can be inserted"
         case "drop" | "edit" if not held:
             return "nothing is held in this direction"
         case "drop" if order.sizes[0] > size:
-            return f"{size} bytes are held, not {order.sizes[0]}"
+            return f"only {size} bytes are held, not {order.sizes[0]}"
         case "edit" if (last := order.sizes[0] + len(order.data)) > size:
-            return f"{size} bytes are held: byte {last - 1} is none of them"
+            return f"{size} bytes are held: there is no byte {last - 1}"
     return ""
 
 

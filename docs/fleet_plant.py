@@ -28,7 +28,7 @@ NAMES: Final = ("press", "oven", "saw", "checkweigher", "labeller", "palletizer"
 OFFLINE: Final = (7,)  # which of the agents
 # What a line may fail with: STATUS, its words, the call and its errno, what is told.
 FAULTS: Final = (
-    ("80AA", "the partner has reset", "recv", "ECONNRESET", "the partner reset, 7 of 12 bytes here"),
+    ("80AA", "the partner has reset", "recv", "ECONNRESET", "the partner reset, 7 of 12 bytes received"),
     ("80C4", "no connection", "connect", "ECONNREFUSED", "nobody listens at the partner"),
     ("80C5", "the partner has closed", "recv", None, "the partner closed (recv gave 0)"),
 )

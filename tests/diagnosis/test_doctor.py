@@ -195,7 +195,9 @@ def test_a_call_that_comes_again_after_its_refusal_counts_again(
     path = tmp_path / "c.pcapng"
     path.write_bytes(capture([packet for call in calls for packet in call], step_ns=250_000_000))
     found = verdicts_of(path)[0]["findings"]
-    assert [(one["cause"], one["evidence"][1]) for one in found] == [("refused", "3 times in this capture")]
+    assert [(one["cause"], one["evidence"][1]) for one in found] == [
+        ("refused", "seen 3 times in this capture")
+    ]
 
 
 def test_errors_that_the_driver_of_a_serial_line_tells_are_its_finding(
@@ -208,7 +210,7 @@ def test_errors_that_the_driver_of_a_serial_line_tells_are_its_finding(
     [verdict] = json.loads(capsys.readouterr().out)
     [found] = verdict["findings"]
     assert (found["cause"], found["where"]["direction"], found["t_s"]) == ("line-errors", "to-plc", 0.05)
-    assert found["evidence"] == ["4 errors of the line in 4 bytes: parity 2, framing 1, overrun 1"]
+    assert found["evidence"] == ["4 line errors in 4 bytes: parity 2, framing 1, overrun 1"]
 
 
 def test_a_serial_line_without_errors_is_healthy(tmp_path: Path) -> None:

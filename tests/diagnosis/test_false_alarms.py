@@ -110,7 +110,7 @@ def test_a_reset_inside_tls_is_inside_no_job(over: dict[str, bool], is_judged: b
         wire.rst("partner")
 
     (one,) = verdicts_on(say, tmp_path, static(60, **over))
-    assert any("in mid job" in text for each in one["findings"] for text in each["evidence"]) is is_judged
+    assert any("inside a job" in text for each in one["findings"] for text in each["evidence"]) is is_judged
 
 
 # -- messages ------------------------------------------------------------------------------------------------

@@ -241,7 +241,7 @@ def test_errors_that_a_driver_counts_are_found(tmp_path: Path, monkeypatch: pyte
     text = line.replace('source = "sim"', 'source = "serial"\nport = "/dev/ttyS0"')
     found = after_ten_seconds(text, [(100, "feed RX hex 02 41 42")], tmp_path).findings
     assert [one.cause for one in found] == ["line-errors"]
-    assert found[0].evidence == ("27 errors of the line in 3 bytes: parity 27",)
+    assert found[0].evidence == ("27 line errors in 3 bytes: parity 27",)
 
 
 def test_what_the_project_says_is_found_where_the_traffic_does_not_show_it(tmp_path: Path) -> None:
@@ -388,7 +388,7 @@ def test_the_engine_of_a_screen_names_a_short_frame_on_real_sockets(
             return driver.poll_picture()
 
         told = told_by(lambda _: driver.submit("doctor R"), picture, "frame-short (95% sure), R")
-        assert "have 8 bytes, a job wants 12" in told
+        assert "have 8 bytes, but a job waits for 12" in told
     finally:
         driver.close()
 

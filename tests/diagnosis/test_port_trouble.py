@@ -128,7 +128,7 @@ def test_where_no_hint_is_known_the_words_of_the_system_are_told() -> None:
 def test_a_gap_is_a_guess_on_a_port_that_is_a_tcp_connection(tmp_path: Path, port: str) -> None:
     bench = bench_on(tmp_path, port, "T#50ms")
     bench.step()
-    assert "a gap is a guess over TCP" in warned(bench)[0]
+    assert "a gap over TCP is a guess" in warned(bench)[0]
     bench.close()
 
 
@@ -143,7 +143,7 @@ def test_a_timeout_is_measured_by_the_task_that_calls_the_block(tmp_path: Path) 
     bench = bench_on(tmp_path, timeout="T#50ms", task="SLOW")
     bench.step()
     (told,) = warned(bench)
-    assert told.startswith("Timeout is 50 ms, RD is called every 100 ms")
+    assert told.startswith("Timeout is 50 ms, but RD is called every 100 ms")
     bench.close()
 
 

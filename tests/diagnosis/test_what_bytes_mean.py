@@ -330,7 +330,7 @@ def test_the_card_points_to_the_framing_between_the_errors(tmp_path: Path) -> No
         do(bench, f"feed RX hex {one.hex(' ')}", scans=10)
     (told,) = list_framing_warnings(bench.runtime.snapshot(), bench.project, "RS")
     bench.close()
-    assert "the gap of 200 ms never comes" in told and "key B" in told
+    assert "a gap of 200 ms never comes" in told and "key B" in told
 
 
 # -- a project from bytes alone ------------------------------------------------------------------------------

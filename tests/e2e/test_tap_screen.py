@@ -209,5 +209,5 @@ def test_a_killed_tap_ends_both_ends_and_its_screen_gives_the_terminal_back(line
         sock.settimeout(PATIENCE)
         with suppress(ConnectionResetError):
             assert sock.recv(1) == b""
-    line.terminal.wait("the tap has ended: both ends have seen an end (TCP: FIN or RST)")
+    line.terminal.wait("the tap has ended: both ends were informed (TCP: FIN or RST)")
     assert "7 Line" not in line.terminal.screen()

@@ -117,7 +117,7 @@ def test_a_trigger_fires_in_the_very_scan(
 
 def test_what_is_so_already_has_to_become_so_again(tmp_path: Path) -> None:
     desk = Desk(tmp_path, "trigger X STATUS=7006")
-    assert desk.told == "armed; it is true already and fires when it becomes true again"
+    assert desk.told == "armed; it is already true: it fires when it becomes true again"
     assert desk.do("run 5").fired is None
     assert desk.do("peer P1 send hex 01", "run 9").fired is not None
 

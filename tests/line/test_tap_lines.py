@@ -293,7 +293,7 @@ def test_a_note_that_is_none_is_left_out(note: bytes) -> None:
 def test_what_is_held_from_the_beginning_needs_a_screen(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["tap", "127.0.0.1:0", "127.0.0.1:1", "--hold"]) == 2
     assert (
-        capsys.readouterr().err == "--hold: found no screen, expected a screen, which releases held bytes\n"
+        capsys.readouterr().err == "--hold: found no screen, expected a screen: only it releases held bytes\n"
     )
 
 

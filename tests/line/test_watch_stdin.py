@@ -426,7 +426,7 @@ connect = "C2"
     assert records == seen.records
     assert [r["RCVD_LEN"] for r in records if r.get("DONE") and r["instance"] == "R2"] == [5, 5, 5]
     assert [each["why"] for each in records[-1]["unassigned"]] == [
-        "no CONNECT of the project fits it, or several do"
+        "no CONNECT of the project fits, or several fit"
     ]
 
 

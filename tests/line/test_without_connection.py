@@ -82,7 +82,7 @@ def test_names_and_clocks_of_the_network_have_no_shadow_unless_they_are_asked_fo
 
 def test_a_dialect_without_datagrams_says_so(watch: Watch) -> None:
     seen = watch([udp(b"abc")], "--dialect", "twincat")
-    assert seen.last["unassigned"] == [{"id": "C1", "why": "UDP: no block of twincat receives it"}]
+    assert seen.last["unassigned"] == [{"id": "C1", "why": "UDP: no block of twincat receives datagrams"}]
 
 
 @pytest.mark.parametrize(

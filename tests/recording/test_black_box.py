@@ -227,7 +227,7 @@ def test_a_run_without_a_black_box_says_so(tmp_path: Path) -> None:
     assert controller._answers[-1].error.startswith("prompt: found no black box for this run, expected ")
     controller.report_recording("run.pcapng 3.8 KB", "")
     controller.handle_line(2, "record")
-    assert controller._answers[-1].error.startswith("prompt: found a run that --record keeps, to its end")
+    assert controller._answers[-1].error.startswith("prompt: found a run that --record records")
     bench.close()
 
 

@@ -112,7 +112,7 @@ def test_an_error_is_told_with_its_scan_its_cause_and_what_to_check() -> None:
     said = plain(told(entries))
     assert "passed, 2 ERRORs at 1 instance" in said
     assert "16#80A6 Frame ended too early (static mode) in scan 8, 0.070 s" in said
-    assert "whole messages of 5 bytes, but the frame wants 8: 3 bytes short" in said
+    assert "messages had 5 bytes, but a frame has 8; missing: 3 bytes" in said
     assert "8 0.070 16#80A6 short frame ERROR the partner closed (recv gave 0 bytes), 5 of 8 bytes" in said
     assert "job 1, received 5 B, scan 8, 0.070 s FIN 00000000 01 02 03 04 05" in said
     assert "5 0.040 command peer P1 send hex 01 02 03 04 05" in said
@@ -323,7 +323,7 @@ def test_a_recording_that_was_cut_is_told_as_far_as_it_goes(
     [line] = capsys.readouterr().err.splitlines()
     assert re.search(r"R.pcapng: byte \d+: found the end of the file, expected the rest of a block", line)
     said = plain(out.read_text())
-    assert "450 scans of the run could be run again, no more: R.pcapng: byte " in said
+    assert "only 450 scans of the run could be run again: R.pcapng: byte " in said
     assert "up to scan 450: no ERROR" in said and "In scan" not in said
     assert "job 5, received 24 B, scan 501" not in said and "job 4, received 24 B, scan 401" in said
 
@@ -338,7 +338,8 @@ def test_of_a_recording_without_secrets_the_outputs_are_told_as_its_journal_says
     assert "--no-secrets: it can be viewed, not replayed" in capsys.readouterr().err
     said = plain(out.read_text())
     assert (
-        "up to scan 552: 9 ERRORs at 1 instance" in said and "scans 1 to 552: what the journal says" in said
+        "up to scan 552: 9 ERRORs at 1 instance" in said
+        and "scans 1 to 552 are known only from the journal" in said
     )
     assert "541 5.400 16#80E1" in said and "In scan 0" not in said
 
@@ -352,8 +353,8 @@ def test_a_run_that_goes_on_otherwise_is_told_as_the_journal_says_from_there_on(
     assert isinstance(one, CallRecord)
     said = plain(told([*entries[:at], one._replace(args=("C1", 0x7001, *one.args[2:])), *entries[at + 1 :]]))
     assert "up to scan 12: 2 ERRORs at 1 instance" in said
-    assert "5 scans of the run could be run again, no more: R: scan 5: found shows (" in said
-    assert "scans 6 to 12: what the journal says" in said and "In scan 5: 16#7006" in said
+    assert "only 5 scans of the run could be run again: R: scan 5: found shows (" in said
+    assert "scans 6 to 12 are known only from the journal" in said and "In scan 5: 16#7006" in said
     assert "8 0.070 16#80A6 ERROR" in said
 
 

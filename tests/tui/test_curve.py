@@ -128,7 +128,7 @@ async def test_the_curve_has_its_figures_moves_with_new_messages_and_stands_wher
         await desk.press("plus", "plus")
         assert "min 6.0 · max 100.0 · 3 messages" in desk.text, "6.0 is what DATA held at its beginning"
         await desk.press("left")
-        assert "paused: end follows again" in title(desk)
+        assert "paused: press end to follow" in title(desk)
         before = desk.text
         await desk.do(*sent(200.0))
         assert "now 200.0 · min 6.0 · max 8.0 · 2 m" in desk.text and "200.0" not in before

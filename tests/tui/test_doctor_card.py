@@ -22,7 +22,7 @@ def finding(cause: str, confidence: float, **more: Any) -> Finding:
 
 
 AT_4 = 510_000_000, 4, 8, 1
-TITLE = "messages are shorter than a job waits for"
+TITLE = "messages are shorter than a job expects"
 LEN_20 = Remedy("LEN 20", "set TRCV_C_1 LEN=20", "instance.TRCV_C_1.LEN=20")
 FOUND = [
     finding(
@@ -146,11 +146,13 @@ async def test_a_shows_those_of_all_and_arrows_choose() -> None:
 
 async def test_a_right_line_is_healthy_and_others_are_not_forgotten() -> None:
     async with card(FixedJudge(FOUND[2])) as (newcomer, _screen):
-        assert "healthy: 1 conversation looked at, up to scan 80; 1 finding elsewhere: a" in read(newcomer)
+        assert "healthy: 1 conversation looked at, up to scan 80; a shows 1 finding elsewhere" in read(
+            newcomer
+        )
 
 
 def seen_finding(cause: str, instance: str, **more: Any) -> Finding:
-    why = ("PLC has 8 bytes, a job wants 12, in 40 of 40 messages",) * 20
+    why = ("PLC has 8 bytes, a job waits for 12, in 40 of 40 messages",) * 20
     return Finding(0.9, why, "to-plc", AT_4, instance, cause=cause, connect="C1", t_ns=AT_4[0], **more)
 
 
@@ -215,5 +217,5 @@ async def test_the_status_pane_has_the_verdict_first_and_what_mends_it() -> None
         await newcomer.press("escape")
         await newcomer.look(1)
         read = newcomer.read("status")
-        assert "Messages are shorter than a job waits for (frame-short, 90% sure up to scan 80)." in read
+        assert "Messages are shorter than a job expects (frame-short, 90% sure up to scan 80)." in read
         assert "do · LEN 20" in read and "J shows the evidence" in read

@@ -87,7 +87,7 @@ async def test_footer_help_and_palette_name_the_users_keys(config: Path) -> None
         abouts = {c.title: c.help for c in looker.app.get_system_commands(looker.app.screen)}
         assert abouts["Hold the scans"] == "hold · key F6"
         await looker.press("f12")
-        assert "F6 " in looker.line("hold or resume the scans")
+        assert "F6 " in looker.line("hold the scans, or resume them")
         await looker.press("f12")
         assert "1 Instances" in looker.text
 
@@ -265,9 +265,9 @@ async def test_a_project_with_a_wide_name_fits_its_header() -> None:
     ("pane", "title", "says"),
     [
         ("2", "Here: 2 Block", "toggle the pin under the cursor"),
-        ("5", "Here: 5 Received", "byte by byte"),
+        ("5", "Here: 5 Received", "move by a byte"),
         ("7", "Here: 7 Peer", "send the message"),
-        ("8", "Here: 8 Timing", "edge by edge"),
+        ("8", "Here: 8 Timing", "one scan back, one"),
     ],
 )
 @BOTH

@@ -48,10 +48,10 @@ async def test_four_bytes_short_is_named_and_so_is_the_member_that_is_missing(si
         await newcomer.press("3")
         card = newcomer.read("status")
         assert "Stuck: 20 of 24 bytes received, the last one" in card
-        assert "LEN is 0 and DATA (screw) has 24 bytes. Station's only message was 20 bytes" in card
+        assert "LEN is 0 and DATA (screw) has 24 bytes. Station's only message had 20 bytes" in card
         assert "4 bytes too large for this sender" in card
         assert "The last whole member is program; tool is missing" in card
-        assert "do · Make both equal: press l (LEN=20), or give DATA 20 bytes; then press x" in card
+        assert "do · Match the message: press l (LEN=20), or give DATA 20 bytes; then press x" in card
         await newcomer.press("6", "v")
         assert newcomer.value("program") == "3"
         assert newcomer.value("tool") == "-"
@@ -118,7 +118,7 @@ async def test_an_en_r_before_the_first_connection_is_no_error_to_look_after(
         await newcomer.press("n", "3")
         await newcomer.look(20)
         card = newcomer.read("status")
-        assert "note 16#80A1 expected: EN_R was set before the connection; it receives once it is up" in card
+        assert "note 16#80A1 expected: EN_R came before the connection; once that is up, it receives" in card
         assert "last error" not in newcomer.text and "ERROR □" in card and "ERROR ◆" not in card
         assert "E□" in newcomer.pane("instances")
         newcomer.bench.submit("add peer P1 remote=@C1")

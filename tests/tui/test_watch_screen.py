@@ -46,7 +46,7 @@ async def test_what_the_capture_has_not_is_a_hole_in_data_in_the_stream_and_in_t
         assert "? missing in the capture" in looker.pane("udt")
         assert "C1: ? 5 bytes missing in the capture" in looker.pane("position")
         await looker.go("5", "y")
-        assert "12 bytes (5 not captured: 00 here) of d" in looker.text
+        assert "12 bytes (5 not captured, shown as 00) of d" in looker.text
         await looker.go("escape", "H")
         assert "0b▕?? ?? ?? ?? │" in looker.pane("stream")
         assert "#2" in looker.line("packet", "stream")
@@ -94,4 +94,4 @@ async def test_bytes_and_names_of_others_are_shown_as_they_are(tmp_path: Path) -
 async def test_what_nobody_looks_on_at_is_listed_above_the_prompt(tmp_path: Path) -> None:
     other = udp(b"abc", target=("10.0.0.7", 3000))
     async with on_a_capture(tmp_path, [*handshake(), other, *stream(12)], project(tmp_path)) as looker:
-        assert "unassigned: C2 (no CONNECT of the project fits it" in looker.pane("position")
+        assert "unassigned: C2 (no CONNECT of the project fits" in looker.pane("position")

@@ -32,8 +32,8 @@ from trcvtui.wording import count
 INJECTED_PREFIX: Final = "injected fault: "
 EMPTY_READ_TEXT: Final = "0 bytes"  # what recv gives at a FIN, and no errno
 SESSION_ERROR_TEXTS: Final = {
-    "ECONNREFUSED": "the partner took the call and refused it in the handshake",
-    "ECONNRESET": "the partner took the call and ended it in the handshake",
+    "ECONNREFUSED": "the partner accepted the call, then refused it in the handshake",
+    "ECONNRESET": "the partner accepted the call, then ended it in the handshake",
 }
 
 
@@ -98,7 +98,7 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
     # what to check next
     *make_rules(
         Condition.INTERNAL_FAULT,
-        make_constant_rule("please send the report", cause="the error is in this program, not on the line"),
+        make_constant_rule("please send the report", cause="the error is in trcvtui, not on the line"),
         make_constant_rule(
             "restart {instance}: `download {instance}`, or `plc stop` and `plc run`", "download {instance}"
         ),
@@ -106,7 +106,7 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
     *make_rules(
         Condition.STILL_ASKED,
         make_constant_rule(
-            "`set {instance} EN_R=0`, then 1 when the connection is up",
+            "`set {instance} EN_R=0`, then EN_R=1 when the connection is up",
             "set {instance} EN_R=0",
             cause="EN_R is 1 while there is no connection",
         ),
@@ -422,10 +422,10 @@ def describe_cause(cause: Cause, block: str) -> str:
     text += _format_sizes(cause, block)
     if cause.peer and cause.peer not in text:
         text += f", partner {cause.peer}"
-    listening = f"listening on {cause.local}" if cause.local else ""
-    return ", ".join(
-        part for part in (text, listening, ": ".join(filter(None, (cause.holder, cause.detail)))) if part
-    )
+    text += f", listening on {cause.local}" if cause.local else ""
+    end = "; ".join(filter(None, (cause.holder, cause.detail)))
+    colon = ": " if cause.why in (CauseKind.PARAMETER, CauseKind.OWNER) else ", "
+    return f"{text}{colon}{end}" if end else text
 
 
 def _format_sizes(cause: Cause, block: str) -> str:
@@ -434,12 +434,15 @@ def _format_sizes(cause: Cause, block: str) -> str:
         if cause.pin and cause.value is None:  # what the pin points to, beside what the job needs
             return f": {cause.have} of {count(cause.need, 'byte')}"
         if cause.pin:
-            return f": {cause.pin} is {cause.value}, wanted {cause.have}, at most {count(cause.need, 'byte')}"
+            whole = f" ({count(cause.have, 'byte')})" if cause.value != cause.have else ""
+            return f": {cause.pin} is {cause.value}{whole}, allowed: at most {count(cause.need, 'byte')}"
         if not cause.have and row.receives_on_net and row.speaks_udp:  # a datagram comes whole or not at all
             return f", at most {count(cause.need, 'byte')}"
         if cause.why is CauseKind.FRAME and cause.have != cause.need:
             return f", {count(cause.have, 'byte')}"
-        where = "taken" if row.sends_on_net else "here"
+        if cause.have > cause.need:
+            return f": {count(cause.have, 'byte')}, at most {cause.need} fit"
+        where = "taken" if row.sends_on_net else "received"
         return f", {cause.have} of {count(cause.need, 'byte')} {where}"
     if cause.pin and cause.value is not None and cause.pin not in cause.name:
         return f" ({cause.pin} is {cause.value})"
@@ -472,7 +475,7 @@ def _describe_failed_attempt(e: Evidence, words: str) -> tuple[AdvisedCause, ...
     others = (tell for tell in _select_rules(then) if tell is not link.explain_lost_connection)
     first, *rest = [sentence for _, sentence in _ask_rules(then, others)] or [AdvisedCause(words)]
     said = f" ({attempt.said})" if attempt.said and attempt.said not in first.cause else ""
-    head = f"the last attempt ended in {attempt.status:04X} in scan {attempt.at.scan}"
+    head = f"the last attempt ended with {attempt.status:04X} in scan {attempt.at.scan}"
     return (first._replace(cause=": ".join(filter(None, (head, first.cause))) + said), *rest)
 
 

@@ -165,7 +165,7 @@ def _judge_refused(case: LineCase) -> Finding | None:
         return None  # half-open: the RST is the old connection's, not a closed port's
     side = "the partner" if line.plc_calls else "the PLC end"
     text = f"{side} answers SYN with RST: nothing listens on port {_listener_end(line)[1]}"
-    texts = (text, f"{times(case.group.refusal_count)} in this capture")
+    texts = (text, f"seen {times(case.group.refusal_count)} in this capture")
     return Finding(0.97, texts, "to-plc" if line.plc_calls else "from-plc", reset, is_fact=True)
 
 
@@ -186,7 +186,7 @@ def _judge_turned_away(case: LineCase) -> Finding | None:
         return None
     text = f"the partner listens, accepts the call and ends it with {end.kind.upper()} before any byte"
     at = SegmentFacts(end.ns, 0, 0, end.packet)
-    return Finding(0.95 if often > 2 else 0.85, (text, f"{times(often)} in this capture"), "to-plc", at)
+    return Finding(0.95 if often > 2 else 0.85, (text, f"seen {times(often)} in this capture"), "to-plc", at)
 
 
 def _judge_filtered(case: LineCase) -> Finding | None:
@@ -216,13 +216,13 @@ def _judge_second_client(case: LineCase) -> Finding | None:
     if not older:
         return None
     first = older[0]
-    since = f"the PLC end has served {first.partner} for {format_ns(line.first_ns - first.first_ns)}"
+    since = f"the PLC end had already served {first.partner} for {format_ns(line.first_ns - first.first_ns)}"
     if not line.is_built:
         reset = line.listener.reset
         if reset is not None:
-            return Finding(0.93, (since, "this SYN was answered by RST"), way="from-plc", at=reset)
+            return Finding(0.93, (since, "it answered this client with RST"), way="from-plc", at=reset)
         if _judge_filtered(case) is not None:
-            text = f"{count(len(line.caller.syns), 'SYN')} without an answer"
+            text = f"{count(len(line.caller.syns), 'SYN')} of this client without an answer"
             return Finding(0.85, (since, text), "to-plc")
         return None
     ended = line.end
@@ -231,12 +231,12 @@ def _judge_second_client(case: LineCase) -> Finding | None:
         at_once = ended.ns - max(begun, line.to_plc.writes[0].ns if line.to_plc.writes else 0) < AT_ONCE_NS
         if at_once or ended.kind == "rst":
             word = "RST" if ended.kind == "rst" else "FIN"
-            text = f"{word} from the PLC end after {format_ns(ended.ns - begun)}, without a byte from it"
+            text = f"it sent this client {word} after {format_ns(ended.ns - begun)}, and no byte before"
             return Finding(0.93, (since, text), way="from-plc", at=SegmentFacts(ended.ns, 0, 0, ended.packet))
     segments = line.to_plc.segments
     still = min(first.last_ns, line.last_ns if ended is not None else first.last_ns) - line.first_ns
     if not segments and not line.from_plc.segments and still >= UNANSWERED_NS:
-        text = f"it has been open without a byte for {format_ns(still)}"
+        text = f"this client's connection has had no byte for {format_ns(still)}"
         return Finding(0.75 if ended is None else 0.6, (since, text), way="to-plc")
     has_answers = len(first.from_plc.writes) > 2 and not line.from_plc.segments
     if has_answers and segments and line.lasted_ns >= UNANSWERED_NS:
@@ -322,10 +322,10 @@ def _judge_storm(case: LineCase) -> Finding | None:
     if life > most or period > 2 * most:
         return None  # too slow for a storm
     by_plc, resets = case.group.plc_end_and_reset_counts
-    ends = f"ended by the PLC end {by_plc}, by the partner {len(ended) - by_plc} times"
+    ends = f"the PLC end ended {by_plc} of them, the partner {len(ended) - by_plc}"
     texts = (
-        f"{count(len(built), 'connection')} built, {len(ended)} lost again, one every {format_ns(period)}",
-        f"{ends}; {resets} by RST; each lasted {format_ns(life)}",
+        f"{count(len(built), 'connection')} built, one every {format_ns(period)}; {len(ended)} lost again",
+        f"{ends}; {resets} ended by RST; they usually lasted {format_ns(life)}",
     )
     at = SegmentFacts(built[0].first_ns, 0, 0, 0)
     packets = tuple([one.first_packet for one in built[:MOST_SHOWN]])
@@ -342,7 +342,7 @@ def _judge_resets(case: LineCase) -> Finding | None:
     side, other = ("the PLC end", "the partner") if end.by_plc else ("the partner", "the PLC end")
     lost = line.to_plc if end.by_plc else line.from_plc
     size = line.to_plc.bytes + line.from_plc.bytes
-    text = f"RST from {side} at {line.to_seconds(end.ns):.3f} s, after {count(size, 'byte')}"
+    text = f"RST from {side} at {line.to_seconds(end.ns):.3f} s, after {count(size, 'byte')} of both ends"
     way = "from-plc" if end.by_plc else "to-plc"
     at = SegmentFacts(end.ns, line.to_plc.bytes, 0, end.packet)
 
@@ -353,23 +353,23 @@ def _judge_resets(case: LineCase) -> Finding | None:
     if end.is_ours or (end.by_plc and line.connect is not None):
         return finding(0.0, "it was requested here", is_remark=True)
     if (line.from_plc if end.by_plc else line.to_plc).probes_open:
-        return finding(0.0, "its keep-alive probe had no answer: it gave up the connection", is_remark=True)
+        return finding(0.0, "this end gave up: its keep-alive probe had no answer", is_remark=True)
     if not line.has_harm_at(end.ns):
-        return finding(0.0, "no block lost anything through it", is_remark=True)
+        return finding(0.0, "no block lost anything by this RST", is_remark=True)
     part = _describe_partial_job(line, case.receiver) or _describe_partial_frame(line)
     if part:
         return finding(0.96, part)
     if Quality.NO_LIFE in line.qualities:
         is_new = any(0 <= ns - end.ns < RECONNECT_NS for ns in later)
         if case.receiver is None or is_new:
-            return finding(0.0, "the answer to an old connection", is_remark=True)
+            return finding(0.0, "the RST answers a packet of an old connection", is_remark=True)
     if lost.unacked and lost.is_heard and line.has_begin and Quality.ACKS_MISSING not in line.qualities:
-        return finding(0.85, f"{count(lost.unacked, 'byte')} of {other} were on their way and are lost")
+        return finding(0.85, f"{count(lost.unacked, 'byte')} of {other} were not acknowledged and are lost")
     sizes = [one.size for one in line.messages]
     is_even = len(sizes) > 2 and sizes.count(sizes[-1]) * 5 >= 4 * len(sizes)
     # Without a receiver, or after equal messages and without a new connection, it may be an ordinary end.
     if line.harms is None and (case.receiver is None or (is_even and not later)):
-        return finding(0.0, "ends by RST, with nothing on its way", is_remark=True)
+        return finding(0.0, "no byte was on its way when the RST came", is_remark=True)
     text_of_harm = (
         "a block showed an ERROR or lost a job" if line.harms else "a CONNECT has to stay connected"
     )
@@ -385,10 +385,10 @@ def _describe_partial_job(line: LineFacts, receiver: Receiver | None) -> str:
         at, content = 0, flow.content
         while at + 4 <= len(content) and content[at] == TPKT:
             at += max(int.from_bytes(content[at + 2 : at + 4], "big"), 4)
-        return "in mid unit of ISO-on-TCP" if len(content) == flow.bytes and at != len(content) else ""
+        return "inside a unit of ISO-on-TCP" if len(content) == flow.bytes and at != len(content) else ""
     is_static = receiver.need and not receiver.adhoc and Quality.SESSION not in line.qualities
     part = flow.bytes % receiver.need if is_static else 0
-    return f"in mid job: {part} of {receiver.need} bytes had arrived" if part else ""
+    return f"inside a job: {part} of {receiver.need} bytes had arrived" if part else ""
 
 
 def _describe_partial_frame(line: LineFacts) -> str:
@@ -411,7 +411,7 @@ def _describe_partial_frame(line: LineFacts) -> str:
         return ""  # no whole one begins like it: a message of another kind
     last = begin[:4]
     is_unit = last[:1] == bytes([TPKT]) and int.from_bytes(last[2:4], "big") == sizes[-1]
-    return "" if is_unit else f"in mid frame: {sizes[-1]} of {usual} bytes had arrived"
+    return "" if is_unit else f"inside a frame: {sizes[-1]} of {usual} bytes had arrived"
 
 
 # -- silence -------------------------------------------------------------------------------------------------
@@ -441,7 +441,7 @@ def _judge_dead_link(case: LineCase) -> Finding | None:
         flow, copies, since, size, back, packet = found
         side = "the PLC end" if flow is line.from_plc else "the partner"
         other = "the partner" if flow is line.from_plc else "the PLC end"
-        texts = [f"{side} repeated its bytes {times(copies)}, {other} did not answer for {format_ns(size)}"]
+        texts = [f"{side} repeated its bytes {times(copies)}, but {other} was silent for {format_ns(size)}"]
         if flow.unacked:
             texts.append(f"{flow.unacked} bytes were never acknowledged")
         texts += [_GONE_TEXT] * bool(line.gone)
@@ -487,15 +487,15 @@ def _judge_no_keep_alive(case: LineCase) -> Finding | None:
     for idle in line.idles:
         if idle.size_ns < IDLE_NS or (dead is not None and idle.until_ns > dead[2] + AT_ONCE_NS):
             continue  # not idle: an end waited for an answer
-        texts = [f"{format_ns(idle.size_ns)} without a packet, no keep-alive probe"]
+        texts = [f"{format_ns(idle.size_ns)} without a packet or a keep-alive probe"]
         at = SegmentFacts(idle.until_ns - idle.size_ns, 0, 0, idle.packet)
         is_reset = end is not None and end.kind == "rst" and end.ns - idle.until_ns < AT_ONCE_NS
         is_reset = is_reset and end is not None and end.packet != idle.packet  # else it answers that packet
         if end is not None and is_reset and not _has_written_since(line, end.by_plc, idle.until_ns):
-            texts.append("then RST: one end had forgotten the connection")
+            texts.append("then an RST: one end had forgotten the connection")
             return Finding(0.93, tuple(texts), at=at)
         if dead is not None and 0 <= dead[2] - idle.until_ns < AT_ONCE_NS:
-            texts.append("then bytes that were not acknowledged")
+            texts.append("the bytes sent after that were not acknowledged")
             return Finding(0.93, tuple(texts), at=at)
     if end is None:
         lines = case.group.lines
@@ -503,7 +503,7 @@ def _judge_no_keep_alive(case: LineCase) -> Finding | None:
         size = after.first_ns - line.last_ns if after is not None else 0
         if size >= IDLE_NS and dead is None and not _has_parallel_connection(case, line.last_ns):
             texts = [
-                f"{format_ns(size)} without a packet, no keep-alive probe",
+                f"{format_ns(size)} without a packet or a keep-alive probe",
                 "then a new connection between the same ends: the old one was never ended",
             ]
             return Finding(0.9, tuple(texts), at=SegmentFacts(line.last_ns, 0, 0, 0))
@@ -531,7 +531,7 @@ def _judge_replaced_connection(case: LineCase) -> Finding | None:
         ]
         if new and heard < 2 and not _has_parallel_connection(case, since):
             texts = (
-                f"{format_ns(new[0].first_ns - since)} without a packet, no keep-alive probe",
+                f"{format_ns(new[0].first_ns - since)} without a packet or a keep-alive probe",
                 "then a new connection between the same ends, and no answer on the old one",
             )
             return Finding(0.85, texts, at=SegmentFacts(since, 0, 0, idle.packet))
@@ -561,7 +561,7 @@ def _judge_not_reading(case: LineCase, by_plc: bool) -> Finding | None:
     if by_plc and often > 1 and flow.closed[0].until_ns is not None and _describe_overload(case):
         return None  # it reads, but too slowly: a flood
     side = "the PLC end" if by_plc else "the partner"
-    texts = (f"{side} announced a zero window {times(often)}, the longest for {format_ns(longest)}",)
+    texts = (f"{side} announced a zero window {times(often)}, for up to {format_ns(longest)}",)
     sure = 0.95 if longest >= CLOSED_NS else 0.75
     way = "to-plc" if by_plc else "from-plc"
     packets = tuple([one.packet for one in flow.closed[:MOST_SHOWN]])
@@ -575,7 +575,7 @@ def _judge_flood(case: LineCase) -> Finding | None:
         often, longest, first = found
         opened = sum(1 for one in flow.closed if one.until_ns is not None)
         if (opened >= 2 and longest < 3 * SECOND) or (opened and rate):
-            texts = [f"the window of the PLC end closed {times(often)} and opened again: it reads too slowly"]
+            texts = [f"the PLC end closed its window {times(often)} and opened it again: it reads too slowly"]
             at = SegmentFacts(first.ns, 0, 0, first.packet)
             return Finding(0.9, (*texts, *rate), "to-plc", at, is_remark=case.receiver is None)
     low, high = flow.lowest_window, flow.highest_window
@@ -601,8 +601,8 @@ def _describe_overload(case: LineCase) -> tuple[str, ...]:
     if taken < SECOND // (100 if closed else 2) or jobs <= scans * 1.05:
         return ()
     ms = receiver.interval_ns / 1e6
-    rate = f"{jobs / taken * 1e9:.0f} messages a second"
-    return (f"{rate}; one job per scan of {ms:g} ms takes {1000 / ms:.0f}",)
+    rate = f"{jobs / taken * 1e9:.0f} messages come each second"
+    return (f"{rate}, but one job per scan of {ms:g} ms takes only {1000 / ms:.0f}",)
 
 
 def _judge_slow_ack(case: LineCase) -> Finding | None:
@@ -623,7 +623,7 @@ def _judge_slow_ack(case: LineCase) -> Finding | None:
         packets = tuple([one.write.packet for one in slow[:MOST_SHOWN]])
         texts = (
             f"{count(len(slow), 'small write')} of {flow.segments} waited {usual / 1e6:.0f} ms for an ACK, "
-            "and the next one left with it",
+            "and the next write left as soon as it came",
         )
         sure = 0.92 if len(slow) > 4 else 0.75
         return Finding(sure, texts, way=way, at=slow[0].write, packets=packets)
@@ -653,16 +653,16 @@ def _judge_loss(case: LineCase) -> Finding | None:
         share = odd / max(flow.segments + flow.resent, 1)
         is_often = odd >= 3 and odd * 100 >= flow.segments
         is_long = flow.longest_wait_ns >= SECOND and odd * 20 >= flow.segments >= 3
-        again, of_all = count(flow.resent, "segment"), flow.segments + flow.resent
-        text = f"{again} sent again, {flow.late} came late, of {of_all}: {share:.1%}"
+        of_all = flow.segments + flow.resent
+        text = f"of {of_all} segments {flow.resent} were sent again and {flow.late} came late: {share:.1%}"
         at, packets = flow.first_of("resent") or flow.first_of("early"), flow.packets_of("resent")
         if is_often or is_long:
-            waited = f"the longest wait for a copy was {format_ns(flow.longest_wait_ns)}"
+            waited = f"the longest wait for a repeated segment was {format_ns(flow.longest_wait_ns)}"
             sure = 0.92 if odd > 4 else 0.8 if odd > 2 else 0.6
             texts = (text, *([waited] if flow.longest_wait_ns else []))
             found = Finding(sure, texts, way=way, at=at, packets=packets)
         elif flow.spurious >= 3 and flow.spurious * 20 > flow.segments:
-            lost = f"{flow.spurious} segments that had arrived were sent again: their ACKs get lost"
+            lost = f"{flow.spurious} segments were sent again although they had arrived: their ACKs get lost"
             packets = flow.packets_of("spurious")
             found = Finding(0.7, (lost,), way=way, at=flow.first_of("spurious"), packets=packets)
         elif odd:
@@ -679,9 +679,9 @@ def _judge_capture_incomplete(case: LineCase) -> Finding | None:
     texts, at = [], None
     for flow, way in ((case.line.to_plc, "to the PLC"), (case.line.from_plc, "from the PLC")):
         size = "more bytes than possible" if flow.has_jumped else count(flow.missing, "byte")
-        texts += [f"{size} {way}: missing in the capture only"] if flow.missing else []
+        texts += [f"the capture lacks {size} {way}, but the other end received them"] if flow.missing else []
         at = at or flow.first_of("missing")
-    texts = texts or ["its sequence numbers jump further than any window"]
+    texts = texts or ["the sequence numbers jump further than any window"]
     return Finding(0.0, tuple(texts), at=at, is_remark=True)
 
 
@@ -709,7 +709,7 @@ def _adapt_frame_rule(row: CauseRule) -> Callable[[LineCase], Finding | None]:
 _LACKS_CLOCK: Final = (Quality.CLOCK,)
 _LACKS_ACKS: Final = (Quality.ONE_DIRECTION, Quality.ACKS_MISSING, Quality.CLOCK)
 STALL_CAUSES: Final = ("dead-link", "mtu", "plc-not-reading", "partner-not-reading")
-_GONE_TEXT: Final = "ARP requests for the other end have no answer: it is off, or its cable is unplugged"
+_GONE_TEXT: Final = "the other end answers no ARP request: it is off, or its cable is unplugged"
 _REFUSALS: Final = ("second-client", "turned-away", "wrong-tsap", "tls-refused")
 _MISREAD_CAUSES: Final = ("frame-short", "frame-long", "adhoc-missing", "padding", "header", "byte-order")
 _LACKS_COPIES: Final = (Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK)

@@ -34,7 +34,7 @@ EXIT_HEALTHY, EXIT_FINDINGS, EXIT_NOT_JUDGED = 0, 1, 2
 VERDICT_HEALTHY, FINDINGS, PARTLY, NOTHING = "healthy", "findings", "partly", "nothing"
 VERDICT_TEXTS: Final = {
     VERDICT_HEALTHY: "healthy",
-    PARTLY: "nothing wrong in what could be judged",
+    PARTLY: "nothing is wrong in the part that could be judged",
     NOTHING: "nothing could be judged",
 }
 NO_LINE: Final = 0  # in place of the number of a conversation

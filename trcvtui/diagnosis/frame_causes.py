@@ -121,12 +121,12 @@ def _find_static_mismatch(line: LineFacts, receiver: Receiver | None) -> tuple[R
 def _len_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     name, has_len = receiver.instance, receiver.need < receiver.room
     if not name:
-        return (Remedy(f"a type, or LEN, of {size} bytes"),)
-    length = Remedy(f"LEN {size}", f"set {name} LEN={size}", f"instance.{name}.LEN={size}")
+        return (Remedy(f"use a type or a LEN of {size} bytes"),)
+    length = Remedy(f"set LEN to {size}", f"set {name} LEN={size}", f"instance.{name}.LEN={size}")
     if not receiver.room or size <= receiver.room:
         left = find_unwritten_members(receiver, size)
-        then = f"; {left.names} is then not written" if left else ", and DATA of that size"
-        return (replace(length, text=f"LEN {size}{then}"), *offer_frame_reset(receiver))
+        then = f"; then {left.names} is not written" if left else f", and give DATA {size} bytes"
+        return (replace(length, text=f"set LEN to {size}{then}"), *offer_frame_reset(receiver))
     more = _room_remedies(receiver, size)
     mends = (*more, length) if has_len and more[0].set else more
     return (*mends, *offer_frame_reset(receiver)) if more[0].set else mends
@@ -164,7 +164,7 @@ def _room_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     array = f"ARRAY[0..{size - 1}] OF BYTE"
     change = f"{receiver.data} type={array}"
     path = f"data.{receiver.data}.type={array}"
-    return (Remedy(f"DATA of {size} bytes: {array}", f"set data {change}", path),)
+    return (Remedy(f"give DATA {size} bytes: {array}", f"set data {change}", path),)
 
 
 def _judge_frame_short(line: LineFacts, receiver: Receiver | None) -> Finding | None:
@@ -182,7 +182,7 @@ def _judge_frame_short(line: LineFacts, receiver: Receiver | None) -> Finding | 
     last = line.messages[-1]
     of_all = f"{sizes.share:.0%} of {count(sizes.messages, 'message')} have {sizes.usual} bytes"
     some = "messages of several lengths" if is_varied else of_all
-    text = f"{some}, a job wants {wanted.need}"
+    text = f"{some}, but a job waits for {wanted.need}"
     sure = 0.95 if sizes.messages >= 5 else 0.8 if sizes.messages >= FEW_MESSAGES else 0.7
     is_soon = last.ns - line.messages[0].ns < 2 * SECOND  # pieces of one message come in quick succession
     whole = is_soon and (last.at + last.size - _first_frame_byte(line)) % wanted.need == 0
@@ -213,8 +213,8 @@ def _judge_frame_long(line: LineFacts, receiver: Receiver | None) -> Finding | N
             return None
         left = sizes.usual % wanted.need
         of_all = f"{sizes.share:.0%} of {count(sizes.messages, 'message')} have {sizes.usual} bytes"
-        text = f"{of_all}, a job takes {wanted.need}"
-        more = f"the next frame begins {count(left, 'byte')} before its message"
+        text = f"{of_all}, but a job takes {wanted.need}"
+        more = f"the next frame begins with the last {count(left, 'byte')} of the message before"
         sure = 0.95 if sizes.messages >= 5 else 0.8
         if (members := _make_reading_judge("frame-long")(line, receiver)) is not None:
             return replace(members, evidence=(text, more, *members.evidence))
@@ -228,9 +228,9 @@ def _judge_frame_long(line: LineFacts, receiver: Receiver | None) -> Finding | N
     if len(too_long) * 2 < sizes.messages or len(too_long) < FEW_MESSAGES:
         return None
     most = max(one.size for one in too_long)
-    text = f"{len(too_long)} of {sizes.messages} messages are longer than DATA or LEN, {room.need} bytes"
+    text = f"{len(too_long)} of {sizes.messages} messages are longer than DATA or LEN ({room.need} bytes)"
     return finding_to_plc(
-        room, 0.93, (text, f"up to {most}"), _segment(too_long[0]), _offer_len(room, most, line)
+        room, 0.93, (text, f"the longest has {most}"), _segment(too_long[0]), _offer_len(room, most, line)
     )
 
 
@@ -248,10 +248,10 @@ def _judge_adhoc_missing(line: LineFacts, receiver: Receiver | None) -> Finding 
         return None
     sure = 0.94 if sizes.share < 0.7 and sizes.messages >= 5 else 0.7
     spread = f"messages have {some[0]} to {some[-1]} bytes ({sizes.different} sizes)"
-    text = f"{spread}, a static job wants {wanted.need}"
+    text = f"{spread}, but a static job waits for {wanted.need}"
     name = wanted.instance
     mend = Remedy(
-        "receive ad hoc, with DATA for the longest message",
+        "receive ad hoc, with DATA large enough for the longest message",
         f"set {name} {'ADHOC=1' if wanted.static else 'LEN=65535'}",
         f"instance.{name}.{'ADHOC=true' if wanted.static else 'LEN=65535'}",
     )
@@ -279,15 +279,15 @@ def _judge_shifted(line: LineFacts, receiver: Receiver | None) -> Finding | None
     if since is None or len(off) - since < 2:
         return None
     odd, later = messages[since], off[since:]
-    what = f"after a message of {odd.size} bytes" if odd.size % need else "after bytes that are missing"
-    before = f"{since} messages fitted before" if since else "from the first message on"
-    where = f"{count(later[0], 'byte')} inside messages" if min(later) == max(later) else "inside messages"
-    text = f"frames of {need} bytes begin {where} since {line.to_seconds(odd.ns):.3f} s"
+    what = f"this began after {f'a message of {odd.size}' if odd.size % need else 'missing'} bytes"
+    before = f"{since} messages before fitted" if since else "no message before fitted"
+    where = f"at byte {later[0]} of" if min(later) == max(later) else "inside"
+    text = f"since {line.to_seconds(odd.ns):.3f} s messages begin {where} frames of {need} bytes"
     is_first = line.has_begin and not odd.at
     again = sum(one.size == odd.size for one in messages) if odd.size % need else 0
     offer = RemedyOffer(offer_frame_reset(wanted))  # enough for an odd size that comes once
     if again > 1 or (is_first and again):
-        ways = f"a job with LEN {odd.size} first, or ad hoc and cut in the program (TwinCAT: ReceiveData)"
+        ways = f"a first job with LEN {odd.size}, or ad hoc and cut in the program (TwinCAT: ReceiveData)"
         name = "the greeting" if is_first else "these messages"
         take = f"receive the {odd.size} bytes separately: {ways}; or switch {name} off at the device"
         offer = RemedyOffer((Remedy(take),))
@@ -300,11 +300,11 @@ def _judge_adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Finding |
     if wanted is None or len(messages) < FEW_MESSAGES:
         return None
     if (pairs := find_head_and_body(line.to_plc.writes, bytes(line.to_plc.content), wanted.need)) is not None:
-        text = f"{count(pairs.pairs, 'message')} in two pieces, {pairs.pause_ns / 1e6:.0f} ms apart"
-        more = f"a head of {pairs.head} bytes, then the rest: {pairs.proof}; an ad-hoc job delivers each"
+        text = f"{count(pairs.pairs, 'message')} came in two pieces, {pairs.pause_ns / 1e6:.0f} ms apart"
+        more = f"a head of {pairs.head} bytes and the rest: {pairs.proof}; an ad-hoc job delivers each piece"
         offer = _offer_static(wanted, max(pairs.sizes))
         if len(pairs.sizes) > 1:
-            text_of_two = f"two jobs: LEN {pairs.head} for the head, then as many bytes as it says"
+            text_of_two = f"two jobs: LEN {pairs.head} for the head, then as many bytes as the head says"
             offer = RemedyOffer((Remedy(text_of_two),))
         return finding_to_plc(wanted, 0.92, (text, more), _segment(messages[0]), offer)
     split = [one for one in messages if one.pieces > 1 and one.pause_ns >= SPLIT_NS]
@@ -317,7 +317,7 @@ def _judge_adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Finding |
     text = (
         f"{len(split)} of {len(messages)} messages come in up to {pieces} pieces, {pause / 1e6:.0f} ms apart"
     )
-    more = f"together {sizes.usual} bytes: an ad-hoc job delivers each piece separately"
+    more = f"the pieces together have {sizes.usual} bytes, but an ad-hoc job delivers each piece"
     offer = _offer_static(wanted, sizes.usual)
     return finding_to_plc(wanted, sure, (text, more), _segment(split[0]), offer)
 
@@ -325,11 +325,11 @@ def _judge_adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Finding |
 def _offer_static(receiver: Receiver, size: int) -> RemedyOffer:
     name = receiver.instance
     mend = Remedy(
-        f"receive static, LEN {size}, if messages have one length; else cut them in the program",
+        f"receive static with LEN {size} if all messages have one length; else cut them in the program",
         f"set {name} {receiver.static}LEN={size}",
         f"instance.{name}.ADHOC=false" if receiver.static else None,
     )  # fmt: skip
-    length = Remedy(f"with it LEN {size}", None, f"instance.{name}.LEN={size}")
+    length = Remedy(f"also set LEN to {size}", None, f"instance.{name}.LEN={size}")
     cured = receiver._replace(adhoc=False, need=size, room=max(receiver.room, size))
     return RemedyOffer((mend, length, *offer_frame_reset(receiver)) if name else (), cured)
 
@@ -370,7 +370,7 @@ def _judge_merged(line: LineFacts, receiver: Receiver | None) -> Finding | None:
         return None
     most = max(several) // base
     at = next(write for write in writes if write.size in several)
-    text = f"{amount} of {len(writes)} segments hold up to {most} messages of {base} bytes"
+    text = f"{amount} of {len(writes)} segments hold more than one message of {base} bytes, up to {most}"
     if known is None:
         return Finding(sure, (text,), "to-plc", at, is_remark=True)
     return finding_to_plc(known, sure, (text,), at, _offer_one_per_job(known, base))
@@ -386,7 +386,7 @@ def _judge_merged_by_border(line: LineFacts, receiver: Receiver | None) -> Findi
     if found is None or several * 12 < len(parts):
         return None
     at = next(one for one, number in zip(known, found.numbers, strict=True) if number > 1)
-    texts = f"{several} of {len(parts)} segments hold up to {max(found.numbers)} messages", found.proof
+    texts = f"{several} of {len(parts)} segments hold 2 to {max(found.numbers)} messages", found.proof
     if receiver is None:
         return Finding(0.7, texts, "to-plc", at, is_remark=True)
     return finding_to_plc(receiver, 0.92, texts, at, RemedyOffer((Remedy(found.mend),)))
@@ -397,7 +397,7 @@ def _judge_merged_in_scan(writes: Sequence[SegmentFacts], receiver: Receiver, ba
     if len(soon) < FEW_MESSAGES or len(soon) * 5 < len(writes):
         return None
     ms = receiver.interval_ns / 1e6
-    text = f"{len(soon)} of {len(writes)} messages come less than half a scan ({ms:g} ms) after another one"
+    text = f"{len(soon)} of {len(writes)} messages come less than half a scan of {ms:g} ms after another one"
     return finding_to_plc(receiver, 0.85, (text,), soon[0], _offer_one_per_job(receiver, base))
 
 
@@ -465,7 +465,7 @@ def _judge_datagram_size(line: LineFacts, receiver: Receiver | None) -> Finding 
         return None
     most = max(one.size for one in large)
     of_all = f"{len(large)} of {len(line.to_plc.writes)} datagrams"
-    text = f"{of_all} are larger than {wanted.need} bytes, up to {most}"
+    text = f"{of_all} are larger than {wanted.need} bytes; the largest has {most}"
     return finding_to_plc(wanted, 0.95, (text,), large[0], _offer_len(wanted, most, line))
 
 
@@ -484,9 +484,9 @@ def _judge_framing(line: LineFacts, receiver: Receiver | None) -> Finding | None
             shown = mark.hex(" ").upper()
             seen = Counter(one[: len(mark)] if place == "prefix" else one[-len(mark) :] for one in messages)
             usual, often = seen.most_common(1)[0]
-            texts = [f"{hits} of {len(messages)} messages have the {place} {shown}"]
+            texts = [f"{hits} of {len(messages)} messages have the expected {place} {shown}"]
             if often * 2 > len(messages):
-                texts.append(f"{often} have {usual.hex(' ').upper()} there")
+                texts.append(f"{often} of them have {usual.hex(' ').upper()} instead")
             return finding_to_plc(receiver, 0.9, tuple(texts), _segment(line.messages[0]))
     return None
 

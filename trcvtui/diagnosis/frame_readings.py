@@ -49,9 +49,7 @@ def read_frames(frames: list[bytes], receiver: Receiver, type_: Type, rules: Lay
     if not cause:
         return None
     ours = "none" if own is None else f"{own.score:+.1f}"
-    said = (
-        f"{best.name} explains {len(frames)} frames with {best.score:+.1f} points, the PLC's reading {ours}"
-    )
+    said = f"{len(frames)} frames read as {best.name}: {best.score:+.1f} points; read as the PLC does: {ours}"
     sure = 0.95 if ahead > (2 if best.is_ahead else 4) * CLEAR_LEAD else 0.8
     if len(sides) > 1 and any(NOT_KNOWN in side for side in sides):
         sure = min(sure, UNSURE_CONFIDENCE)
@@ -83,11 +81,12 @@ def _read_single_frame(
     if not found or (len(found) > 1 and found[1].score > found[0].score - CLEAR_LEAD):
         return None  # one message cannot decide between two layouts
     best = found[0]
-    text = (
-        f"the only message has {size} bytes, a job wants {receiver.need}; as {best.name} {receiver.type_name}"
-    )
+    text = f"the only message has {size} bytes, like {receiver.type_name} read as {best.name}"
     offer = _offer_partner_layout(f"lay DATA out as the partner does: {best.profile}", best, receiver, rules)
-    return replace(finding_to_plc(receiver, 0.7, (f"{text} has {size}",), None, offer), cause="padding")
+    return replace(
+        finding_to_plc(receiver, 0.7, (f"{text}; a job waits for {receiver.need}",), None, offer),
+        cause="padding",
+    )
 
 
 def _has_rules(one: Fit, rules: LayoutRules) -> bool:
@@ -104,7 +103,7 @@ def _classify_reading(
 
     kind, order = best.cause.kind, best.layout.rules.byte_order
     if kind in {swap.kind for swap in SWAP_CAUSES}:
-        swap = Remedy("swap what the partner swaps: words or bytes of each number")
+        swap = Remedy("swap the words or bytes of each number, as the partner does")
         return "byte-order", RemedyOffer((swap,))
     if kind not in (None, HEADER, TRAILER, BYTE_TOO_MANY):
         return "", NO_OFFER
@@ -123,8 +122,8 @@ def _classify_reading(
     if not has_numbers and not has_length_field(best.cause, frames, receiver.need):
         return "", NO_OFFER  # single bytes read equally well from any place
     cause = "header" if best.cause.front else cause if text else "frame-long"
-    declare = f"declare {' and '.join(sides)}; a frame then has {len(frames[0])} bytes"
-    leave = "" if text else ", or let the partner leave them out"
+    declare = f"declare {' and '.join(sides)}: then a frame has {len(frames[0])} bytes"
+    leave = "" if text else "; or let the partner omit these bytes"
     return cause, RemedyOffer((Remedy("; ".join(filter(None, (f"{declare}{leave}", text)))),))
 
 
@@ -156,7 +155,7 @@ def _name_extra_content(parts: Sequence[bytes], names: Sequence[str]) -> str:
     fixed = parts[0].hex(" ").upper() if size <= 8 else f"{parts[0][:8].hex(' ').upper()} .."
     if len(set(parts)) == 1:
         return "zeros" if not any(parts[0]) else f"always {fixed}"
-    return f"with a counter, else {NOT_KNOWN}" if _has_counter(parts) else NOT_KNOWN
+    return f"a counter and bytes {NOT_KNOWN}" if _has_counter(parts) else NOT_KNOWN
 
 
 def _has_counter(parts: Sequence[bytes]) -> bool:
@@ -179,7 +178,7 @@ def _offer_partner_layout(text: str, best: Fit, receiver: Receiver, rules: Layou
         return RemedyOffer((Remedy(text),))
     first, *more = other
     line, size = f"set data {data} {' '.join(other)}", best.layout.size
-    mends = [Remedy(f"with it {one}", None, f"data.{data}.{one}") for one in more]
+    mends = [Remedy(f"also set {one}", None, f"data.{data}.{one}") for one in more]
     cured = receiver._replace(rules=best.layout.rules, room=size, need=min(receiver.need, size))
     if receiver.need == receiver.room:
         cured = cured._replace(need=size)

@@ -9,50 +9,50 @@ from trcvtui.diagnosis.job import AdvisedCause, RuleAnswer, SuggestedAction
 from trcvtui.net.layer import TlsError, tls_credentials_of
 from trcvtui.net.results import parse_octets
 
-_SHOW_CERTIFICATES: Final = "`openssl s_client -showcerts -connect {peer}` shows it"
-_WRONG_VERSION: Final = "{peer} does not speak TLS 1.2 or 1.3", "enable TLS 1.2 or 1.3 there"
+_SHOW_CERTIFICATES: Final = "`openssl s_client -showcerts -connect {peer}` shows the certificate"
+_WRONG_VERSION: Final = "{peer} does not speak TLS 1.2 or 1.3", "enable TLS 1.2 or 1.3 at {peer}"
 _OWN_CERT_REFUSED: Final = (
     "{peer} does not accept the certificate of this end",
-    "compare the one in {shows} (`openssl x509 -noout -text -in FILE`) with name, use and CA that it wants",
+    "compare {shows} (`openssl x509 -noout -text -in FILE`) with the name, use and CA that {peer} wants",
 )
 # {shows}: the reference of this end's own certificate, {trusts}: of those it trusts, {name}: what it called.
 # fmt: off
 _PEER_ERRORS: Final[dict[str, tuple[str, str]]] = {  # what is wrong with the partner's certificate
     TlsError.WRONG_NAME: ("the certificate of {peer} is not valid for {name}",
-        "have it reissued with {name} in its subjectAltName, or call {peer} by a name that it contains"),
+        "get a certificate with {name} in its subjectAltName, or call {peer} by a name in its certificate"),
     TlsError.NO_CA: ("{trusts} trusts no signer of the certificate of {peer}",
-        "set {trusts} to the certificate of its CA; to a self-signed one once you know that it is genuine"),
+        "set {trusts} to its CA; if the certificate is self-signed, to itself once you know it is genuine"),
     TlsError.EXPIRED: ("the certificate of {peer} has expired, or the clock here is wrong",
-        "renew it there, and compare the clock here with its last day"),
+        "compare the clock here with the last day of the certificate; renew the certificate at {peer}"),
     TlsError.DISCARDED: ("the certificate of {peer} is not valid yet, or cannot be used for another reason",
-        "compare the clocks of both ends with its first day"),
+        "compare the clocks of both ends with the first day of the certificate"),
     TlsError.UNSUPPORTED: ("{peer} showed a certificate for another use, or with too short a key",
-        "have it reissued for that use, with a longer key"),
+        "get a certificate for this use, with a longer key"),
     TlsError.EXTENSION: ("the certificate of {peer} has a critical extension that is not known here",
-        "have it reissued without that extension"),
+        "get a certificate without that extension"),
 }
 _REASONS: Final[dict[str, tuple[str, str]]] = {  # an error, or what the library or an alert calls the reason
     TlsError.NO_CERTIFICATE: ("this end asks for a certificate, and {peer} showed none",
-        "set its own certificate there"),
-    TlsError.PLAIN: ("{peer} speaks no TLS on this port", "let it speak TLS there, or correct the port"),
+        "give {peer} a certificate of its own"),
+    TlsError.PLAIN: ("{peer} speaks no TLS on this port", "enable TLS at {peer}, or correct the port"),
     TlsError.SILENT: ("{peer} does not continue the handshake: it speaks no TLS on this port, or hangs",
-        "correct the port, or look into its log"),
+        "correct the port, or look into the log of {peer}"),
     "protocol_version": _WRONG_VERSION, "unsupported_protocol": _WRONG_VERSION,
-    "no_shared_cipher": ("{peer} has no cipher that this end takes", "enable those of TLS 1.2 or 1.3 there"),
+    "no_shared_cipher": ("{peer} has no cipher that this end takes", "enable ciphers of TLS 1.2 or 1.3"),
     "certificate_required": ("{peer} asks for a certificate, and this end shows none",
-        "set {shows} to a certificate with its key here and a CA that {peer} trusts"),
+        "set {shows} to a certificate whose key is here and whose CA {peer} trusts"),
     "handshake_failure": (
         "{peer} refuses and gives no reason: it wants a certificate of this end, or another cipher",
-        "look into its log; with TLS 1.2 set {shows} if it wants a certificate"),
+        "look into the log of {peer}; with TLS 1.2 set {shows} if {peer} wants a certificate"),
     "unknown_ca": ("{peer} does not trust the signer of the certificate of this end",
         "add the CA of the certificate in {shows} to those that {peer} trusts"),
     "certificate_expired": ("{peer} says that the certificate of this end has expired, or is not valid yet",
-        "renew the one in {shows}, or correct the clock there"),
+        "renew the certificate in {shows}, or correct the clock of {peer}"),
     "bad_certificate": _OWN_CERT_REFUSED, "certificate_unknown": _OWN_CERT_REFUSED,
     "unsupported_certificate": _OWN_CERT_REFUSED, "certificate_revoked": _OWN_CERT_REFUSED,
 }
 # fmt: on
-_HANDSHAKE_REFUSED: Final = "{peer} refuses the handshake: {words}", "look into its log, which may say why"
+_HANDSHAKE_REFUSED: Final = "{peer} refuses the handshake: {words}", "look into its log for the reason"
 
 
 def explain_handshake_failure(e: Evidence) -> RuleAnswer:

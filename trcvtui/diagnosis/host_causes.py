@@ -21,7 +21,7 @@ MOST_KNOWN_PORT: Final = 1023
 _SERVICES: Final = frozenset({1900, 3702, 5353, 5355})  # SSDP, WS-Discovery, mDNS, LLMNR
 _LAST_BYTES: Final = (1, 254)  # of most gateways
 _CALL_FAILED: Final = (Condition.UNREACHABLE, Condition.CONNECT_FAILED)
-_NO_FRAGMENTS: Final = "keep datagrams below 1472 bytes, or let the way carry fragments: firewalls drop them"
+_NO_FRAGMENTS: Final = "keep datagrams below 1472 bytes, or let fragments pass: firewalls drop them"
 # Causes that a second device with the address of an end explains.
 DOUBLE_EFFECTS: Final = frozenset({
     "second-client", "refused", "turned-away", "filtered", "closes-each-message", "reconnect-storm",
@@ -60,7 +60,7 @@ def find_icmp_reports(line: LineFacts, receivers: Sequence[Receiver], *kinds: st
     else:
         router, target = ip_address(note.said_by), ip_address(note.target)
         no_way = f"correct the address, switch {target} on, or give {router} a route to it"
-        mend = f"ask the operator of {router}: it forbids this" if note.kind == "admin" else no_way
+        mend = f"ask the operator of {router}, which forbids it" if note.kind == "admin" else no_way
         finding = replace(_by_icmp(line, some, 0.97, mend=mend), leads_to=_CALL_FAILED)
     return _judge_datagram_report(line, receivers, some, finding) if is_udp else finding
 
@@ -94,18 +94,18 @@ def judge_mtu(line: LineFacts) -> Finding | None:
     for flow, end in ((line.from_plc, line.plc_end), (line.to_plc, line.partner_end)):
         reports = [one for one in line.undelivered if (one.note.kind, one.note.source) == ("size", end[0])]
         size, stuck = reports[0].note.size if reports else 0, flow.stuck
-        to = f"to {size}" if size else "lower (try 1300)"
-        mend = f"let the way carry large packets, or set the MTU at both ends {to}; a cable is not the cause"
+        to = f"to {size}" if size else "to a smaller size (try 1300)"
+        mend = f"let large packets pass, or set the MTU at both ends {to}; a cable is not the cause"
         again = f"{stuck.size} bytes are sent again {times(flow.stuck_often)}"
         if reports and flow.stuck_often >= 2 and stuck.size + 40 > size:  # 40: IP and TCP headers
-            return _by_icmp(line, reports, 0.97, f"{again}, as large as before", mend=mend)
+            return _by_icmp(line, reports, 0.97, f"{again} without becoming smaller", mend=mend)
         if reports:  # of several datagrams: their sender ignores the report
             is_late = line.protocol == "udp" and len(reports) > CERTAIN_ANSWERS
             return replace(_by_icmp(line, reports, 0.95 * is_late, mend=mend), is_remark=not is_late)
         if flow.stuck_often >= 3 and stuck.size >= LARGE_SEGMENT and _is_only_small_arriving(flow):
-            small = "smaller segments after them arrive (SACK): large packets do not arrive, small ones do"
+            small = "smaller segments sent after them arrive (SACK): only large packets get lost"
             way = "from-plc" if flow is line.from_plc else "to-plc"
-            texts = f"{again}, and never acknowledged", small
+            texts = f"{again} and never acknowledged", small
             return Finding(0.9, texts, way, stuck, mend=(Remedy(mend),), packets=flow.packets_of("resent"))
     return None
 
@@ -139,7 +139,7 @@ def list_host_facts(
 def make_host_finding(fact: HostFact, receivers: Sequence[Receiver]) -> Finding:
     texts, mend = [fact.text], _NO_FRAGMENTS
     if fact.cause == "duplicate-ip":
-        mend = f"give one of both devices with {ip_address(fact.ends[0])} another address"
+        mend = f"give one of the two devices with {ip_address(fact.ends[0])} another address"
     if fact.cause == "no-such-host":
         more, mend = _explain_missing_host(fact.ends[0], fact.ends[1], receivers)
         texts += [more] if more else []
@@ -164,5 +164,5 @@ def _explain_missing_host(target: bytes, asker: bytes, receivers: Sequence[Recei
         names = ", ".join(str(ip_address(one)) for one in sorted(partners))
         return f"the project has the partner {names}", f"correct the address of the partner at {here}"
     if not partners and target[-1] in _LAST_BYTES:
-        return "it may be a gateway that does not answer", of_gateway
+        return "this address may be a gateway that does not answer", of_gateway
     return "", f"switch {gone} on and plug it in, or correct the address at {here}"

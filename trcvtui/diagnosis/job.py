@@ -63,7 +63,7 @@ def describe_progress(e: Evidence) -> str:
     if e.is_past:
         return text
     if e.have < e.need and e.quiet_ns is not None:
-        text += f", none in the last {age_text(e.quiet_ns)}"
+        text += f", no byte in the last {age_text(e.quiet_ns)}"
     return text + _describe_unacknowledged(e)
 
 
@@ -81,8 +81,8 @@ def explain_not_reading(e: Evidence) -> str:
     if not stuck:
         return ""
     partner = e.link.remote if e.link is not None and e.link.remote else "the partner"
-    held = f"{count(waiting, 'byte')} of ours are not acknowledged, " if waiting else ""
-    return f"{held}the window is closed: {partner} does not read. Its receive call is off, or slower than REQ"
+    held = f"{count(waiting, 'byte')} sent here are not acknowledged, and " if waiting else ""
+    return f"{held}{partner} has closed its window: its receive call is off, or slower than REQ"
 
 
 def explain_stall(e: Evidence) -> RuleAnswer:
@@ -117,7 +117,7 @@ def explain_connect_holder(e: Evidence) -> RuleAnswer:
         return tip(
             f"{holder.removesuffix(GONE)} was deleted or downloaded in mid frame and still holds the {side} "
             f"side of {connect}",
-            "free it: CONT 0 then 1, or COM_RST",
+            f"to free {connect}, set CONT to 0, then to 1; or set COM_RST",
         )
     cure, *lines = ("wait for its DONE or ERROR",) if sends else ("{} frees it", f"set {holder} EN_R=0")
     held = f"{holder} holds the {side} side of {connect}"
@@ -134,21 +134,21 @@ def explain_wrong_length(e: Evidence) -> RuleAnswer:
         return ""
     data = f"DATA ({e.data}) has {count(e.data_size, 'byte')}" if e.data else "DATA is open"
     if e.cause.value == 65535 and e.has_adhoc and e.config is not None and e.config.description:
-        cause = f"LEN is 65535, which was ad hoc in the instructions before 3.0; {data}"
+        cause = f"LEN 65535 means ad hoc only in instructions before 3.0; {data}"
         return tip(cause, "{} receives ad hoc", f"set {e.instance} ADHOC=1 LEN=0")
     if e.cause.value:
         lines = (f"set {e.instance} LEN=0",) if 0 < e.data_size <= most else ()
-        way = "set LEN=0 for all of DATA" if e.data_size <= most else f"set LEN to at most {most}"
-        cause = f"LEN is {e.cause.value}, {data}: {have - most} too many"
+        way = "set LEN to 0 for all of DATA" if e.data_size <= most else f"set LEN to at most {most}"
+        cause = f"LEN is {e.cause.value}, but {data}: {count(have - most, 'byte')} too many"
         return tip(cause, f"{way}, or enlarge DATA", *lines, needs_trial=not e.has_adhoc)
     return tip(
-        f"LEN is 0 and {data}, {count(have - most, 'byte')} more than a job can have",
+        f"LEN is 0, and {data}: {count(have - most, 'byte')} more than a job can have",
         f"set LEN to at most {most}",
     )
 
 
 def explain_missing_data(e: Evidence) -> RuleAnswer:
-    return f"{e.data} has no byte" if e.data else tip("the DATA pin is open", "connect a variable to it")
+    return f"{e.data} has 0 bytes" if e.data else tip("the DATA pin is open", "connect a variable to DATA")
 
 
 def explain_receive_off(e: Evidence) -> RuleAnswer:
@@ -192,7 +192,7 @@ def explain_missing_cont(e: Evidence) -> RuleAnswer:
     keeps = SuggestedAction(f"or `{stay}` to stay connected", (stay,))
     if e.cause.pin == "REQ":
         send, clears = f"pulse {e.instance} REQ", (f"set {e.instance} REQ=0",) * bool(e.pin("REQ"))
-        text = f"{'set it to 0 first, then ' * len(clears)}`{send}` to connect, send and disconnect"
+        text = f"{'set REQ to 0 first, then ' * len(clears)}`{send}` to connect, send and disconnect"
         return AdvisedCause("REQ stays 1" * len(clears), (SuggestedAction(text, (*clears, send)), keeps))
     if e.cause.pin == "EN_R":
         text, receive = "{} to connect, receive and disconnect", f"set {e.instance} EN_R=1"
@@ -254,7 +254,7 @@ def suggest_description_key(e: Evidence) -> RuleAnswer:
         return ""
     return tip(
         "",
-        f"press `C` for the description of {e.config.name} byte for byte: what is wrong with it comes first",
+        f"press `C` to see the description of {e.config.name} byte by byte, with the fault first",
     )
 
 
@@ -266,18 +266,18 @@ def suggest_another_port(e: Evidence) -> RuleAnswer:
     says_iso = config.description is not None and read_spec(config.description).protocol is Transport.ISO
     if config.local.port == ISO_PORT or says_iso:
         return tip(
-            f"{ISO_PORT} is the port of ISO-on-TCP, which TCON_IP_RFC speaks",
-            "if it is in use, or your user may not use it: "
-            f"`IsoPort = 2102` in [[connect]] {config.name} takes another one, also for the partner",
+            f"{ISO_PORT} is the port of ISO-on-TCP, which TCON_IP_RFC uses",
+            f"if port {ISO_PORT} is in use, or your user may not use it: "
+            f"`IsoPort = 2102` in [[connect]] {config.name} selects another, also for the partner",
         )
-    return tip(f"LocalPort of {config.name} is {config.local.port}", "take a free one, 2000 to 5000")
+    return tip(f"LocalPort of {config.name} is {config.local.port}", "take a free port, 2000 to 5000")
 
 
 def suggest_name_lookup(e: Evidence) -> RuleAnswer:
     name = e.config.remote_name if e.config is not None else ""
     if not name and e.config is not None and e.config.description is not None:
         name = read_spec(e.config.description).remote_name
-    text = f"`getent hosts {name}`: is the name right, and does this machine's DNS server know it?"
+    text = f"check the name, and with `getent hosts {name}` whether this machine's DNS server knows it"
     return tip("", text) if name else ""
 
 
@@ -294,8 +294,8 @@ def explain_refused_selector(e: Evidence) -> RuleAnswer:
     theirs = format_selector(spec.remote_tsap) or "any"
     return tip(
         f"{_partner_name(e)} accepted the connection, then refused it",
-        "make the selectors match crosswise: the partner's remote one has to "
-        f"be {ours} (our local one), its local one {theirs} (our remote one)",
+        "make the selectors match crosswise: the partner's remote selector has to "
+        f"be {ours} (local here), its local selector {theirs} (remote here)",
     )
 
 
@@ -308,25 +308,25 @@ def explain_message_too_long(e: Evidence) -> RuleAnswer:
     if not have or not need:
         return ""
     text = f"{limit_text(e)}; the message had {count(have, 'byte')}: {count(have - need, 'byte')} too many"
-    return tip(f"{text}. The message is lost", f"give DATA and LEN at least {have}")
+    return tip(f"{text}. The message is lost", f"give DATA and LEN at least {have} bytes")
 
 
 def explain_changed_parameter(e: Evidence) -> RuleAnswer:
     pin = e.cause.pin or "DATA"
     held = "until DONE or ERROR: change it while BUSY is 0"
     if pin == "DATA":
-        return tip("", f"keep DATA as it is {held}, or fill a second variable and copy it before the edge")
-    return tip("", f"keep {pin} as it is {held}")
+        return tip("", f"keep DATA unchanged {held}, or fill another variable and copy it before the edge")
+    return tip("", f"keep {pin} unchanged {held}")
 
 
 def explain_symbolic_data(e: Evidence) -> RuleAnswer:
-    block = "in a block that is not optimized (`optimized = false`)"
+    block = "in a data block that is not optimized (`optimized = false`)"
     if e.cause.pin == "LEN":
-        return tip("", f"{{}}, or DATA {block}", f"set {e.instance} LEN=0")
-    return tip("", f"DATA as ARRAY OF BYTE or CHAR, or {block}")
+        return tip("", f"{{}}, or put DATA {block}", f"set {e.instance} LEN=0")
+    return tip("", f"declare DATA as ARRAY OF BYTE or CHAR, or put DATA {block}")
 
 
 def explain_small_result(e: Evidence) -> str:
     if e.cause.have is None or e.cause.need is None:
         return ""
-    return f"RESULT ({e.data}) has {count(e.cause.have, 'byte')}, the diagnosis needs {e.cause.need}"
+    return f"RESULT ({e.data}) has {count(e.cause.have, 'byte')}, but the diagnosis needs {e.cause.need}"

@@ -23,20 +23,20 @@ NS_PER_MS: Final = SECOND // 1000
 QUIET_NS: Final = 10 * SECOND  # without a byte after messages: most senders pause shorter
 MOST_FAILURES: Final = 2  # kinds of failed attempts that are named, the newest
 
-_PORT_TAKEN: Final = tip("another program or CONNECT uses {local}", "`ss -ltnp` names it")
+_PORT_TAKEN: Final = tip("another program or CONNECT uses {local}", "`ss -ltnp` shows which")
 # How an attempt failed -> what that proves, and what to do.
 FAILURE_ANSWERS: Final[dict[str, RuleAnswer]] = {
-    "connect ECONNREFUSED": "{peer} answers with RST: the machine is there, but nothing listens on that port",
-    "attempt_limit ETIMEDOUT": "{peer} does not answer a SYN: wrong address, cable, or a firewall that drops",
-    "connect ETIMEDOUT": "{peer} does not answer a SYN: wrong address, cable, or a firewall that drops",
-    "connect EHOSTUNREACH": "{peer} does not answer ARP, or a router cannot reach it: wrong address, or off",
+    "connect ECONNREFUSED": "{peer} answers with RST: the machine is on, but nothing listens on that port",
+    "attempt_limit ETIMEDOUT": "{peer} does not answer SYN: wrong address, cut cable, or a firewall drops it",
+    "connect ETIMEDOUT": "{peer} does not answer SYN: wrong address, cut cable, or a firewall drops it",
+    "connect EHOSTUNREACH": "{peer} does not answer ARP, or no router reaches it: wrong address or it is off",
     "connect ENETUNREACH": tip("no route leads to {peer}", "check LocalAddress, mask and gateway"),
     "connect EADDRNOTAVAIL": "the local end towards {peer} is not free: the fixed LocalPort is in TIME_WAIT",
     "connect EADDRINUSE": tip("LocalPort is fixed and in use towards {peer}", "LocalPort 0 takes a free one"),
     "bind EADDRINUSE": _PORT_TAKEN,
     "listen EADDRINUSE": _PORT_TAKEN,
     "bind EACCES": tip(
-        "{local}: not every user may use ports below 1024", "take a larger LocalPort or IsoPort"
+        "{local}: your user may not use ports below 1024", "take a larger LocalPort or IsoPort"
     ),
     "bind EADDRNOTAVAIL": tip(
         "{local} belongs to no interface of this machine", "`ip -br address` lists them"
@@ -78,7 +78,7 @@ def describe_setup_wait(e: Evidence) -> str:
 
 def _describe_down_time(e: Evidence) -> str:
     since = e.facts.down_since
-    return f" since scan {since.scan}, {age_text(e.ns_since(since))}" if since is not None else ""
+    return f" since scan {since.scan} ({age_text(e.ns_since(since))})" if since is not None else ""
 
 
 def _describe_listen(e: Evidence) -> str:
@@ -99,17 +99,17 @@ def _describe_listen(e: Evidence) -> str:
 
 def _describe_next_try(e: Evidence) -> str:
     assert e.link is not None
-    return f"; the next attempt in {age_text(e.link.retry_in_ns)}" if e.link.retry_in_ns is not None else ""
+    return f"; next attempt in {age_text(e.link.retry_in_ns)}" if e.link.retry_in_ns is not None else ""
 
 
 def _describe_unbuilt(e: Evidence) -> str:
     attempt = e.facts.attempt
     if attempt is None or attempt.cause.call not in SETUP_CALLS or e.config is None or e.link is None:
         return ""
-    detail = f", {attempt.cause.detail}" if attempt.cause.detail else ""
+    detail = f": {attempt.cause.detail}" if attempt.cause.detail else ""
     press = " (press C)" if attempt.cause.call == "description" and e.config.description is not None else ""
     waits = f"{e.config.name} has not been built{_describe_down_time(e)}"
-    return f"{waits}: {attempt.cause.name}{press}{detail}{_describe_next_try(e)}"
+    return f"{waits} because {attempt.cause.name}{press}{detail}{_describe_next_try(e)}"
 
 
 def remote_tsap(config: ConnectConfig) -> str:
@@ -133,9 +133,9 @@ def _describe_call_wait(e: Evidence) -> str:
     if e.link is None:
         return text
     if e.link.retry_in_ns is not None:
-        tried = "" if e.facts.failures else f"{count(e.link.attempts, 'attempt')} so far, "
-        return f"{text}; {tried}the next {'attempt ' if not tried else ''}in {age_text(e.link.retry_in_ns)}"
-    return f"{text}; SYN unanswered in attempt {e.link.attempts}" if e.link.attempts else text
+        tried = "" if e.facts.failures else f"{count(e.link.attempts, 'attempt')} so far, the "
+        return f"{text}; {tried}next {'attempt ' if not tried else ''}in {age_text(e.link.retry_in_ns)}"
+    return f"{text}; no answer to SYN in attempt {e.link.attempts}" if e.link.attempts else text
 
 
 def _describe_failure(failed: FailureCount) -> str:
@@ -210,7 +210,7 @@ def explain_refused_caller(e: Evidence) -> str:
     if e.config.description is None or read_spec(e.config.description).protocol is not Transport.ISO:
         return text
     ours = format_selector(read_spec(e.config.description).local_tsap)
-    return f"{text}; {e.config.name} is {ours} (LocalTSelector), its partner {remote_tsap(e.config) or 'any'}"
+    return f"{text}; {e.config.name} has {ours} (LocalTSelector) and expects {remote_tsap(e.config) or 'any'}"
 
 
 def suggest_peer_action(e: Evidence) -> RuleAnswer:
@@ -230,7 +230,7 @@ def suggest_peer_action(e: Evidence) -> RuleAnswer:
 
 
 def _suggest_connect(peer: PeerSnapshot) -> RuleAnswer:
-    return tip(f"{peer.name} is active and {peer.state}", "{} lets it call", f"peer {peer.name} connect")
+    return tip(f"{peer.name}, an active peer, is {peer.state}", "{}", f"peer {peer.name} connect")
 
 
 def _suggest_listen(e: Evidence) -> RuleAnswer:
@@ -238,7 +238,7 @@ def _suggest_listen(e: Evidence) -> RuleAnswer:
     peer = next((p for p in e.peers if port == f"@{p.name}"), None)
     if peer is None or peer.state in ("listening", "connected"):
         return ""
-    return tip(f"{peer.name} is {peer.state} and does not listen", "{}", f"peer {peer.name} listen")
+    return tip(f"{peer.name} is {peer.state}: it does not listen", "{}", f"peer {peer.name} listen")
 
 
 def explain_lost_connection(e: Evidence) -> str:
@@ -258,7 +258,7 @@ def explain_early_request(e: Evidence) -> RuleAnswer:
         return ""
     wait = f" since scan {since.scan} ({age_text(e.ns_since(since))})" if since is not None else ""
     text = f"{pin} came while the connection was still being built{wait}"
-    advice = "set it" if pin == "EN_R" else "repeat the edge"
+    advice = "set EN_R" if pin == "EN_R" else "repeat the edge"
     return tip(text, f"{advice} when STATUS says connected")
 
 
@@ -295,8 +295,8 @@ def explain_quiet_line(e: Evidence) -> RuleAnswer:
         e.link.remote if e.link is not None else "its partner",
     )
     return tip(
-        f"no byte for {age_text(e.quiet_ns)}. A cut line or a partner without power looks just the same for "
-        f"up to {limit}; then keep-alive ends the connection",
+        f"no byte for {age_text(e.quiet_ns)}. A silent partner, one without power and a cut line look "
+        f"alike for up to {limit}; then keep-alive ends a dead connection",
         f"check cable and power of {peer}, or `ping` it",
     )
 
@@ -304,13 +304,13 @@ def explain_quiet_line(e: Evidence) -> RuleAnswer:
 def explain_partner_end(e: Evidence) -> str:
     """The partner closed or reset the connection: how often, and how far the job was then."""
     cause, loss = e.cause, e.facts.loss
-    how = "reset (RST)" if cause.error == "ECONNRESET" else "closed (FIN)"
+    how = "reset the connection (RST)" if cause.error == "ECONNRESET" else "closed the connection (FIN)"
     text = f"{cause.peer or 'the partner'} {how}"
     if cause.need:
-        text += f" with {cause.have} of {count(cause.need, 'byte')} of the job done"
+        text += f" when the job had {cause.have} of {count(cause.need, 'byte')}"
     if loss is not None and loss.up_ns is not None:
-        text += f", {age_text(loss.up_ns)} after it had connected"
-    often = f"; {times(e.facts.losses)} so far" if e.facts.losses > 1 else ""
+        text += f"; the connection had been up for {age_text(loss.up_ns)}"
+    often = f"; {e.facts.losses} connections lost so far" if e.facts.losses > 1 else ""
     return text + often
 
 
@@ -320,6 +320,6 @@ def explain_long_frame(e: Evidence) -> str:
     if not size or not have or not need or have % size or size >= need:
         return ""
     return (
-        f"it had sent whole messages of {count(size, 'byte')}, but the frame wants {need}: "
-        f"{count(need - have, 'byte')} short"
+        f"the partner's messages had {count(size, 'byte')}, but a frame has {need}; missing: "
+        f"{count(need - have, 'byte')}"
     )

@@ -102,7 +102,7 @@ def _split_by_mark(parts: Sequence[bytes]) -> Iterator[Joints]:
             begin, often = Counter(line[:2] for line in lines).most_common(1)[0]
             if len(begin) == 2 and often * 10 >= 9 * len(lines):
                 shown = mark.hex(" ").upper()
-                mend = f"cut at {shown} in the program (TwinCAT: ReceiveData with that suffix)"
+                mend = f"cut messages at {shown} in the program (TwinCAT: ReceiveData with that suffix)"
                 yield Joints(tuple(part.count(mark) for part in parts), f"each message ends in {shown}", mend)
 
 
@@ -113,8 +113,8 @@ def _split_by_length(parts: Sequence[bytes]) -> Iterator[Joints]:
         numbers = tuple([count_messages(place, part) for part in parts]) if place.is_usual else (0,)
         if all(numbers) and (place.width > 1 or len(set(map(len, parts))) > 2):
             head = place.at + place.width
-            mend = f"two jobs: LEN {head} for the head, then as many bytes as its length says"
-            yield Joints(numbers, f"the length at byte {place.at} leads from message to message", mend)
+            mend = f"two jobs: LEN {head} for the head, then as many bytes as the head says"
+            yield Joints(numbers, f"the length at byte {place.at} leads to the next message", mend)
 
 
 # -- head and body -------------------------------------------------------------------------------------------
@@ -145,9 +145,9 @@ def find_head_and_body(writes: Sequence[SegmentFacts], content: bytes, need: int
     sizes = frozenset(a.size + b.size for a, b in pairs)
     if len(wholes) < FEW_MESSAGES or max(pauses) * PAUSE_RATIO > min(others):
         return None  # pauses do not separate pairs
-    proof = "the head has the length of what follows" if _has_length_in_head(wholes, head) else ""
+    proof = "the head gives the length" if _has_length_in_head(wholes, head) else ""
     if not proof and sizes == {need}:
-        proof = f"both together always have {need} bytes"
+        proof = f"head and rest together always have {need} bytes"
     return HeadAndBody(head, sizes, len(pairs), sorted(pauses)[len(pauses) // 2], proof) if proof else None
 
 

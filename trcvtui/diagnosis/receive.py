@@ -66,19 +66,19 @@ def _describe_last_arrival(e: Evidence, thing: str) -> str:
 
 def _setting(e: Evidence) -> str:
     if e.pin("ADHOC"):
-        return "ADHOC, which is 1 for the next job,"
-    return "ADHOC=1" if e.has_adhoc else "LEN=65535, which is ad hoc here,"
+        return "ADHOC (1 for the next job)"
+    return "ADHOC=1" if e.has_adhoc else "LEN=65535 (ad hoc)"
 
 
 def _adhoc_name(e: Evidence) -> str:
-    return "ADHOC" if e.has_adhoc else "this ad-hoc LEN"
+    return "ADHOC" if e.has_adhoc else "LEN 65535"
 
 
 def _link_age(e: Evidence) -> str:
     up = e.facts.up_since
     if e.quiet_ns is not None or up is None:
         return ""
-    return f". The link is up since scan {up.scan}, {age_text(e.ns_since(up))}"
+    return f". The link is up since scan {up.scan} ({age_text(e.ns_since(up))})"
 
 
 def _describe_rate(e: Evidence) -> str:
@@ -98,7 +98,7 @@ def _name_messages(e: Evidence) -> str:
 
 
 def _sizes(e: Evidence, size: int) -> str:
-    return f"{_name_messages(e)} {'was' if len(e.facts.messages.last) == 1 else 'were'} {count(size, 'byte')}"
+    return f"{_name_messages(e)} had {count(size, 'byte')}"
 
 
 # -- the rules --------------------------------------------------------------------------------------------
@@ -110,7 +110,7 @@ def explain_shift_by_drop(e: Evidence) -> RuleAnswer:
     if drop is None or e.adhoc or facts.up_since is None:
         return ""
     if not facts.messages.count:
-        doubt = "the stream is shifted, unless a message of the sender ended there"
+        doubt = "the stream is shifted, unless a message of the sender ended just there"
         return _advise_resync(e, f"{_describe_drop(drop)}; {doubt}")
     message = facts.begins_in
     if message is None or not message.first:
@@ -159,7 +159,7 @@ def explain_short_sender(e: Evidence) -> RuleAnswer:
         text += f". Each frame takes {larger} of the next message, so the values shift"
     pins = (("LEN", f"set {e.instance} LEN={size}"), ("COM_RST", f"pulse {e.instance} COM_RST"))
     has_len, has_reset = (e.pin(pin) is not None for pin, _ in pins)
-    way = f"make both equal: {'{}, or ' * has_len}give DATA {count(size, 'byte')}{'; then {}' * has_reset}"
+    way = f"match the message: {'{}, or ' * has_len}give DATA {count(size, 'byte')}{'; then {}' * has_reset}"
     return tip(text, way, *(line for pin, line in pins if e.pin(pin) is not None), needs_trial=True)
 
 
@@ -167,8 +167,8 @@ def explain_several_messages(e: Evidence) -> str:
     size = e.facts.messages.common
     if size is None or e.adhoc or not size < e.need or e.need % size:
         return ""
-    frame = f"{limit_text(e)}. {_sizes(e, size)}: one frame takes {e.need // size} of them"
-    return f"{frame}, {e.have // size} have arrived" if e.have else frame
+    frame = f"{limit_text(e)}. {_sizes(e, size)}: one frame takes {count(e.need // size, 'message')}"
+    return f"{frame}; {e.have // size} of them arrived" if e.have else frame
 
 
 def explain_long_sender(e: Evidence) -> RuleAnswer:
@@ -177,7 +177,7 @@ def explain_long_sender(e: Evidence) -> RuleAnswer:
         return ""
     if e.adhoc:
         return (
-            f"{_sizes(e, size)}. {_adhoc_name(e)} takes at most {e.need} at once: "
+            f"{_sizes(e, size)}. {_adhoc_name(e)} takes at most {e.need} bytes at once: "
             f"one message comes as {-(-size // e.need)} frames"
         )
     rest = size % e.need
@@ -196,10 +196,8 @@ def explain_odd_size(e: Evidence) -> str:
     if e.adhoc or len(sizes) < 2 or not e.need or sizes[-1] == e.need or set(sizes[:-1]) != {e.need}:
         return ""
     odd = sizes[-1] - e.need
-    which = (
-        f"{count(-odd, 'byte')} short of a frame" if odd < 0 else f"{count(odd, 'byte')} more than a frame"
-    )
-    return f"{e.facts.sender}'s newest message was {sizes[-1]} bytes, those before it {e.need}: it is {which}"
+    which = f"{count(abs(odd), 'byte')} {'shorter' if odd < 0 else 'longer'} than a frame"
+    return f"{e.facts.sender}'s newest message had {sizes[-1]} bytes, {which}; the others had {e.need}"
 
 
 def explain_many_sizes(e: Evidence) -> RuleAnswer:
@@ -209,7 +207,7 @@ def explain_many_sizes(e: Evidence) -> RuleAnswer:
         return ""
     return tip(
         f"{_name_messages(e)} had {min(sizes)} to {max(sizes)} bytes, but a static frame always has {e.need}",
-        f"{_setting(e)} takes what has arrived; or read the header with one job and the rest with another",
+        f"{_setting(e)} delivers what has arrived; or receive header and rest with two jobs",
     )
 
 
@@ -225,8 +223,7 @@ def explain_burst_size(e: Evidence) -> str:
         return ""  # several of them fill a frame
     if facts.bursts.count == 1 and size > e.need and e.is_arriving:
         return f"{count(size, 'byte')} came without a pause: a stream does not show where a message ends"
-    each = "" if facts.bursts.count == 1 else "each time "
-    came = f"bytes came {times(facts.bursts.count)}, {each}{size}. If that is the sender's message,"
+    came = f"{count(size, 'byte')} came {times(facts.bursts.count)}. If these are one message,"
     if size < e.need:
         return f"{limit_text(e)}; {came} LEN or DATA is {count(e.need - size, 'byte')} too large"
     if size % e.need:
@@ -242,9 +239,7 @@ def suggest_ad_hoc(e: Evidence) -> RuleAnswer:
     if e.adhoc_at_once:
         now = tip("", f"{{}} to get the {here} at once", f"set {e.instance} ADHOC=1", needs_trial=True)
         return tip("", f"ADHOC=1 would have delivered the {here} at once") if e.is_past else now
-    return tip(
-        "", f"{_setting(e)} would have delivered the {here} at once (it is read when EN_R rises again)"
-    )
+    return tip("", f"{_setting(e)} would have delivered the {here} at once (read when EN_R rises again)")
 
 
 def explain_partial_message(e: Evidence) -> str:
@@ -255,8 +250,8 @@ def explain_partial_message(e: Evidence) -> str:
         return ""
     if e.condition != "received":
         return ""
-    what = f"{length} bytes are {'a part of' if length < size else 'more than'} one"
-    return f"{_sizes(e, size)}, and {what}: {_adhoc_name(e)} delivers whatever has arrived, not messages"
+    what = f"{length} bytes are {'a part of' if length < size else 'more than'} one message"
+    return f"{_sizes(e, size)}, and {what}: {_adhoc_name(e)} delivers what arrives, not messages"
 
 
 def explain_nothing_sent(e: Evidence) -> RuleAnswer:
@@ -268,7 +263,7 @@ def explain_nothing_sent(e: Evidence) -> RuleAnswer:
             text = f"{peer.name} has sent nothing on this connection"
             return tip(text, "{}", f"peer {peer.name} send hex 01")
     return tip(
-        "the partner has sent nothing since the link came up", "check there: is its send call enabled?"
+        "the partner has sent nothing since the link came up", "check whether its send call is enabled"
     )
 
 
@@ -288,7 +283,7 @@ def explain_short_message(e: Evidence) -> str:
         return ""
     return (
         f"{limit_text(e)}; the last message had {count(size, 'byte')}. A message of any size completes a "
-        f"job: RCVD_LEN is {size}, and DATA keeps older bytes from byte {size} on"
+        f"job; RCVD_LEN is {size}, and DATA keeps older bytes from byte {size} on"
     )
 
 
@@ -298,9 +293,9 @@ def explain_long_message(e: Evidence) -> RuleAnswer:
     if size is None or not e.need or size <= e.need:
         return ""
     return tip(
-        f"{e.facts.sender}'s messages have {count(size, 'byte')}; {limit_text(e)}. Each is "
+        f"{e.facts.sender}'s messages have {count(size, 'byte')}; {limit_text(e)}. Each message is "
         f"{count(size - e.need, 'byte')} too long and is lost",
-        f"give DATA and LEN at least {size}",
+        f"give DATA and LEN at least {size} bytes",
     )
 
 
@@ -319,7 +314,7 @@ def describe_datagram_receive(e: Evidence) -> str:
     if e.quiet_ns is not None:
         return armed + _describe_last_arrival(e, "datagram")
     since = e.facts.open_since
-    opened = f". The socket is open since scan {since.scan}, {age_text(e.ns_since(since))}" if since else ""
+    opened = f". The socket is open since scan {since.scan} ({age_text(e.ns_since(since))})" if since else ""
     return armed + opened
 
 
@@ -344,8 +339,8 @@ def explain_no_sender(e: Evidence) -> RuleAnswer:
         if _is_at(peer.remote, _local(e)) and not peer.messages_sent:
             return tip(f"{peer.name} has sent nothing", "{}", f"peer {peer.name} send hex 01")
     return tip(
-        f"no datagram has come to {_local(e)}. UDP reports nothing to the sender, a firewall drops silently, "
-        "and datagrams to 255.255.255.255 do not arrive here",
+        f"no datagram has come to {_local(e)}. UDP reports no loss to the sender, a firewall drops datagrams "
+        "silently, and those to 255.255.255.255 do not arrive here",
         "check whether the partner sends to this address and port",
     )
 
@@ -374,7 +369,7 @@ def explain_cut_datagram(e: Evidence) -> str:
     if not need or not sizes or sizes[-1] <= need:
         return ""
     lost = count(sizes[-1] - need, "byte")
-    return f"{limit_text(e)}; {_datagram_sizes(e)}: {lost} of it did not fit and are lost"
+    return f"{limit_text(e)}; {_datagram_sizes(e)}: {lost} did not fit and were lost"
 
 
 def explain_short_datagram(e: Evidence) -> str:
@@ -382,7 +377,7 @@ def explain_short_datagram(e: Evidence) -> str:
     if not size or not e.need or size >= e.need or explain_cut_datagram(e):
         return ""
     return (
-        f"{limit_text(e)}; {_datagram_sizes(e)}. A datagram of any size completes a job: "
+        f"{limit_text(e)}; {_datagram_sizes(e)}. A datagram of any size completes a job; "
         f"RCVD_LEN is {size}, and DATA keeps older bytes from byte {size} on"
     )
 
@@ -398,7 +393,7 @@ def _datagram_sizes(e: Evidence) -> str:
     if sizes.common is not None:
         return f"the last {len(sizes.last)} datagrams had {count(sizes.common, 'byte')}"
     span = f"{min(sizes.last)} to {count(max(sizes.last), 'byte')}"
-    return f"the last {len(sizes.last)} datagrams had {span}, the newest {sizes.last[-1]}"
+    return f"the last {len(sizes.last)} datagrams had {span}, the newest had {sizes.last[-1]}"
 
 
 def explain_unread(e: Evidence) -> str:
@@ -415,21 +410,23 @@ def explain_sent(e: Evidence) -> RuleAnswer:
     target = e.cause.peer
     if not target:
         return ""
-    taken = f"DONE means that the local stack took it for {target}; UDP cannot say whether it arrived"
+    taken = f"DONE means: the local stack took the datagram for {target}; UDP cannot say whether it arrived"
     if e.is_past or any(_is_at(target, peer.local) and peer.state != "closed" for peer in _udp_peers(e)):
         return taken
     near = next((peer for peer in _udp_peers(e) if peer.local), None)
     if near is None:
         return taken
     if near.state == "closed":
-        text = f"it went to {target}, and {near.name} is closed"
+        text = f"the datagram went to {target}, but {near.name} is closed"
         return tip(text, "{}", f"peer {near.name} listen")
-    return f"it went to {target}, but {near.name} receives at {near.local}: address or port in ADDR is wrong"
+    return (
+        f"the datagram went to {target}, but {near.name} is at {near.local}: ADDR has a wrong address or port"
+    )
 
 
 def explain_done(e: Evidence) -> RuleAnswer:  # the edge may not name the receiver
     return explain_sent(e) or (
-        "DONE means that the local stack took the datagram; UDP cannot say whether it arrived"
+        "DONE means: the local stack took the datagram; UDP cannot say whether it arrived"
     )
 
 
@@ -438,7 +435,7 @@ def explain_datagram_edge(e: Evidence) -> RuleAnswer:
 
 
 def explain_empty_addr(e: Evidence) -> RuleAnswer:
-    return tip("ADDR names the receiver", "write address and port into it before the rising edge of REQ")
+    return tip("ADDR names the receiver", "write its address and port to ADDR before the rising edge of REQ")
 
 
 def explain_datagram_too_long(e: Evidence) -> RuleAnswer:
@@ -467,5 +464,5 @@ def explain_closed_socket(e: Evidence) -> RuleAnswer:
 def explain_result_layout(e: Evidence) -> str:
     return (
         f"RESULT ({e.data}): byte 6 is State (1 lost, 2 the active end calls, 3 the passive end waits, "
-        "4 established), bytes 8 to 11 the bytes sent, bytes 12 to 15 those received"
+        "4 established), bytes 8 to 11 count the bytes sent, bytes 12 to 15 the bytes received"
     )

@@ -47,6 +47,6 @@ def finding_to_plc(
 
 def offer_frame_reset(receiver: Receiver) -> tuple[Remedy, ...]:
     """Return the remedy that starts the next frame at a message after a change of length; (): none."""
-    text = "COM_RST: the next frame then begins with a message"
+    text = "pulse COM_RST: then the next frame begins with a message"
     is_stream = receiver.has_reset and not receiver.is_datagram
     return (Remedy(text, f"pulse {receiver.instance} COM_RST"),) if is_stream else ()

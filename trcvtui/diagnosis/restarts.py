@@ -70,7 +70,7 @@ def judge_half_open(old: LineFacts, restarts: Mapping[LineFacts, LineFacts]) -> 
     silence = format_ns(new.first_ns - max(before, default=old.first_ns))
     texts = (
         f"{side} calls again after {silence} of silence while its old connection is still open",
-        "the other end still answers for the old one, and the caller answers that with RST",
+        "the other end still answers for the old connection, and the caller resets it (RST)",
     )
     at = SegmentFacts(new.first_ns, 0, 0, new.first_packet)
     way, is_fact = "from-plc" if new.plc_calls else "to-plc", bool(new.listener.challenges)

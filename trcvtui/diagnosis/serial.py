@@ -20,13 +20,13 @@ from trcvtui.wording import count
 def explain_frame_too_long(e: Evidence) -> RuleAnswer:
     size = e.pin("SizeReceiveData")
     frame = f"{count(size, 'byte')} came" if size else "the size was reached"
-    cause = f"{frame} without the suffix: the suffix differs, or frames are longer"
+    cause = f"{frame} without the suffix: the sender's suffix differs, or its frames are longer"
     return tip(cause, "{} shows which", f"framing {e.instance}")
 
 
 def explain_wrong_frame_size(e: Evidence) -> RuleAnswer:
     found = e.pin("SizeReceiveData")
-    room = f"1 to {e.data_size}, the size of {e.data}" if e.data_size else "what the variable holds"
+    room = f"1 to {e.data_size}, the size of {e.data}" if e.data_size else "at most the size of the variable"
     is_found = f"SizeReceiveData is {found}: it" if found is not None else "SizeReceiveData"
     return tip("", f"{is_found} has to be {room}")
 
@@ -130,8 +130,8 @@ def warn_long_marks(f: FramedBlock) -> str:
         return ""
     end = "10 STRINGOVERRUN" if f.framer.is_text else "23 DATASIZEOVERRUN"
     return (
-        f"prefix and suffix are {len(f.prefix)} + {len(f.suffix)} bytes, {f.size_pin} is {f.framer.size}: "
-        f"no frame can end with its suffix, each one ends as {end}"
+        f"prefix and suffix have {len(f.prefix)} + {len(f.suffix)} bytes, but {f.size_pin} is "
+        f"{f.framer.size}: no frame can end with its suffix; each ends as {end}"
     )
 
 
@@ -140,16 +140,16 @@ def warn_no_end(f: FramedBlock) -> str:
     if f.suffix or f.framer.timeout_ns or f.framer.size <= 0:
         return ""
     if f.framer.is_text:
-        return "no suffix and Timeout = 0: the end of a text is never seen; give it a suffix or a Timeout"
+        return "no suffix and Timeout = 0: no text ever ends; set a suffix or a Timeout"
     size = count(f.framer.size, "byte")
-    return f"no suffix and Timeout = 0: with fewer than {size} it waits forever; only Reset helps"
+    return f"no suffix and Timeout = 0: {f.instance.name} waits forever for {size}; only Reset ends that"
 
 
 def warn_equal_marks(f: FramedBlock) -> str:
     """After one lost mark, the end of a frame is taken for the beginning of the next."""
     if not f.prefix or f.prefix != f.suffix:
         return ""
-    return "prefix and suffix are equal: after one lost mark each end is taken for a beginning, until Reset"
+    return "prefix and suffix are equal: after one lost mark each end is read as a begin, until Reset"
 
 
 def warn_only_noise(f: FramedBlock) -> str:
@@ -158,7 +158,7 @@ def warn_only_noise(f: FramedBlock) -> str:
     if f.framer.discarded < MUCH_NOISE or tally.good or tally.gaps or tally.overruns:
         return ""
     thrown = count(f.framer.discarded, "byte")
-    return f"{thrown} came, and none began a frame: is {f.prefix.hex(' ').upper()} the sender's prefix?"
+    return f"{thrown} came without the prefix {f.prefix.hex(' ').upper()}: does the sender use another one?"
 
 
 # -- the gap -------------------------------------------------------------------------------------------------
@@ -169,8 +169,8 @@ def warn_gap_on_tcp(f: FramedBlock) -> str:
     if not f.is_tcp or not f.framer.timeout_ns or f.suffix:
         return ""
     return (
-        "a gap is a guess over TCP: the network joins and splits what was sent (Nagle, retransmission, "
-        "proxies); a suffix or a fixed size is sure"
+        "a gap over TCP is a guess: the network joins and splits messages (Nagle, retransmission, "
+        "proxies); use a suffix or a fixed size"
     )
 
 
@@ -181,8 +181,8 @@ def warn_no_gap(f: FramedBlock) -> str:
         return ""
     gap = f"{f.framer.timeout_ns / MS:g} ms"
     return (
-        f"no suffix, and the gap of {gap} never comes: {f.size_pin} fills to {count(f.framer.size, 'byte')}, "
-        "and cuts anywhere; key B shows how the bytes split into frames"
+        f"no suffix, and a gap of {gap} never comes: each frame ends at {count(f.framer.size, 'byte')} "
+        f"({f.size_pin}), wherever that is; key B shows how the bytes split into frames"
     )
 
 
@@ -192,8 +192,8 @@ def warn_short_gap(f: FramedBlock) -> str:
     if not 0 < timeout < f.interval_ns:
         return ""
     return (
-        f"Timeout is {timeout / MS:g} ms, {f.instance.name} is called every {f.interval_ns / MS:g} ms: a gap "
-        "that ends before the next call is not seen"
+        f"Timeout is {timeout / MS:g} ms, but {f.instance.name} is called every {f.interval_ns / MS:g} ms: "
+        "it misses a gap that ends before its next call"
     )
 
 
@@ -205,8 +205,8 @@ def warn_static(f: FramedBlock) -> str:
     if f.feeder is None or f.feeder.pin("ADHOC"):
         return ""
     return (
-        f"{f.feeder.name} has ADHOC = 0: it passes on whole blocks of LEN bytes, so a frame comes late, "
-        "or not before the next one; ADHOC = 1 passes on whatever arrives"
+        f"{f.feeder.name} has ADHOC = 0: it passes on only whole blocks of LEN bytes, so a frame comes "
+        "late, or with the next frame; ADHOC = 1 passes on whatever arrives"
     )
 
 
@@ -221,8 +221,8 @@ def warn_drops(f: FramedBlock) -> str:
     if f.feeder is None or not f.buffer.size:
         return ""
     return (
-        f"{f.buffer.name} has size = {f.buffer.size}: bytes without room are dropped; without size the "
-        "sender is slowed down instead"
+        f"{f.buffer.name} has size = {f.buffer.size}: when it is full, bytes are dropped; without "
+        "`size` it slows the sender down instead"
     )
 
 
@@ -233,13 +233,13 @@ def warn_port_away(f: FramedBlock) -> str:
 def warn_lost_bytes(f: FramedBlock) -> str:
     if f.now is None or not f.now.lost:
         return ""
-    return f"{count(f.now.lost, 'byte')} never reached a frame: {f.buffer.name} had no room, or was emptied"
+    return f"{count(f.now.lost, 'byte')} never reached a frame: {f.buffer.name} was full, or was emptied"
 
 
 def warn_shared_buffer(f: FramedBlock) -> str:
     if len(f.readers) < 2:
         return ""
-    return f"{' and '.join(f.readers)} read {f.buffer.name}: each byte reaches one of them only"
+    return f"{' and '.join(f.readers)} read {f.buffer.name}: each byte reaches only one of them"
 
 
 FRAMING_RULES: Final[tuple[Callable[[FramedBlock], str], ...]] = (

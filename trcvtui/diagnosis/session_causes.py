@@ -33,7 +33,7 @@ _MEANINGS: Final = {  # RFC 8446, section 6.2
 }
 _HTTP: Final = re.compile(rb"[A-Z]{3,10} [^\s]+ HTTP/1\.[01]\r?\n|HTTP/1\.[01] [1-5]")
 _REASONS: Final = {
-    0: "no reason", 1: "congestion", 2: "not attached", 3: "address unknown", 0x80: "normal",
+    0: "none given", 1: "congestion", 2: "not attached", 3: "address unknown", 0x80: "normal",
     0x81: "congestion", 0x82: "negotiation failed", 0x83: "duplicate source", 0x84: "mismatched references",
     0x85: "protocol error", 0x87: "reference overflow", 0x88: "refused on this network",
     0x8A: "header length invalid",
@@ -107,10 +107,10 @@ def _describe_tsaps(packet: bytes) -> str:
         at += 2 + packet[at + 1]
     texts = [
         f"{name} {found[key].hex('.').upper()}"
-        for key, name in ((0xC1, "from"), (0xC2, "to"))
+        for key, name in ((0xC1, "from TSAP"), (0xC2, "to TSAP"))
         if key in found
     ]
-    return ", ".join(texts)
+    return " ".join(texts)
 
 
 def judge_wrong_tsap(line: LineFacts) -> Finding | None:
@@ -123,7 +123,7 @@ def judge_wrong_tsap(line: LineFacts) -> Finding | None:
     texts = [f"connection request {_describe_tsaps(asked[1])}".rstrip()]
     if answer is not None and answer[0] == _DR:
         reason = answer[1][10] if len(answer[1]) > 10 else 0
-        texts.append(f"answered by a disconnect request: {_REASONS.get(reason, f'reason {reason}')}")
+        texts.append(f"answered by a disconnect request (reason: {_REASONS.get(reason, reason)})")
         return Finding(0.97, tuple(texts), way=way, at=_first_write(line.listener), is_fact=True)
     end = line.end
     if not line.listener.writes and end is not None and line.caller.segments <= 2:
@@ -142,8 +142,8 @@ def judge_plain_tcp(line: LineFacts, receiver: Receiver | None) -> Finding | Non
         return None
     letter = f" ({chr(content[0])!r})" if 0x20 <= content[0] < 0x7F else ""
     texts = (
-        f"the partner's first byte is {content[0]:02X}{letter}, the first one of ISO-on-TCP is 03: it speaks "
-        "plain TCP",
+        f"the partner's first byte is {content[0]:02X}{letter}, but ISO-on-TCP begins with 03: the partner "
+        "speaks plain TCP",
         f"the CONNECT {receiver.connect} speaks ISO-on-TCP (RFC 1006)",
     )
     at = _first_write(line.to_plc)
@@ -190,7 +190,7 @@ def judge_tls(line: LineFacts) -> Finding | None:
                 note = () if hello else ("the other end does not speak TLS",)
                 return Finding(0.97, (text, *note), way=way, at=_first_write(flow), is_fact=True)
             if hello is not None and (not is_open or len(body) > 2):
-                return Finding(0.85, (f"an encrypted TLS alert of {side} before any data",), way=way)
+                return Finding(0.85, (f"{side} sent an encrypted TLS alert before any data",), way=way)
     if hello is None or line.end is None:
         return None
     answer = both["from-plc" if hello == "to-plc" else "to-plc"]
@@ -198,8 +198,8 @@ def judge_tls(line: LineFacts) -> Finding | None:
     end = SegmentFacts(line.end.ns, 0, 0, line.end.packet)
     side = "the PLC end" if line.end.by_plc else "the partner"
     if not answer:
-        what = "is no TLS" if other.content else f"is {line.end.kind.upper()} of {side}"
-        return Finding(0.85, (f"a TLS ClientHello, and the answer {what}",), way=hello, at=end)
+        what = "bytes that are no TLS" if other.content else f"{line.end.kind.upper()} of {side}"
+        return Finding(0.85, (f"a TLS ClientHello was answered by {what}",), way=hello, at=end)
     data = sum(kind == _DATA and len(body) > 40 for records in both.values() for kind, body in records)
     asked = both[hello]
     if not any(kind == _DATA for kind, _ in asked) and not (len(asked) > 2 and data):
@@ -210,7 +210,7 @@ def judge_tls(line: LineFacts) -> Finding | None:
         return Finding(0.75, (text,), at=end)
     if _is_finish_refused(asked, answer, line, hello):
         side = "the PLC end" if hello == "to-plc" else "the partner"
-        text = f"{side} answered the end of the handshake with one encrypted alert, and nothing more"
+        text = f"{side} answered the end of the handshake with one encrypted alert, nothing more"
         return Finding(0.75, (text,), way="from-plc" if hello == "to-plc" else "to-plc", at=end)
     return None
 
@@ -243,7 +243,7 @@ def judge_serial_errors(line: LineFacts) -> Finding | None:
         if errors:
             amount = sum(errors.values())
             kinds = ", ".join(f"{kind} {often}" for kind, often in errors.most_common())
-            text = f"{count(amount, 'error')} of the line in {count(flow.bytes, 'byte')}: {kinds}"
+            text = f"{count(amount, 'line error')} in {count(flow.bytes, 'byte')}: {kinds}"
             sure = 0.95 if amount > 2 else 0.8
             return Finding(sure, (text,), way=way, at=flow.first_of("line error"), is_fact=True)
     return None

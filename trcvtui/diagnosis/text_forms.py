@@ -43,8 +43,8 @@ def find_text(messages: Sequence[bytes]) -> FoundText | None:
     if not end and not all(_NUMBER_BYTES.issuperset(one) for one in messages):
         return None
     shown = messages[-1].decode("ascii", "replace").strip()[:MOST_SHOWN]
-    ended = f", each ends in {_TEXT_ENDS[end]}" if end else ""
-    return FoundText(f"all {len(messages)} messages are text{ended}, the last is {shown!r}", end)
+    ended = f"; each ends in {_TEXT_ENDS[end]}" if end else ""
+    return FoundText(f"all {len(messages)} messages are text{ended}; the last is {shown!r}", end)
 
 
 def has_only_numbers(receiver: Receiver) -> bool:
@@ -59,7 +59,7 @@ def has_only_numbers(receiver: Receiver) -> bool:
 def offer_text(receiver: Receiver, found: FoundText, longest: int) -> RemedyOffer:
     way = f", cut at {found.end.hex(' ').upper()} (TwinCAT: ReceiveString with that suffix)"
     suffix = way if found.end else ""
-    text = f"receive a text: DATA as ARRAY[0..{longest - 1}] OF CHAR{suffix}; convert it in the program"
+    text = f"receive a text: DATA as ARRAY[0..{longest - 1}] OF CHAR{suffix}; convert the text in the program"
     return RemedyOffer((Remedy(text),))
 
 
@@ -92,7 +92,7 @@ def offer_string(receiver: Receiver, messages: Sequence[bytes]) -> RemedyOffer |
     most = find_string_header(messages)
     if most and most != rules.text.length(type_) and HEADER + most == longest:
         return _offer_type(
-            receiver, f"STRING[{most}]", longest, f"the partner's STRING has {most} places: declare it so"
+            receiver, f"STRING[{most}]", longest, f"the partner's STRING has {most} places: declare DATA so"
         )
     if most or not _is_mostly_text(messages):
         return None
@@ -107,7 +107,7 @@ def _offer_type(receiver: Receiver, name: str, size: int, text: str) -> RemedyOf
     mends = [line if receiver.data else Remedy(line.text)]
     if receiver.need not in (receiver.room, size):
         pin = f"{receiver.instance}.LEN={size}"
-        mends.append(Remedy(f"with it LEN {size}", f"set {pin.replace('.', ' ')}", f"instance.{pin}"))
+        mends.append(Remedy(f"also set LEN to {size}", f"set {pin.replace('.', ' ')}", f"instance.{pin}"))
     cured = receiver._replace(need=size, room=size, type=None)
     return RemedyOffer((*mends, *offer_frame_reset(receiver)), cured)
 
@@ -120,8 +120,8 @@ def describe_sent_strings(receiver: Receiver, messages: Sequence[bytes]) -> str:
     if not most or any(len(one) != HEADER + most for one in messages):
         return ""
     return (
-        f"messages are STRINGs with their header: {messages[-1][1]} of {most} places used in the last; "
-        f"DATA as STRING[{most}] reads them, TSEND_C of a STRING with LEN 0 sends them"
+        f"messages are STRINGs with header, the last with {messages[-1][1]} of {most} places used: "
+        f"DATA as STRING[{most}] reads them; TSEND_C of a STRING with LEN 0 sends such messages"
     )
 
 
@@ -145,8 +145,8 @@ def describe_utf_8_bytes(messages: Sequence[bytes], need: int) -> str:
     if sizes != {need}:
         return ""
     return (
-        f"each byte above 7F comes as two, C2 or C3 before it, in {len(high)} of {len(messages)} messages: "
-        f"UTF-8; turned back, all have {need} bytes"
+        f"in {len(high)} of {len(messages)} messages each byte above 7F comes as two, the first C2 or C3 "
+        f"(UTF-8); decoded, all messages have {need} bytes"
     )
 
 

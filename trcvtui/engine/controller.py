@@ -134,7 +134,7 @@ FRAMING: Final = "framing"
 SAVE_USAGE: Final = "save scenario FILE, save recording FILE, or save project [FILE] [!]"
 RECORD: Final = "record"  # begins a recording, `record stop` ends it
 RECORDING: Final = "recording"
-BOX_OFF: Final = "[options] black_box on, and the run that the screen began with, not recorded by --record"
+BOX_OFF: Final = "[options] black_box on, no --record, and the run with which the screen began"
 TRIGGER: Final = "trigger"
 SCENARIO: Final = "scenario"
 PROJECT: Final = "project"
@@ -351,7 +351,7 @@ class Controller:
     def _require_box(self) -> BlackBox:
         if self.black_box is None and self.recorded:
             raise mistake(
-                "prompt", "a run that --record keeps, to its end", "that recording, or `trcvtui run` without"
+                "prompt", "a run that --record records", "that recording, or a start without --record"
             )
         if self.black_box is None:
             raise mistake("prompt", "no black box for this run", BOX_OFF)
@@ -377,7 +377,7 @@ class Controller:
         if self._edits.saved != self._begun_with:
             before = self._edits.before
             if before is None:
-                found = "a session that began with additions which were in no file"
+                found = "a session that began with unsaved additions"
                 raise mistake("prompt", found, "a session begun after `save project`: open the file again")
         elif self._edits.read_file_text() != self._edits.text:
             before = self._edits.text

@@ -39,7 +39,7 @@ OPERATORS: Final[dict[str, Callable[[Any, Any], bool]]] = {
 }  # fmt: skip
 RISES, OFF = "rises", "off"
 PIN_WITH_DONE: Final = "RCVD_LEN"
-TRIGGER_FORM: Final = "X STATUS=80C5, X EN_R rises, X RCVD_LEN!=96, rx.speed > 100, or off"
+TRIGGER_FORM: Final = "`X STATUS=80C5`, `X EN_R rises`, `X RCVD_LEN!=96`, `rx.speed > 100`, or `off`"
 _COMPARISON: Final = re.compile(r'((?:"[^"]*"|"(?![^"]*")|[^=!<>"])+?)\s*(!=|<=|>=|=|<|>)\s*(.+)', re.DOTALL)
 _EDGE: Final = re.compile(r"(\S+)(?:\s+(\S+))?\s+(rises|falls)")
 _HOLD: Final = re.compile(r"(.*\S)\s+hold", re.DOTALL)
@@ -229,7 +229,7 @@ class TriggerWatch:
         self._seq = self._bench.runtime.ledger.last_seq
         if trigger is None:
             return "no trigger is armed"
-        return f"armed{'; it is true already and fires when it becomes true again' if self._held else ''}"
+        return f"armed{'; it is already true: it fires when it becomes true again' if self._held else ''}"
 
     def check_scan(self) -> TriggerEvent | None:
         """Read the events of the last scan; return the trigger's event if it fired then, else None."""

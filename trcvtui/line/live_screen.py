@@ -70,7 +70,7 @@ class TapDriver(ProcessDriver):
         """Return the newest picture that has arrived; raise TapEnded."""
         picture = super().poll_picture()
         if picture is not None and picture.over:
-            raise TapEnded(f"{picture.over}: both ends have seen an end (TCP: FIN or RST)")
+            raise TapEnded(f"{picture.over}: both ends were informed (TCP: FIN or RST)")
         return picture
 
     def describe_cuts(self) -> str:

@@ -92,7 +92,7 @@ def _guess_plc_ends(
     for each in found:
         guess = guess_plc(each, given, known)
         if given is not None and guess.why != "--plc" and each.protocol != "serial":
-            why_not[each.number] = "it is not of this PLC"
+            why_not[each.number] = "it is not a conversation of this PLC"
         else:
             usable[each.number] = each, guess
     return usable
@@ -121,7 +121,7 @@ def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) ->
             unassigned[number] = why_not or "no connection was built"
             continue
         if key not in names and len(names) == MOST_AD_HOC_ENDS:
-            unassigned[number] = f"there are {MOST_AD_HOC_ENDS} PLC ends before it"
+            unassigned[number] = f"only {MOST_AD_HOC_ENDS} PLC ends get a shadow"
             continue
         if key not in names:
             names[key] = f"C{abs(number)}"
@@ -147,9 +147,9 @@ def _key(conversation: Conversation, guess: PlcGuess) -> tuple[object, ...]:
 def _explain_no_shadow(base: Project, conversation: Conversation, is_asked: bool) -> str:
     """Return why datagrams or a serial line get no ad-hoc shadow; "" if they get a shadow."""
     if conversation.protocol == "serial":
-        return "a serial line: it needs a ComBuffer of a project"
+        return "a serial line needs a ComBuffer of a project"
     if not any(block_row(block).speaks_udp for block in base.dialect.blocks):
-        return f"UDP: no block of {base.dialect.name} receives it"
+        return f"UDP: no block of {base.dialect.name} receives datagrams"
     ends = conversation.there.address, conversation.back.address
     service = next((_DATAGRAM_SERVICES[port] for _, port in ends if port in _DATAGRAM_SERVICES), "")
     return "" if is_asked or not service else f"UDP: {service}"
@@ -299,14 +299,14 @@ def plan_for_project(found: Sequence[Conversation], project: Project, plc: str |
             name = _find_fitting_link(project, guess, listens, given is not None)
         if name is None:
             kind = "ComBuffer" if each.protocol == "serial" else "CONNECT"
-            unassigned[number] = f"no {kind} of the project fits it, or several do"
+            unassigned[number] = f"no {kind} of the project fits, or several fit"
             continue
         if name not in taken:
             is_free = guess.says.address in ends
             taken[name] = _adapt_link(_link(project, name), guess, listens, is_free)
             ends.add(guess.says.address)
         if each.protocol == "tcp" and getattr(taken[name], "active", None) == listens:
-            unassigned[number] = f"{name} has the other role in a conversation before it"
+            unassigned[number] = f"{name} has the other role (active or passive) in an earlier conversation"
             continue
         parts[number] = (ShadowPart(name, False, listens),)
         if back:

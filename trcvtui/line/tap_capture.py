@@ -344,7 +344,7 @@ def record_tap(asks: int) -> None:
         while (data := way.feed(os.read(way.fd, READ_BYTES))) != b"":
             _write_stdout(data or b"")
     except OSError as failed:
-        sys.stderr.write(f"--record: {failed.strerror}; the recording has ended\n")
+        sys.stderr.write(f"--record: the recording has ended: write failed ({failed.strerror})\n")
         sys.exit(2)
 
 

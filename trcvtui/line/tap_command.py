@@ -68,9 +68,9 @@ class ObserverSettings(NamedTuple):
 def forward(routes: Sequence[Route], looks: ObserverSettings, record: str | None) -> int:
     """Forward until SIGTERM or Ctrl+C; raise UserError for an address that cannot be used."""
     if os.name != "posix" and (looks.is_shown or record is not None):
-        raise mistake("trcvtui tap", "Windows", "no --record and no --format here: it forwards alone")
+        raise mistake("trcvtui tap", "Windows", "no --record and no --format: here a tap only forwards")
     if looks.holds and not looks.has_screen:
-        raise mistake("--hold", "no screen", "a screen, which releases held bytes")
+        raise mistake("--hold", "no screen", "a screen: only it releases held bytes")
     raise_descriptor_limit()
     voice = _UserOutput()
     loop = Forwarder(voice.write_line)

@@ -48,7 +48,7 @@ class TapPlan(LivePlan):
         routes, to, given = self.routes, self.routes[0].to, None if plc is None else parse_plc(plc)
         self.calls = [given is not None and not _is_at(route.to, given) for route in routes]
         if given is not None and given.port is not None and any(self.calls):
-            raise mistake("--plc", f"'{plc}'", "the end at CONNECT, or the caller of LISTEN without a port")
+            raise mistake("--plc", f"'{plc}'", "the end at CONNECT, or the caller if LISTEN has no port")
         end = plc or (format_end(to.address, to.port) if to.kind != "serial" else None)
         plan_of, loaded = plan_maker(project, end, dialect)
         known = {} if loaded is None else {tap.name: tap for tap in loaded.taps}

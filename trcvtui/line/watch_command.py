@@ -95,7 +95,7 @@ class WatchLines:
             for number, size in played.left_out.items():
                 self._write(f"C{number}: {size} bytes never reached a shadow\n")
             if played.not_run:
-                self._write(f"{played.not_run} scans of silence were not run\n")
+                self._write(f"{played.not_run} scans without traffic were skipped\n")
             return
         record: dict[str, object] = {
             "assigned": [{"id": f"C{number}", "shadows": connects} for number, connects in assigned],

@@ -146,15 +146,15 @@ class _PageParts:
             found = f"FAILED: {failed} did not hold; {found}" if is_bad else f"passed, {found}"
         until, stopped = self.notes.until.scan, self.source.stopped
         if stopped:
-            found = f"up to scan {until}: {found}" if until else "nothing of the run could be seen"
+            found = f"up to scan {until}: {found}" if until else "no scan of the run could be run again"
         return found, is_bad or bool(stopped)
 
     def remarks(self) -> Iterator[str]:
         seen, until, stopped = self.notes.seen.scan, self.notes.until.scan, self.source.stopped
-        run_again = f"{count(seen, 'scan')} of the run could be run again, no more: {stopped}"
+        run_again = f"only {count(seen, 'scan')} of the run could be run again: {stopped}"
         yield run_again if stopped else self.source.seen
         if until > seen:
-            yield f"scans {seen + 1} to {until}: what the journal says; causes and frames are not known"
+            yield f"scans {seen + 1} to {until} are known only from the journal, without causes and frames"
         if self.notes.lost:
             yield f"{count(self.notes.lost, 'line')} of the ledger came too fast for this page"
         if not self._has_payload:

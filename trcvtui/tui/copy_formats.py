@@ -61,7 +61,7 @@ def make_copy_source(
     is_of_now = past is None and not of_peer  # only then the holes belong to these bytes
     holes = view_model.stream_index.list_holes(view_model.selected, of_job) if is_of_now else ()
     lacks = sum(map(len, holes))  # of a capture
-    size = count(len(content), "byte") + f" ({lacks} not captured: 00 here)" * bool(lacks)
+    size = count(len(content), "byte") + f" ({lacks} not captured, shown as 00)" * bool(lacks)
     title = "" if not content and past is None else f"{job}, {size}" if job else f"{size} of {name}"
     return CopySource(view_model.project, content, declared, edges, title)
 

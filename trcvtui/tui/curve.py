@@ -103,7 +103,7 @@ class CurveView(TextView, inherit_bindings=False):
         known, frozen = self._view_model.known_messages, self._view_model.frozen_at
         words = self.instance, count(known.count, "message"), *known.list_remarks()
         state = f"frozen in scan {frozen}" if frozen is not None else ""
-        window = "paused: end follows again" if self.window.end is not None else ""
+        window = "paused: press end to follow" if self.window.end is not None else ""
         return " · ".join(filter(None, (*words, state, window)))
 
     def _explain_lack(self) -> str:

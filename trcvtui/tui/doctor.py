@@ -84,7 +84,7 @@ class FindingList(CardText):
         if self.findings:
             return scope
         others = len(seen.findings)
-        return f"{HEALTHY}: {scope}" + (f"; {count(others, 'finding')} elsewhere: a" if others else "")
+        return f"{HEALTHY}: {scope}" + (f"; a shows {count(others, 'finding')} elsewhere" if others else "")
 
     def _finding_row(self, number: int, one: Finding) -> Row:
         confidence = f"{one.confidence:.0%} sure"

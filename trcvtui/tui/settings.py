@@ -67,7 +67,7 @@ def _read_table(path: Path, problems: list[str]) -> dict[str, Any]:
     except FileNotFoundError:
         pass
     except OSError as failed:
-        problems.append(f"{path}: found {failed.strerror}, expected a file that can be read")
+        problems.append(f"{path}: found no readable file ({failed.strerror}), expected one")
     except UserError as wrong:
         problems += wrong.lines()
     return {}

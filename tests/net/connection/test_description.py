@@ -160,7 +160,7 @@ def test_a_tcon_param_of_iso_has_tsaps() -> None:
     assert find_flaw(DescribedConnect(description, says, "127.0.0.1")) is None
     wrong = Description(param, pack(param, values | {"local_tsap_id": b"\x10\x02A"}))
     found = find_flaw(DescribedConnect(wrong, read_spec(wrong), "127.0.0.1"))
-    assert found == (Flaw.TSAP, "local_tsap_id", "10 02 41: must be two bytes or more, E0 first")
+    assert found == (Flaw.TSAP, "local_tsap_id", "10 02 41, expected two bytes or more that begin with E0")
 
 
 def asked(**values: FieldValue) -> DescribedConnect:

@@ -155,7 +155,7 @@ async def test_a_finding_a_stuck_job_a_hung_engine_and_a_wrong_clock_stand_in_ro
         await screen.tell(late)
         assert "clock?" in next(line for line in screen.text.splitlines() if "press/C1" in line)
         await screen.press("end", "enter")
-        assert "clock    2 h behind ours" in screen.text
+        assert "clock    2 h behind our clock" in screen.text
 
 
 async def test_a_filter_lists_what_has_its_words_while_it_is_typed() -> None:

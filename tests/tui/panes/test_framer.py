@@ -201,8 +201,8 @@ async def test_what_goes_wrong_after_a_stream_is_said_beforehand() -> None:
         await shown.press("3")
         assert " warn " not in shown.words
         for line, told in (
-            ("set RD LenSuffix=0", "No suffix and Timeout = 0: with fewer than 16 bytes it waits forever"),
-            ("set RD Timeout=20", "A gap is a guess over TCP"),
+            ("set RD LenSuffix=0", "No suffix and Timeout = 0: RD waits forever for 16 bytes"),
+            ("set RD Timeout=20", "A gap over TCP is a guess"),
             ("set TRCV_C_1 ADHOC=0", "TRCV_C_1 has ADHOC = 0"),
             ("set TRCV_C_1 EN_R=0", "TRCV_C_1 has EN_R = 0: no bytes come"),
         ):
@@ -215,7 +215,7 @@ async def test_marks_longer_than_the_size_are_told_and_a_sound_framing_is_not_wa
         await shown.press("3")
         assert " warn " not in shown.words
         await shown.do("set RD SizeReceiveData=2", scans=2)
-        assert "warn prefix and suffix are 1 + 2 bytes, SizeReceiveData is 2" in shown.words
+        assert "warn prefix and suffix have 1 + 2 bytes, but SizeReceiveData is 2" in shown.words
 
 
 # -- the line ------------------------------------------------------------------------------------------------

@@ -283,4 +283,4 @@ async def test_a_search_tells_which_hit_of_how_many_and_places_have_numbers() ->
         await press(looker, "slash")
         await looker.type("@720")
         await press(looker, "enter")
-        assert "offset 720 = 16#2D0 is not here, only bytes 0 to 79 are" in looker.words("origin-line")
+        assert "offset 720 = 16#2D0 is not kept (only bytes 0 to 79 are)" in looker.words("origin-line")

@@ -106,7 +106,7 @@ async def test_a_run_to_the_end_says_that_all_has_held(size: tuple[int, int]) ->
         await stage.choose("frame")
         await stage.press("r")
         await stage.scan(20)
-        assert "✓ held: all 11 steps" in stage.text
+        assert "✓ passed: all 11 steps" in stage.text
         assert "7006{4} 7008" in stage.text
         await stage.press("1")
         assert "▸ ✓ A frame in two parts" in stage.text

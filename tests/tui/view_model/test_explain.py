@@ -71,8 +71,8 @@ async def test_an_edge_of_the_past_is_explained_with_its_own_numbers() -> None:
         await desk.press("4", "M", "down", "down", "3")
         card = desk.words("status")
         assert "in the past" in card
-        assert "closed (FIN) with 20 of 24 bytes of the job done" in card
-        assert "whole messages of 20 bytes, but the frame wants 24: 4 bytes" in card
+        assert "closed the connection (FIN) when the job had 20 of 24 bytes" in card
+        assert "messages had 20 bytes, but a frame has 24; missing: 4 bytes" in card
 
 
 async def test_the_newest_edge_is_explained_with_the_numbers_of_now() -> None:

@@ -159,9 +159,9 @@ def check_target(address: RemoteAddress) -> Outcome | None:
     if wrong is not None:
         return wrong
     if address.address == ANY_ADDRESS:
-        return _addr_error(Condition.REMOTE_WRONG, "ADDR names no address")
+        return _addr_error(Condition.REMOTE_WRONG, "ADDR holds no address")
     if address.port == 0:
-        return _addr_error(Condition.NEEDS_ADDR, "ADDR names no port")
+        return _addr_error(Condition.NEEDS_ADDR, "ADDR holds no port")
     return None
 
 

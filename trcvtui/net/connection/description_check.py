@@ -205,7 +205,7 @@ def _check_identity(connect: DescribedConnect) -> FlawAnswer | None:
     if 1 <= connect.meaning.identity <= MOST_ID:
         return None
     name = "id" if connect.description.structure.field("id") else "ID"
-    return Flaw.ID, name, f"{name} is {connect.meaning.identity}, not 1 to {MOST_ID}"
+    return Flaw.ID, name, f"{name} is {connect.meaning.identity}, expected 1 to {MOST_ID}"
 
 
 def _check_configured(connect: DescribedConnect) -> FlawAnswer | None:
@@ -219,7 +219,7 @@ def _check_interface(connect: DescribedConnect) -> FlawAnswer | None:
     names_own = connect.meaning.remote_name or connect.description.structure.name.startswith("TCON_QDN")
     field = "local_device_id" if connect.description.structure.field("local_device_id") else "InterfaceId"
     if connect.description.number(field) == 0 and not names_own:
-        return Flaw.INTERFACE, field, f"{field} is 0, but must be a hardware identifier such as 64"
+        return Flaw.INTERFACE, field, f"{field} is 0, expected the identifier of a port, such as 64"
     if connect.own_address == ANY_ADDRESS:
         return Flaw.NO_LOCAL_ADDRESS, field, "LocalAddress is 0.0.0.0: the interface has no address"
     return None
@@ -264,17 +264,13 @@ def _test_tsap(connect: DescribedConnect) -> FlawAnswer | None:
     for field in ("LocalTSelector", "RemoteTSelector"):
         size = _selector_length(connect.description, field)
         if size > LONGEST_SELECTOR:
-            return Flaw.PARAMETER, field, f"TSelLength is {size}, more than {LONGEST_SELECTOR}"
+            return Flaw.PARAMETER, field, f"TSelLength is {size}, expected at most {LONGEST_SELECTOR}"
     if not local:
         return Flaw.TSAP, "LocalTSelector", "the local T-selector is empty"
     if len(local) < TSAP_SIZES.start and not connect.meaning.is_active:
-        return (
-            Flaw.TSAP,
-            "LocalTSelector",
-            "the local T-selector has one byte, but a passive end needs two or more",
-        )
+        return Flaw.TSAP, "LocalTSelector", "the local T-selector has one byte, but a passive end needs two"
     if len(local) == 2 and local[0] not in _first_bytes(connect):
-        return Flaw.TSAP, "LocalTSelector", f"two bytes must begin with E0, not {local[0]:02X}"
+        return Flaw.TSAP, "LocalTSelector", f"two bytes have to begin with E0, not with {local[0]:02X}"
     if local.startswith(b"SIMATIC-"):
         return Flaw.TSAP, "LocalTSelector", "SIMATIC- is reserved for the system"
     return None
@@ -290,7 +286,7 @@ def check_narrow_tsap(local: bytes) -> DescriptionFlaw | None:
     if len(local) >= 2 and local[0] in TSAP_FIRST_BYTES and local[1] > 1:
         text = f"after {local[0]:02X} comes 00 or 01, not {local[1]:02X}"
     elif any(not 0x20 <= byte < 0x7F for byte in local[2:]):
-        text = f"from the third byte on: ASCII, not {local[2:].hex(' ')}"
+        text = f"from the third byte on it has to be ASCII, not {local[2:].hex(' ')}"
     return DescriptionFlaw(Flaw.TSAP, "LocalTSelector", text) if text else None
 
 
@@ -305,7 +301,7 @@ def _check_param_tsap(connect: DescribedConnect) -> FlawAnswer | None:
     if not connect.meaning.is_active and (
         len(local) < TSAP_SIZES.start or local[0] not in _first_bytes(connect)
     ):
-        return Flaw.TSAP, "local_tsap_id", f"{local.hex(' ')}: must be two bytes or more, E0 first"
+        return Flaw.TSAP, "local_tsap_id", f"{local.hex(' ')}, expected two bytes or more that begin with E0"
     return None
 
 
@@ -317,7 +313,7 @@ def _check_param_lengths(connect: DescribedConnect) -> FlawAnswer | None:
     for field, taken in _allowed_param_lengths(spec):
         if number(field) not in taken:
             wanted = " or ".join(map(str, taken)) if len(taken) < 4 else f"{taken[0]} to {taken[-1]}"
-            return Flaw.PARAMETER, field, f"{field} is {number(field)}, not {wanted}"
+            return Flaw.PARAMETER, field, f"{field} is {number(field)}, expected {wanted}"
     return None
 
 
@@ -361,9 +357,9 @@ def _check_remote(connect: DescribedConnect) -> FlawAnswer | None:
         return None
     # 0.0.0.0 is "any partner" on a passive end.
     if spec.is_active and spec.remote_address == ANY_ADDRESS:
-        return Flaw.PARAMETER, "RemoteAddress", "RemoteAddress is 0.0.0.0, not the partner's address"
+        return Flaw.PARAMETER, "RemoteAddress", "RemoteAddress is 0.0.0.0, expected the partner's address"
     if is_group(spec.remote_address):
-        text = f"{spec.remote_address} is not one partner; multicast groups are not joined"
+        text = f"{spec.remote_address} is no address of a single partner; multicast groups are not joined"
         return Flaw.REMOTE, "RemoteAddress", text
     # On loopback that is no mistake: the bench and its peers share the address.
     if spec.remote_address == connect.own_address and not is_loopback(spec.remote_address):

@@ -61,7 +61,7 @@ class FleetCard(CardText):
         )
         if skew := line.agent.skew_s:
             behind = "behind" if skew > 0 else "ahead of"
-            shown = f"{age_text(int(abs(skew) * SECOND))} {behind} ours; all times are ours"
+            shown = f"{age_text(int(abs(skew) * SECOND))} {behind} our clock; all times are of our clock"
             yield from self._labelled("clock", [shown], "warn")
         recorded = next((event for _, event in self._list_events() if event.file), None)
         if recorded is not None:

@@ -35,7 +35,7 @@ STATE_STYLES: Final = {  # by the state of a line: the lamp, its style, the styl
 }
 SPARK_BLOCKS: Final = "·▁▂▃▄▅▆▇█"  # none, 1, 2 and more, 4 and more .. 128 and more
 NO_AGENT_LINES: Final = (
-    "  no line yet: the broker has nothing from an agent below trcvtui/v1",
+    "  no line yet: no agent has published below trcvtui/v1",
     "  trcvtui agent PROJECT.toml --mqtt ... publishes a project",
 )
 

@@ -186,7 +186,7 @@ class FitList(LineView):
             return
         self._drawn = known
         self.cursor = max(0, min(self.cursor, len(fits) - 1))
-        head = self._lab.judgement or "f judges which profile fits the bytes, and shows why"
+        head = self._lab.judgement or "press f to rank the profiles by how they fit the bytes"
         self._rows = [(row((line, "strong" if fits else "dim")), None) for line in wrap_text(head, width)]
         for number, found in enumerate(fits):
             chosen = number == self.cursor

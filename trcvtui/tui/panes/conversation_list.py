@@ -126,7 +126,7 @@ class ConversationList(LineView):
         to_plc = self._chosen_direction()[1]
         way = talk.to_plc if to_plc else talk.from_plc
         if what.verb in ("edit", "drop") and not way.held:
-            self._actions.complain("nothing is held in this direction: h holds")
+            self._actions.complain("nothing is held in this direction: press h to hold it")
             return
         verb = "go" if what.verb == "hold" and way.held is not None else what.verb
         line, number = f"tap {talk.tap} {'to-plc' if to_plc else 'from-plc'}", f"conversation {talk.number}"

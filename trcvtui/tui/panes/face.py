@@ -68,7 +68,7 @@ class ReceivedFace(Vertical):
 
     def _select_offset(self, goal: Jump, select: Callable[[int], None], kept: range, lack: str = "") -> None:
         is_here, is_older = goal.number in kept, lack and goal.number < kept.start
-        why = lack if is_older else f"not here, only bytes {kept.start} to {kept.stop - 1} are"
+        why = lack if is_older else f"not kept (only bytes {kept.start} to {kept.stop - 1} are)"
         self.note = "" if is_here else f"{goal.about} is {why}"
         if is_here:
             select(goal.number)

@@ -256,7 +256,7 @@ class StatusCard(TextView):
         if self._sends_nothing:
             self._actions.complain("`do` is only text here: this screen sends no commands")
         elif self._past is not None:
-            self._actions.complain("this is the past: esc goes back to now, and to what to do")
+            self._actions.complain("this is the past: esc goes back to now, where `do` has advice")
         elif lines := self._remedy_lines():
             self._actions.open_prompt(*lines)
         else:
@@ -356,7 +356,7 @@ class StatusCard(TextView):
         if isinstance(shown, StatusEdge) or not shown.last_is_expected or link is None or link.incarnation:
             return []
         code = status_word(shown.last_error_status or 0)
-        return [f"{code} expected: EN_R was set before the connection; it receives once it is up"]
+        return [f"{code} expected: EN_R came before the connection; once that is up, it receives"]
 
     def _list_tls_warnings(self, shown: InstanceSnapshot | StatusEdge) -> list[str]:
         project = self._view_model.project

@@ -327,12 +327,12 @@ class Timing(LineView):
         self.go_to(self._scan + scans)
 
     def action_any_edge(self, direction: int) -> None:
-        self.go_to(self.wave.find_next_edge(self._scan, direction), "no further edge is known")
+        self.go_to(self.wave.find_next_edge(self._scan, direction), "no further edge")
 
     def action_row_edge(self, direction: int) -> None:
         lane = self._lane()
         if lane is not None:
-            self.go_to(lane.find_next_edge(self._scan, direction), "no further edge of this row is known")
+            self.go_to(lane.find_next_edge(self._scan, direction), "no further edge of this row")
 
     def action_next_error(self) -> None:
         """Go to the next ERROR; in the present go to the newest ERROR, at the last ERROR to the first."""

@@ -347,8 +347,8 @@ def _describe_outcome(player: PlayerSnapshot) -> tuple[str, str]:
     failed, steps = player.failed, player.steps
     if player.finished:
         if not failed:
-            return f"✓ held: all {count(len(steps), 'step')}", "done"
-        ended = "; a wait that fails ends it" if player.current < len(steps) else ""
+            return f"✓ passed: all {count(len(steps), 'step')}", "done"
+        ended = "; a failed wait ends a scenario" if player.current < len(steps) else ""
         return f"✗ FAILED: {len(failed)} of {count(len(steps), 'step')}{ended}", "error"
     line = clip(plain(steps[player.current].line), LONGEST_LINE)
     if player.running:

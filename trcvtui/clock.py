@@ -1,4 +1,4 @@
-"""The only clock of the program: monotonic nanoseconds, UTC, processor time; sleeping until a deadline."""
+"""The only clock of the program: monotonic nanoseconds, UTC, processor time, and sleep until a deadline."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""The user's files: read whole, up to a limit; written to a new file, then renamed: never half written.
+"""Reads the user's files whole, up to a limit. Writes a new file and renames it: it is never half written.
 
-Rule 1: a FIFO, a device or a folder under the name of a file is refused at once; nothing waits for it.
+Rule 1: a FIFO, a device or a folder under the name of a file is refused at once. Nothing waits for it.
 Rule 2: a write that fails leaves the old file as it was, and no new file beside it.
 Rule 3: a file that this process has read is not overwritten, unless the caller sets `is_own`.
-Rule 4: after `refuse_files` this process opens no file: a read-only screen needs no files.
-Rule 5: inside `read_from` files come from a FilesRead, by name; nothing is read from the disk.
+Rule 4: after `refuse_files` this process opens no file. A read-only screen needs no files.
+Rule 5: inside `read_from` a FilesRead gives the files by name. Nothing is read from the disk.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _disk_substitutes: list[FilesRead] = []  # the last one is read in place of the 
 
 
 class FilesRead:
-    """The contents of files that were read, by name; `digests`: SHA-256 of files without kept content.
+    """The contents of files that were read, by name. `digests` has SHA-256 of files without content here.
 
     Relative names are relative to `folder`.
     """
@@ -73,7 +73,7 @@ class FilesRead:
 
 @contextmanager
 def record_reads(files: FilesRead) -> Iterator[None]:
-    """Keep in `files` each file that this process reads."""
+    """Inside the block, store in `files` each file that this process reads."""
     _read_recorders.append(files)
     try:
         yield
@@ -92,7 +92,7 @@ def read_from(files: FilesRead) -> Iterator[None]:
 
 
 def is_disk_replaced() -> bool:
-    """Return whether `read_from` replaces the disk; if so, libraries must not open files."""
+    """Return whether `read_from` replaces the disk. If so, libraries must not open files."""
     return bool(_disk_substitutes)
 
 
@@ -101,7 +101,7 @@ def is_folder(path: FileName) -> bool:
 
 
 def make_folder(path: FileName, key: str) -> None:
-    """Make a folder if it does not exist; raise UserError that names `key`."""
+    """Make a folder if it does not exist. If that fails, raise UserError that names `key`."""
     try:
         os.mkdir(path)
     except FileExistsError:
@@ -113,7 +113,7 @@ def make_folder(path: FileName, key: str) -> None:
 
 @contextmanager
 def make_folder_or_undo(path: FileName, key: str) -> Iterator[None]:
-    """Make a folder if it does not exist; if the block fails, a new folder that is empty is removed."""
+    """Make a folder if it does not exist. If the block fails, remove the new folder if it is empty."""
     is_new = not os.path.lexists(path)
     make_folder(path, key)
     try:
@@ -131,7 +131,7 @@ def absolute_name(path: FileName) -> str:
 
 
 def refuse_files(why: str) -> None:
-    """Refuse each later open of a file in this process; `why` is the reason of the error."""
+    """From now on refuse to open files in this process. `why` is the reason in the error."""
     _refusal_reasons.append(why)
 
 
@@ -230,7 +230,7 @@ def create_file(path: FileName, where: str, replaces: bool = False) -> IO[bytes]
 
 @contextmanager
 def open_private_file() -> Iterator[tuple[int, str]]:
-    """Give a private file and the name by which a library opens it; it is removed after the block.
+    """Give a private file and the name by which a library opens it. After the block, remove the file.
 
     The file is in memory if the system has such files, else in the folder for temporary files (mode 0600).
     """
@@ -254,7 +254,7 @@ def open_private_file() -> Iterator[tuple[int, str]]:
 def replace_file(
     path: FileName, where: str, is_own: bool = False, is_new: bool = False, mode: int = 0o666
 ) -> Iterator[IO[bytes]]:
-    """Give a file to write; after the block it replaces `path` on the disk in one step.
+    """Give a file to write. After the block, the file replaces `path` on the disk in one step.
 
     If the block fails, nothing has changed. Raise UserError for a file that was read (unless `is_own`),
     for a path that is no regular file, for a taken name if `is_new`, and if the system refuses.
@@ -289,7 +289,7 @@ def replace_file(
 def write_file(
     path: FileName, content: str | bytes, where: str, is_own: bool = False, is_new: bool = False
 ) -> None:
-    """Write this content as `replace_file` does; a text becomes UTF-8 with unchanged line ends."""
+    """Write this content as `replace_file` does. Text becomes UTF-8 with unchanged line ends."""
     with replace_file(path, where, is_own, is_new) as file:
         file.write(content.encode() if isinstance(content, str) else content)
 

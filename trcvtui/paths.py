@@ -32,7 +32,7 @@ def state_folder() -> Path:
 
 
 def runtime_folder() -> Path:
-    """Return the folder where a user's running programs find each other; systemd sets it for a service."""
+    """Return the folder where a user's running programs find each other. For a service, systemd sets it."""
     from tempfile import gettempdir  # only when needed: a faster start
 
     given, of_user = os.environ.get("RUNTIME_DIRECTORY", ""), os.environ.get("XDG_RUNTIME_DIR", "")
@@ -42,10 +42,10 @@ def runtime_folder() -> Path:
 
 
 def resolve_path(text: str) -> Path:
-    """Return the file that a word of the command line names; raise UserError if it names two examples.
+    """Return the file that a word of the command line names. Raise UserError if it names two examples.
 
-    The user's own file comes first. If there is none, `configs/types/weight.st` and, without folder and
-    suffix, `80c5-partner-closes` are examples that come with the program.
+    The user's own file comes first. Otherwise a path such as `configs/types/weight.st` names a file of the
+    program. A name without folder and suffix, such as `80c5-partner-closes`, names an example.
     """
     path = Path(text)
     if os.path.lexists(path):
@@ -63,7 +63,7 @@ def resolve_path(text: str) -> Path:
 
 
 def list_examples(word: str | None = None) -> Iterator[str]:
-    """Yield a line for each project and story; with `word`, lines with this word, scenarios included."""
+    """Yield a line for each project and story. With `word`, yield lines with it, even of scenarios."""
     root = configs_path()
     shown = ("stories/*.toml", "guide/*.toml", "*.toml", "tls/*.toml", "scenarios/stories/*.toml")
     for pattern in ("**/*.toml",) if word else shown:

@@ -1,4 +1,4 @@
-"""Signals that a child process ignores: its parent gets them too, and the child ends when the pipe closes."""
+"""Signals that a child process ignores. Its parent gets them, and the child ends when the pipe closes."""
 
 import signal
 from typing import Final

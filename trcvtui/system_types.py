@@ -1,4 +1,4 @@
-"""System data types of Siemens, one row for each field: for `udt` and the bytes of a CONNECT (STEP 7 help).
+"""System data types of Siemens (STEP 7 help), a row for each field, for `udt` and the bytes of a CONNECT.
 
 Rule: names and offsets are kept only here. If no page of the help shows offsets, `is_verified` is False.
 """
@@ -22,7 +22,7 @@ class FieldType(StrEnum):
 
 
 class DescriptionField(NamedTuple):
-    """One field of a structure; offset and size in bytes. `data_type`: the name of its type in STEP 7."""
+    """One field of a structure. Offset and size are in bytes. `data_type` is its type's name in STEP 7."""
 
     name: str
     offset: int
@@ -32,9 +32,9 @@ class DescriptionField(NamedTuple):
 
 
 class Structure(NamedTuple):
-    """One system type; `size` in bytes; the last `spare` of these bytes may be missing.
+    """One system type. `size` is in bytes. The last `spare` bytes may be missing.
 
-    `head`: a structure with the fields that come first; in STEP 7 these fields are one member, ConnPara.
+    `head` is a structure with the first fields. In STEP 7 these fields are one member, ConnPara.
     """
 
     name: str

@@ -71,13 +71,13 @@ def size_text(size: float) -> str:
 
 
 def parse_size(text: str) -> int | None:
-    """Return the bytes of `64KiB` or `32MiB`, None for a text that is no size."""
+    """Return the number of bytes in a text such as `64KiB`, or None if the text is no size."""
     found = re.fullmatch(r"(\d{1,9})(B|KiB|MiB|GiB)?", text, re.ASCII)
     return int(found[1]) * SIZE_UNITS[found[2] or "B"] if found else None
 
 
 def exact_size(size: int) -> str:
-    """Return `64KiB`, as `parse_size` reads it."""
+    """Return a size as exact text such as `64KiB`, which `parse_size` reads."""
     unit = next(unit for unit in reversed(SIZE_UNITS) if size % SIZE_UNITS[unit] == 0)
     return f"{size // SIZE_UNITS[unit]}{unit}"
 
@@ -94,7 +94,7 @@ def utc_text(ns: int) -> str:
 
 
 def format_columns(rows: Iterable[tuple[str, ...]], sides: str) -> Iterator[str]:
-    """Yield rows in columns, escaped; `sides` has a letter for each column: r right-aligned, l left."""
+    """Yield rows in columns, escaped. `sides` has a letter for each column, r right-aligned or l left."""
     columns = [_escape_column(column) for column in zip(*rows, strict=True)]
     if not columns:  # no rows
         return iter(())
@@ -115,7 +115,7 @@ _SURROGATE: Final = re.compile(r"\\\\|\\ud[89ab]..\\ud[c-f]..|\\(ud[89a-f]..)")
 
 
 def json_text(value: object, **form: Any) -> str:
-    """Return a value as JSON in ASCII: bytes from a wire stay data. `form` are options of `json.dumps`.
+    """Return a value as JSON in ASCII, so that bytes from a wire stay data. `form` is for `json.dumps`.
 
     A lone surrogate is written as six characters such as `\\udc00`, as in `one_line`.
     """

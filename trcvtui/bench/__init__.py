@@ -1,1 +1,1 @@
-"""One PLC and its peers on one kernel and one clock; also the program, the trials and the doctor."""
+"""A test bench: a PLC and its peers, on one kernel and one clock, with a program, trials and a doctor."""

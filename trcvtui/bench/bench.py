@@ -49,7 +49,7 @@ NEVER: Final = 1 << 62
 
 
 def enter_own_network(kernel: str, sim: SimDecl = NO_ADDRESSES) -> None:
-    """Move this process into a new network with the addresses of [sim]; raise UserError if that fails."""
+    """Move this process into a new network with the addresses of [sim]. Raise UserError if that fails."""
     if kernel != "live":
         raise mistake("--netns", f"--kernel {kernel}", "--kernel live: only that one uses a real network")
     from trcvtui.net.os.network import enter_namespace
@@ -60,7 +60,7 @@ def enter_own_network(kernel: str, sim: SimDecl = NO_ADDRESSES) -> None:
 
 
 def set_link(kernel: Kernel, connect: str, up: bool) -> tuple[str, str]:
-    """Cut or mend the wire of a CONNECT; return an error text or "", and a text on the method."""
+    """Cut or mend the wire of a CONNECT. Return an error text or "", and a text that names the method."""
     if isinstance(kernel, SimKernel):
         return kernel.set_link(connect, up), "simulated wire"
     from trcvtui.net.os.network import LOOPBACK_INTERFACE, has_own_network, set_loopback
@@ -72,7 +72,7 @@ def set_link(kernel: Kernel, connect: str, up: bool) -> tuple[str, str]:
 
 
 def find_peer_link(peer: PeerDecl, project: Project) -> str:
-    """Return the NAME with which `link NAME down` cuts off this peer; "": no CONNECT leads to the peer."""
+    """Return the NAME in `link NAME down` that cuts off a peer, or "" if no CONNECT leads to the peer."""
     end = peer.remote if peer.udp else peer.end
     if isinstance(end, str):
         return end.removeprefix("@")
@@ -93,7 +93,7 @@ def _connects_by_instance(project: Project) -> dict[str, str]:
 
 
 class TrafficCheck:
-    """One check of numbered frames, begun by `check on`; the next `check on` or `check off` ends it."""
+    """A check of numbered frames, from one `check on` to the next `check on` or `check off`."""
 
     def __init__(self, peer: Peer, command: NumberedFramesOn) -> None:
         self._peer = peer
@@ -354,14 +354,14 @@ class Bench:
         return self._sim
 
     def quiet_until(self) -> int | None:
-        """Return `Runtime.quiet_until`; `now` while a program runs, or with checks, peers or sessions."""
+        """Return `now` if a program runs or checks, peers or sessions exist, else `Runtime.quiet_until`."""
         is_alone = self._program.is_over and not (self._checks or self.peers or self._has_sessions)
         return self.runtime.quiet_until() if is_alone else self.now
 
     # -- time ---------------------------------------------------------------------------------------
 
     def step(self, now: int | None = None) -> None:
-        """Let a scan pass at `now` (None: next multiple of the interval); peers act before and after it."""
+        """Let a scan pass at `now`, or at the next multiple of the interval. Peers act before and after."""
         due = self.runtime.scans * self.runtime.interval_ns if now is None else now
         if self.peers and self._sim is not None:
             while isinstance(at := self._find_next_peer_time(due), int):
@@ -431,7 +431,7 @@ class Bench:
         self._record_and_do("rest", 0, self.step_peers)
 
     def _find_next_peer_time(self, scan: int) -> object:
-        """Return when a peer or the simulated network acts next; None: nothing acts before `scan`."""
+        """Return when a peer or the simulated network acts next, or None if nothing acts before `scan`."""
         if self._is_replay:
             entry = cast("ReplaySeam", self._seam).peek_call()
             return entry.args[0] if entry is not None and entry.call == "rest" and entry.args else None
@@ -483,7 +483,7 @@ class Bench:
     # -- commands -------------------------------------------------------------------------------------
 
     def do(self, command: words.BenchCommand) -> str:
-        """Carry out a command that lets no scan pass; return what is wrong, or ""."""
+        """Carry out a command that lets no scan pass. Return what is wrong, or ""."""
         row = find_record_row(type(command))
         act = row.act
         if act is None:

@@ -1,4 +1,4 @@
-"""Conditions of `wait` and `expect`: whether a condition holds now, and which values are there."""
+"""Checks whether a condition of `wait` or `expect` holds now, and names the values that are there."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""The doctor of a bench: when it judges a run, its findings by CONNECT, `doctor` lines that wait for them.
+"""The doctor of a bench: when it judges a run, and how `doctor` lines wait for its findings.
 
-Rule: another process judges (diagnosis/doctor_process.py); its bounded answer is read between two scans.
+Rule: the process of diagnosis/doctor_process.py judges. Its bounded answer is read between two scans.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ NOT_KEPT_TEXT: Final = 'this run is not kept; the doctor needs [options] black_b
 
 
 class Judge(Protocol):
-    """A process that judges the run; `result_json`: the findings of that process."""
+    """A process that judges the run and puts its findings into `result_json`."""
 
     result_json: bytes
     progress: str  # in plain words, "": none yet
@@ -57,7 +57,7 @@ class BenchDoctor:
         self._looks = False
 
     def ask(self, judge: Judge, bench: Bench, number: int, line: str, command: Doctor) -> str:
-        """Start the judge if needed; return the text to show until `advance` returns the answer."""
+        """Start the judge if needed. Return the text to show until `advance` returns the answer."""
         if judge.looks_again or not self.snapshot.looks:
             self._start_judging(judge, bench)
         self._waiting.append((number, line, command))
@@ -82,7 +82,7 @@ class BenchDoctor:
             self._ended_ns = clock.now_ns()
 
     def advance(self, judge: Judge | None, bench: Bench, is_wanted: bool) -> Iterable[LineAnswer]:
-        """Read a result; start the judge if findings are wanted and due; answer the waiting lines."""
+        """Read the judge's result. If `is_wanted`, start the judge when due. Answer the waiting lines."""
         if judge is None:
             if is_wanted:
                 self.snapshot = DoctorSnapshot(1, trouble=NOT_KEPT_TEXT)
@@ -153,7 +153,7 @@ def _port(end: str) -> str:
 
 
 def answer_command(command: Doctor, seen: DoctorSnapshot, project: Project) -> tuple[str, str]:
-    """Return an error text or "", and the text of the findings on an instance, on a CONNECT or on all."""
+    """Return an error text or "", and the findings on an instance, on a CONNECT or on all as text."""
     if seen.trouble:
         return seen.trouble, ""
     some = findings_of(command.name, seen.findings, project)
@@ -165,7 +165,7 @@ def answer_command(command: Doctor, seen: DoctorSnapshot, project: Project) -> t
 
 
 def findings_of(name: str, findings: Iterable[Finding], project: Project) -> tuple[Finding, ...]:
-    """Return the findings of an instance or a CONNECT ("": all), and the findings without a CONNECT."""
+    """Return the findings of an instance or a CONNECT, or all for "". Add findings without a CONNECT."""
     decl = project.instance(name)
     connect = decl.connect if decl is not None else name
     return tuple(

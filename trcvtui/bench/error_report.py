@@ -36,7 +36,7 @@ _written_reports: dict[tuple[str, Path | None], str] = {}
 
 
 def write_report(trace: str, project: Project | None, lines: Sequence[Line], folder: Path | None) -> str:
-    """Write a report into `folder` (None: state folder); return "report PATH", or why there is none."""
+    """Write a report into `folder` or the state folder. Return "report PATH", or why there is no report."""
     key = trace, folder
     if key in _written_reports and "\n" in trace:  # the same error again
         return _written_reports[key]
@@ -75,7 +75,7 @@ def locate_error(error: BaseException) -> str:
 
 
 def trace_of(error: BaseException) -> str:
-    """Return the trace of an exception and its causes, without texts; the last line names the exception."""
+    """Return the trace of an exception and its causes, without texts. The last line names the exception."""
     before = error.__cause__ or error.__context__
     earlier = f"{trace_of(before)}\n\n" if before is not None else ""
     return f"{earlier}{''.join(traceback.format_tb(error.__traceback__))}{locate_error(error)}"

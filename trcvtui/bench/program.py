@@ -1,6 +1,6 @@
 """The `program` of a project: bench commands that are carried out in sequence while scans pass.
 
-Rule: it writes only what a program can write, inputs and DATA; all else comes from peers and the user.
+Rule: a program writes only inputs and DATA. All else comes from peers and the user.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def read_program(project: Project) -> tuple[words.Step, ...]:
 
 
 class Program:
-    """Runs steps on one bench, once. A `wait` that times out ends the program; the ledger notes this."""
+    """Runs steps once on one bench. A `wait` that times out ends the program, and the ledger notes this."""
 
     def __init__(self, steps: Sequence[words.Step], bench: ProgrammedBench) -> None:
         self._bench = bench
@@ -48,7 +48,7 @@ class Program:
         self.is_over = False
 
     def filter_steps(self, left_of: Callable[[words.BenchCommand], words.BenchCommand | None]) -> None:
-        """Replace each command by what `left_of` returns for it; None: by a command that does nothing."""
+        """Replace each command by what `left_of` returns, or by a command without effect for None."""
         nothing = words.RunScans(0)
         self._steps = [replace(step, command=left_of(step.command) or nothing) for step in self._steps]
 

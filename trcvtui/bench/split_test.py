@@ -1,6 +1,6 @@
-"""Tries every split: one message whole, then in two chunks, once for each place where it can be cut.
+"""Tries every split of a message: first the whole message, then two chunks for each possible cut.
 
-Rule: a trial lets no scan pass. `run` yields for each scan; then a scenario or a screen lets it pass.
+Rule: a trial lets no scan pass. `run` yields for each scan, and a scenario or a screen lets the scan pass.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MOST_LENGTHS: Final = 6  # RCVD_LENs that are shown
 
 
 class _RunResult(Struct):
-    """The result of one run: (STATUS, ERROR) scan by scan, and each frame as (RCVD_LEN, DATA)."""
+    """The result of one run: STATUS and ERROR of each scan, RCVD_LEN and DATA of each frame."""
 
     scans: list[tuple[int, bool]] = field(default_factory=list)
     frames: list[tuple[int, bytes]] = field(default_factory=list)
@@ -47,7 +47,7 @@ class _RunResult(Struct):
 
 
 class SplitTest:
-    """One trial on one bench; `snapshot` is the table of results so far."""
+    """One trial on one bench. `snapshot` is the table of results so far."""
 
     def __init__(self, bench: Bench, command: TrySplits) -> None:
         self._bench = bench
@@ -82,7 +82,7 @@ class SplitTest:
         return self._state == RUNNING
 
     def verdict(self) -> str:
-        """Return what is wrong with the trial; "": as many splits differ as expected (None: any number)."""
+        """Return what is wrong with the trial, or "" if the number of differing splits is as expected."""
         if self._problem:
             return self._problem
         expected = self._command.differ
@@ -114,7 +114,7 @@ class SplitTest:
         return f"the job of {name} already holds {held} bytes" if held else ""
 
     def _try_cut(self, cut: int) -> Iterator[None]:
-        """Send the message, cut after `cut` bytes (0: whole), and record how the instance receives it."""
+        """Send the message whole or cut after `cut` bytes, and record how the instance receives it."""
         command, run = self._command, _RunResult()
         split = (cut,) if cut else ()
         wrong = self._bench.do(PeerSend(command.peer, command.payload, split, self._gap_ns))
@@ -197,7 +197,7 @@ def trial_text(trial: TrialSnapshot) -> str:
 
 
 class ScreenSplitTest:
-    """Runs the trial of a screen, at most one at a time; `advance` continues the trial before each scan."""
+    """Runs at most one trial at a time for a screen. `advance` continues the trial before each scan."""
 
     def __init__(self) -> None:
         self._trial: SplitTest | None = None
@@ -212,7 +212,7 @@ class ScreenSplitTest:
         return ""
 
     def stop(self) -> str:
-        """End the running trial; if it has ended already, close its table."""
+        """End the running trial. If the trial has ended already, close its table."""
         if self._trial is not None and self._trial.is_running:
             self._trial.cancel()
         else:

@@ -1,4 +1,4 @@
-"""The interface of every block: bound once, called once a scan; its job can be read."""
+"""The interface of every block. A block is bound once and called once a scan, and its job can be read."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trcvtui.net.connection.resources import Claim
 
 
 class JobBinding(Struct, frozen=True):
-    """What every job needs. `data` None: the DATA pin is open; `priority`: the priority of the task."""
+    """What every job needs. `data` is None if the DATA pin is open. `priority` is that of the task."""
 
     env: Environment
     data: DataArea | None
@@ -31,25 +31,25 @@ class JobBinding(Struct, frozen=True):
 
 
 class ConnectBinding(JobBinding, frozen=True):
-    """The binding of an instance on a CONNECT; `address`: the value of ADDR, only for datagrams."""
+    """The binding of an instance on a CONNECT. `address` is the value of ADDR, only for datagrams."""
 
     connection: Connection
     address: RemoteAddress | None = None
 
     def class_of(self, row: BlockRow) -> str:
-        """Return the row's `datagrams`, else `single` for a vendor that has such blocks, else `shared`."""
+        """Return the row's `datagrams`, else `single` if the vendor has single blocks, else `shared`."""
         is_single = bool(row.single) and self.env.rules.single_instructions
         return row.datagrams or (row.single if is_single else row.shared)
 
 
 class AnyBinding(Protocol):
-    """A binding of any kind; `class_of` returns the class of a block for this kind of binding."""
+    """A binding of any kind. `class_of` returns the class of a block for this kind of binding."""
 
     def class_of(self, row: BlockRow) -> str: ...
 
 
 class Job(Protocol):
-    """`have` of `need` bytes have moved; `last_bytes_at`: when bytes last moved, in ns."""
+    """A job that has moved `have` of `need` bytes. `last_bytes_at` is when bytes last moved, in ns."""
 
     @property
     def running(self) -> bool: ...

@@ -25,8 +25,8 @@ NO_TEXT_LENS: Final = LeastTextLens()
 class DataArea:
     """One global variable: its IEC type as text, its size and its bytes. `generation` counts the writes.
 
-    `newest`: where the newest write ended, in bytes; `longest`: the furthest end of all writes.
-    `symbolic`: the variable is in an optimized block, where its bytes have no defined order.
+    `newest` is where the newest write ended, `longest` the furthest end of all writes, both in bytes.
+    If `symbolic`, the variable is in an optimized block, where its bytes have no defined order.
     """
 
     def __init__(
@@ -48,13 +48,13 @@ class DataArea:
         self.generation = self.newest = self.longest = 0
 
     def write(self, offset: int, payload: bytes | memoryview) -> None:
-        """Overwrite bytes from `offset`; bytes beyond the end are left out."""
+        """Overwrite bytes from `offset` on. Bytes beyond the end of the variable are left out."""
         room = max(0, self.size - offset)
         self.content[offset : offset + min(room, len(payload))] = payload[:room]
         self._note_write(min(self.size, offset + len(payload)))
 
     def swap(self, content: bytearray) -> bytearray:
-        """Make `content` (of the same size) the new bytes; return the old bytes. Nothing is copied."""
+        """Take `content`, of the same size, as the new bytes and return the old bytes, without a copy."""
         old, self.content = self.content, content
         self._note_write(self.size)
         return old

@@ -12,7 +12,7 @@ from trcvtui.net.connection.resources import Resources
 
 
 class BytesArrived(NamedTuple):
-    """Bytes entered a ComBuffer. `position`: where the first byte is in its ring (received_ring.py)."""
+    """Bytes entered a ComBuffer. `position` is the first byte's place in the ring of received bytes."""
 
     buffer: str
     offset: int
@@ -21,7 +21,7 @@ class BytesArrived(NamedTuple):
 
 
 class BytesLost(NamedTuple):
-    """Bytes had no room in a ComBuffer, or left it unread. `offset`: where the next byte enters."""
+    """Bytes did not fit into a ComBuffer, or left it unread. `offset` is where the next byte enters."""
 
     buffer: str
     offset: int
@@ -44,7 +44,7 @@ class FrameEnded(NamedTuple):
 
 
 class PartialFrameDropped(NamedTuple):
-    """The part of a frame was dropped: `incomplete, 2 bytes, connection closed`."""
+    """A partial frame was dropped, such as `incomplete, 2 bytes, connection closed`."""
 
     instance: str
     buffer: str
@@ -54,7 +54,7 @@ class PartialFrameDropped(NamedTuple):
 
 
 class NoiseDropped(NamedTuple):
-    """Bytes before a prefix, from `offset` on, were dropped; `total`: all such bytes since the start."""
+    """Bytes before a prefix were dropped, from `offset` on. `total` counts such bytes since the start."""
 
     instance: str
     buffer: str
@@ -74,7 +74,7 @@ SerialNote = BytesArrived | BytesLost | FrameEnded | PartialFrameDropped | Noise
 
 
 class JobStarted(NamedTuple):
-    """A receive job began; `length`: how many bytes the job needs (static), or takes at most (ad-hoc)."""
+    """A receive job began. A static job needs `length` bytes, an ad-hoc job takes at most `length`."""
 
     instance: str
     job: int
@@ -94,7 +94,7 @@ class ModeChange(NamedTuple):
 
 
 class JobEnded(NamedTuple):
-    """A receive job ended; if `done`, `size` bytes of the stream, from `offset` on, went to DATA.
+    """A receive job ended. If `done`, `size` bytes of the stream went to DATA, from `offset` on.
 
     These bytes are contiguous unless a job of another priority has read in between: see BytesReceived.
     """
@@ -110,7 +110,7 @@ class JobEnded(NamedTuple):
 
 
 class SendStarted(NamedTuple):
-    """A send job of `length` bytes began; `offset`: how many bytes this incarnation sent before."""
+    """A send job of `length` bytes began. The connection's incarnation had sent `offset` bytes before."""
 
     instance: str
     job: int
@@ -121,7 +121,7 @@ class SendStarted(NamedTuple):
 
 
 class SendEnded(NamedTuple):
-    """A send job ended; the stack took `size` bytes from `offset` on: all bytes of the job if `done`."""
+    """A send job ended. The stack took `size` bytes from `offset` on, all bytes of the job if `done`."""
 
     instance: str
     job: int
@@ -137,7 +137,7 @@ JobNote = JobStarted | ModeChange | JobEnded | SendStarted | SendEnded | SerialN
 
 
 class Environment(Struct):
-    """The surroundings of every block of one PLC; `scan` (number) and `now` (ns) of the running scan.
+    """What all blocks of one PLC share. `scan` and `now` are the number and time (ns) of the running scan.
 
     `write` puts a note into the ledger.
     """

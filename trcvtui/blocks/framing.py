@@ -17,9 +17,9 @@ class FrameEnding(StrEnum):
 
 
 class Framing(Struct, frozen=True):
-    """How frames are cut. `size`: the most bytes of a frame; `timeout_ns`: the longest gap (0: no limit).
+    """How to cut frames of at most `size` bytes. `timeout_ns` is the longest gap, and 0 sets no limit.
 
-    `text`: frames are STRINGs. A byte 00 ends a frame; a frame that reaches `size` has not ended well.
+    If `text`, frames are STRINGs. A byte 00 ends a frame. A frame that reaches `size` has not ended well.
     """
 
     size: int
@@ -47,7 +47,7 @@ class Frame(NamedTuple):
 
 
 class FramerStep(NamedTuple):
-    """One call of a framer: how many bytes it took, and the frame that is complete now, if any."""
+    """The result of one call of a framer: the number of bytes taken, and a frame if one is complete."""
 
     used: int
     frame: Frame | None = None
@@ -60,9 +60,9 @@ KEPT_NOISE_BYTES: Final = 256
 
 
 class Framer:
-    """Cuts a stream into frames and keeps the begun part of a frame. `discarded` counts the bytes of noise.
+    """Cuts a stream into frames and keeps an incomplete frame. `discarded` counts the bytes of noise.
 
-    `had_false_start`: noise found in the last call contained the first byte of the prefix.
+    If `had_false_start`, the noise found in the last call contained the first byte of the prefix.
     """
 
     def __init__(self) -> None:
@@ -140,7 +140,7 @@ class Framer:
         return end - before
 
     def _find_end(self, before: int, framing: Framing) -> tuple[int, FrameEnding] | None:
-        """Return where the frame ends, and by what; the first `before` bytes were searched already."""
+        """Return where a frame ends, and what ends it. The first `before` bytes were searched already."""
         prefix, suffix = framing.prefix, framing.suffix
         # A suffix may begin in the bytes of an earlier call, but not in the prefix.
         at = self._part.find(suffix, max(len(prefix), before - len(suffix) + 1)) if suffix else -1
@@ -156,13 +156,13 @@ class Framer:
 
 
 def _longest_prefix_start(joined: bytes, head: bytes) -> int:
-    """Return the length of the longest end of `joined` that is a beginning of `head`, but not all of it."""
+    """Return the length of the longest end of `joined` with which `head` begins, shorter than `head`."""
     longest = min(len(head) - 1, len(joined))
     return next((n for n in range(longest, 0, -1) if joined.endswith(head[:n])), 0)
 
 
 class FrameMarks(NamedTuple):
-    """A delivered frame: its bytes, how many of them are prefix and suffix, and what ended it."""
+    """A delivered frame: its size, the sizes of its prefix and suffix, and what ended the frame."""
 
     size: int
     prefix: int
@@ -175,7 +175,7 @@ class FrameMarks(NamedTuple):
 
 
 class FrameTally(NamedTuple):
-    """How many frames ended well, by a gap, or without the suffix; how many parts were dropped, and why."""
+    """Counts of frames that ended well, by a gap or without suffix, and of dropped parts with a reason."""
 
     good: int = 0
     gaps: int = 0

@@ -55,9 +55,9 @@ PSEUDO_CALL_CAUSES: Final = {
 
 
 class Cause(Struct, frozen=True):
-    """Evidence: a pin's edge, a kernel call and its errno name, bytes have / need, the partner, the owner.
+    """The evidence for an outcome, such as a pin's edge, a kernel call with its errno, or the partner.
 
-    `injected` is True where a fault plan and not the kernel answered. Empty fields do not apply.
+    If `injected`, a fault plan answered and not the kernel. Empty fields do not apply.
     """
 
     why: CauseKind
@@ -79,14 +79,14 @@ class Cause(Struct, frozen=True):
 
     @property
     def underlying_call(self) -> str:
-        """Return the kernel call of this cause, named as in a `fault` command; "": there is none."""
+        """Return the kernel call of this cause, named as in a `fault` command, or "" if there is none."""
         if self.call == "resolve" and not self.errno:  # `@NAME` of the bench
             return ""
         return UNDERLYING_CALLS.get(self.call, self.call)
 
     @property
     def errno(self) -> str:
-        """Return the name of the errno that the kernel call returned; "" if there is none."""
+        """Return the name of the errno that the kernel call returned, or "" if there is none."""
         if self.call == "session" or not _ERRNO.fullmatch(self.error):
             return ""
         return str(self.error)
@@ -99,7 +99,7 @@ NEXT_REQ: Final = Cause(
 
 
 def send_full_cause(fault: Fault, name: str, need: int, peer: str) -> Cause:
-    """Return the cause if the stack took no byte of a send; `fault`: FULL, or a fault from a fault plan."""
+    """Return the cause if the stack took no byte of a send. `fault` is FULL or comes from a fault plan."""
     call, error, injected = fault.call, fault.error, fault.injected
     return Cause(
         CauseKind.BYTES, name, call=call, error=error, injected=injected, peer=peer, have=0, need=need
@@ -118,17 +118,17 @@ def cause_of_fault(fault: Fault, peer: str = "") -> Cause:
 
 
 class Lamp(Enum):
-    """Whether an outcome is BUSY or DONE, if its condition alone does not decide that."""
+    """BUSY or DONE of an outcome, if the condition alone does not decide that."""
 
     BUSY = "busy"
     DONE = "done"
 
 
 class Outcome(Struct, frozen=True, eq=False):
-    """The answer of one call. `rcvd_len` is non-zero only with DONE; `clear_com_rst` writes COM_RST back.
+    """The result of one call. `rcvd_len` is non-zero only with DONE. `clear_com_rst` sets COM_RST to FALSE.
 
-    Blocks on a ComBuffer keep `rcvd_len` until the next frame begins, and also set `rx_timeout` or `byte`.
-    `stable`: calls return this until an input changes, the CONNECT has an event, or its connection ends.
+    A block on a ComBuffer keeps `rcvd_len` until the next frame begins, and sets `rx_timeout` or `byte`.
+    If `stable`, calls return this until an input changes, the CONNECT has an event or its connection ends.
     """
 
     condition: Condition

@@ -1,4 +1,4 @@
-"""What a pin is, and the inputs of one call; each block reads the inputs that it has."""
+"""The pins of blocks, and the inputs of one call. Each block reads the inputs that it has."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Direction(StrEnum):
 
 
 class Pin(Struct, frozen=True):
-    """One pin. `edge` pins act on their rising edge; `label`: the drawn name, if it differs.
+    """One pin. A pin with `edge` acts on its rising edge. `label` is the drawn name, if it differs.
 
-    `shows`: the field of Outcome that an output shows.
+    `shows` is the field of Outcome that an output pin shows.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Pin(Struct, frozen=True):
 
 
 class Inputs(Struct, frozen=True):
-    """The input pins, by the manual's names in lower case; `len` in bytes, 0 = size of DATA."""
+    """The input pins, with the manual's names in lower case. `len` is in bytes; 0 is the size of DATA."""
 
     en_r: bool = False
     req: bool = False

@@ -33,19 +33,19 @@ PLAIN_SET_UP_CONDITIONS: Final[SetUpConditions] = {
 
 class StatusSequence(Struct, frozen=True):
     """Which condition a block shows in which scan. Each condition of a tuple shows for one scan.
-    `reset`: what COM_RST shows; `reset_ends_send`: the error that shows first and ends a running send job.
+    `reset`: what COM_RST shows. `reset_ends_send`: the error that shows first and ends a running send job.
     `rebuilding`: what shows between an error and "connecting" when the block reconnects.
     `let_go`: what a block shows after another block has closed or reset the connection.
     `closes_together`: if CONT falls on two blocks of a connection in one scan, both show the close.
-    `idle_loss`: the error of a loss while no job runs; None: an error only for a dead link.
-    `job_loss`: the error that ends a job, by kind; any other kind is "send failed" or "receive failed".
-    `still_asked`: the error that EN_R = 1 shows in the scan after a loss that ended a job; a separate TRCV
+    `idle_loss`: the error of a loss while no job runs. If it is None, only a dead link shows an error.
+    `job_loss`: the error that ends a job, by kind of loss. Other kinds: "send failed" or "receive failed".
+    `still_asked`: the error that EN_R = 1 shows in the scan after a loss that ended a job. A separate TRCV
     shows this error while the connection is rebuilt.
     `teardown`: "closing" shows before the error of a loss that ends a job.
-    `silent_connect`: a failed attempt shows no error; `silent_dead_link`: a dead link shows no error.
+    `silent_connect`: a failed attempt shows no error. `silent_dead_link`: a dead link shows no error.
     `reset_closes`: COM_RST closes the connection and its listener, and builds both anew.
-    `request_connects`: an edge of REQ or EN_R = 1 connects too; with CONT the connection outlives the job.
-    `faults_once`: a receive job that every call refuses shows its error once; False: each call shows it.
+    `request_connects`: an edge of REQ or EN_R = 1 connects too. With CONT the connection outlives the job.
+    `faults_once`: a receive job that every call refuses shows its error once, not in each call.
     `set_up`: the error of a set-up step.
     """
 

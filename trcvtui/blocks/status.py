@@ -1,4 +1,4 @@
-"""A vendor's STATUS table: the word, the condition that it shows, and advice for the reader."""
+"""A vendor's STATUS table: each STATUS word, its condition, and advice for the reader."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class Reproducibility(StrEnum):
 
 
 class StatusRow(Struct, frozen=True):
-    """One code. `manual`: the manual's section on this code; `blocks`: the blocks that list the code.
+    """One code. `manual` is the manual's section on this code, `blocks` the blocks that list the code.
 
-    `unreached`: why nothing on this bench shows it (Reproducibility.NEVER); such a row may have no condition.
-    `unsure`: what no manual says about the code: a real PLC may differ.
+    `unreached` says why nothing on this bench shows it (Reproducibility.NEVER). `condition` may be None.
+    `unsure` says what no manual says about the code. There a real PLC may differ.
     """
 
     code: int

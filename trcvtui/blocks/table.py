@@ -1,6 +1,6 @@
-"""The blocks, ONE row each: files, forms, command lines, waveforms and calls read it.
+"""The blocks, ONE row each. Files, forms, command lines, waveforms and calls read the rows.
 
-A new block is one row here and the class that the row names; a dialect with this block lists its name.
+A new block needs one row here and the class that the row names. A dialect with the block lists its name.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ MARK_NAMES: Final = ("prefix", "suffix")
 class BlockRow(Struct, frozen=True):
     """One block. Its classes are named `module:Class` and imported when an instance is made.
 
-    `shared`: its class on a CONNECT; `single`: the same for a vendor with single instructions.
-    `datagrams`: its class on a CONNECT of UDP; `on_config`: on a UDP_CONFIG; `serial`: on a ComBuffer.
-    `data_pin`: the manual's name of DATA, "" for none; `data_length`: the pin for the size of DATA.
-    `buffer_pin`: the pin of its ComBuffer; such a block has no CONNECT.
-    `pointers`: further variables: prefix first, then suffix; `mark_lengths`: the pins for both lengths.
-    `has_id`: it has an ID pin if connections have IDs; `id_alone`: with an ID pin it has no CONNECT pin.
-    `runs_as`: the condition while its job runs; the STATUS of a single instruction does not show this.
+    `shared` is its class on a CONNECT, `single` its class for a vendor with single instructions.
+    `datagrams` is its class on a CONNECT of UDP, `on_config` on a UDP_CONFIG, `serial` on a ComBuffer.
+    `data_pin` is the manual's name of DATA, or "". `data_length` is the pin for the size of DATA.
+    `buffer_pin` is the pin of its ComBuffer. A block with a ComBuffer has no CONNECT.
+    `pointers` are the variables of prefix, then suffix. `mark_lengths` are the pins for both lengths.
+    `has_id`: the block has an ID pin if connections have IDs. `id_alone`: that pin replaces CONNECT.
+    `runs_as` is the condition while its job runs. The STATUS of a single instruction does not show it.
     """
 
     name: str
@@ -86,7 +86,7 @@ class BlockRow(Struct, frozen=True):
 
     @property
     def owns_link(self) -> bool:
-        """Return whether the block builds its own CONNECT; a ComBuffer can use only such a block's stream.
+        """Return whether the block builds its own CONNECT. A ComBuffer needs the stream of such a block.
 
         On a CONNECT of UDP the block needs an ADDR.
         """
@@ -356,7 +356,7 @@ def find_pin(name: str) -> Pin | None:
 
 
 def outcome_field(name: str) -> str:
-    """Return the field of Outcome that an output shows; "" for any other name."""
+    """Return the field of Outcome that an output shows, or "" if `name` is no output."""
     pin = find_pin(name)
     return pin.shows if pin is not None else ""
 

@@ -1,4 +1,4 @@
-"""`trcvtui conversations`: the content of a capture that has one file or several."""
+"""`trcvtui conversations` shows the content of a capture in one or several files."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ TABLE_WIDTH: Final = 80  # columns of text
 
 
 def merge_packets(paths: Sequence[str], troubles: list[Problem]) -> Iterator[tuple[Packet, CaptureReader]]:
-    """Yield the packets of one capture in several files, each with its reader.
+    """Yield the packets of a capture in several files, each packet with its reader.
 
-    The first packet of each file is read at once, the others in turn; `troubles` collects read errors.
+    The first packet of each file is read at once, later packets in turn. `troubles` collects read errors.
     """
     waiting = sorted(((_first_ns(path), n) for n, path in enumerate(paths)), reverse=True)
     running: list[tuple[int, int, Packet, CaptureReader, Iterator[tuple[Packet, CaptureReader]]]] = []
@@ -62,7 +62,7 @@ def _read_packets(path: str, troubles: list[Problem]) -> Iterator[tuple[Packet, 
 
 
 def read_captures(paths: Sequence[str], found: Conversations, troubles: list[Problem]) -> None:
-    """Read all packets, several files in order of time; raise UserError for a file that is no capture."""
+    """Read all packets, of several files by time. Raise UserError for a file that is no capture."""
     if len(paths) == 1:
         with open_capture(paths[0]) as reader:
             found.names = reader.interface_name
@@ -80,7 +80,7 @@ def read_captures(paths: Sequence[str], found: Conversations, troubles: list[Pro
 def format_conversations(
     paths: Sequence[str], plc: str | None, form: str, known: KnownEnds | None = None
 ) -> Iterator[str]:
-    """Yield the lines of `trcvtui conversations`; raise UserError if nothing can be read."""
+    """Yield the lines of `trcvtui conversations`. Raise UserError if nothing can be read."""
     given = None if plc is None else parse_plc(plc)
     found, troubles = Conversations(), list[Problem]()
     read_captures(paths, found, troubles)
@@ -99,7 +99,7 @@ def format_conversations(
 
 
 def capture_notes(found: Conversations, troubles: list[Problem], with_hosts: bool = True) -> Iterator[str]:
-    """Yield notes on a whole capture; `with_hosts`: also what ARP and ICMP say."""
+    """Yield notes on a whole capture. If `with_hosts`, include what ARP and ICMP say."""
     if with_hosts:
         yield from (fact.display_line for fact in found.host_facts())
     if not found.all:

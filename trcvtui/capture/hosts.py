@@ -1,7 +1,7 @@
 """What ARP and ICMP say about hosts: no answer, one address twice, packets that were not delivered.
 
-Rule 1: an address has no answer if one host asks for it repeatedly and no packet comes from it later.
-Rule 2: all lists are bounded, whatever comes; the oldest entry goes first.
+Rule 1: an address does not answer if a host asks for it repeatedly and then no packet comes from it.
+Rule 2: all lists are bounded, whatever comes. A full list drops its oldest entry.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _SHARED: Final = (b"\0\0\x5e\0\1", b"\0\0\x0c\x07\xac", b"\0\0\x0c\x9f", b"\0\x0
 
 
 class ArpNote(NamedTuple):
-    """A request or an answer; `sender` equals `target` when a host announces itself (gratuitous ARP)."""
+    """A request or an answer of ARP. If `sender` is `target`, a host announces itself (gratuitous ARP)."""
 
     is_answer: bool
     mac: bytes
@@ -53,11 +53,11 @@ class ArpNote(NamedTuple):
 
 
 class IcmpNote(NamedTuple):
-    """A host reports an undelivered packet; `ports`: b"" where the packet has none.
+    """A host reports an undelivered packet. `ports` is b"" if the packet has no ports.
 
-    `kind`: port (closed at the reporting host), host (unreachable), admin (forbidden), size (too large;
-    `size`: bytes that fit, 0: not said) or fragments (some did not come). `number`: the identifications
-    of both IP packets, the same in a mirror port's copy.
+    `kind` is port (closed at the reporting host), host (unreachable), admin (forbidden), size (too large)
+    or fragments (some did not come). `size` is how many bytes fit, or 0 if that is not said. `number` has
+    the identifications of both IP packets, which are the same in a mirror port's copy.
     """
 
     kind: str
@@ -88,7 +88,7 @@ class IcmpNote(NamedTuple):
 
 
 class TimedNote(NamedTuple):
-    """A note of ICMP, its time, and the number of the packet that has the note."""
+    """A note of ICMP, with its time and the number of the packet that has the note."""
 
     ns: int
     packet: int
@@ -113,7 +113,7 @@ _ICMP_MEANINGS: Final[Mapping[tuple[int, int, int], tuple[str, str]]] = {  # by 
 
 
 def parse_host_note(link_type: int, data: bytes) -> ArpNote | IcmpNote | None:
-    """Return the ARP or ICMP note in a packet; None: it has none that matters here."""
+    """Return the ARP or ICMP note in a packet, or None if the packet has no note that matters here."""
     at = find_ip_header(link_type, data, _ARP)
     if at >= 0 and data[at : at + 6] == _ARP_HEAD and len(data) >= at + 28:
         kind, mac = data[at + 7], data[at + 8 : at + 14]
@@ -162,7 +162,7 @@ def append_note(notes: list[TimedNote], ns: int, packet: int, note: IcmpNote) ->
 
 
 class HostFact(NamedTuple):
-    """A fact about hosts outside of any conversation; `ends`: host addresses, the asking host last."""
+    """A fact about hosts outside of any conversation. `ends` are host addresses, the asking host last."""
 
     cause: str
     sure: float
@@ -198,7 +198,7 @@ class _Change(NamedTuple):
 
 @dataclass(slots=True)
 class _Owner:
-    """The device that has an address: when it was last seen, and how often since the last change."""
+    """The device that has an address. It was last seen at `ns`, and `alone` times since the last change."""
 
     mac: bytes
     ns: int

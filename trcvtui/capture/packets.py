@@ -47,7 +47,7 @@ class OtherPacket(NamedTuple):
 
 
 class IpPayload(NamedTuple):
-    """What an IP packet carries: addresses of 4 or 16 bytes; where its header begins and its data ends."""
+    """The content of an IP packet, from `at` to `end`. The addresses have 4 or 16 bytes."""
 
     protocol: int
     source: bytes
@@ -58,9 +58,9 @@ class IpPayload(NamedTuple):
 
 
 class Fragment(NamedTuple):
-    """A piece of an IP packet. `at`: its offset in the content; `head`: the bytes before the whole content.
+    """A piece of an IP packet. `at` is its offset in the content. `head` has the bytes before the content.
 
-    `of`: the key that all pieces of one packet share; `length_at`: offset of the length field in the head.
+    `of` is the key that all pieces of a packet share. `length_at` is the offset of the length in the head.
     The length includes `counted` bytes of the head.
     """
 
@@ -74,7 +74,7 @@ class Fragment(NamedTuple):
 
 
 class _Pieces:
-    """The pieces of one packet: the first copy of each by its offset; the packet's size, None: not known."""
+    """The first copy of each piece of a packet, by offset. `size` is None while the size is unknown."""
 
     def __init__(self, ns: int) -> None:
         self.first_ns = ns
@@ -83,7 +83,7 @@ class _Pieces:
         self.first: Fragment | None = None
 
     def assemble(self) -> bytes | None:
-        """Return the packet; None: a piece is missing, or it is larger than a packet can be."""
+        """Return the packet, or None if a piece is missing or the packet would be too large."""
         first, size = self.first, self.size
         if first is None or size is None or sum(map(len, self.content.values())) < size:
             return None
@@ -109,7 +109,7 @@ class Fragments:
         self._lost = Counter[tuple[bytes, ...]]()
 
     def add(self, piece: Fragment, ns: int) -> tuple[bytes, int] | None:
-        """Return the packet that this piece completes, and the number of its pieces; None: not complete."""
+        """If this piece completes a packet, return the packet and the number of its pieces, else None."""
         pieces = self._packets.get(piece.of)
         if pieces is None or not 0 <= ns - pieces.first_ns <= FRAGMENTS_WAIT_NS:
             self._drop_packet(piece.of)
@@ -155,7 +155,7 @@ def _count_bounded(known: Counter[tuple[bytes, ...]], ends: tuple[bytes, ...]) -
 
 
 def find_ip_header(link_type: int, data: bytes, types: tuple[bytes, ...] = _IP_TYPES) -> int:
-    """Return where the IP header begins, or the content of another EtherType in `types`; -1: not there."""
+    """Return where the IP header or the content of another type in `types` begins, or -1 for neither."""
     if link_type in _ETHERTYPE_PLACES:
         kind, at = _parse_ethertype(link_type, data)
         return at if kind in types else -1
@@ -202,7 +202,7 @@ def _other_ip(protocol: int) -> OtherPacket:
 
 
 def ip_number(link_type: int, data: bytes) -> int:
-    """Return the Identification of IPv4, which most hosts count up with each packet; 0: no IPv4."""
+    """Return the Identification of IPv4, or 0 without IPv4. Most hosts count it up with each packet."""
     at = find_ip_header(link_type, data)
     return int.from_bytes(data[at + 4 : at + 6], "big") if at >= 0 and data[at] >> 4 == 4 else 0
 
@@ -211,7 +211,7 @@ _CarriedContent = IpPayload | Fragment | SkippedPacket | OtherPacket
 
 
 def parse_packet(link_type: int, data: bytes, length: int) -> _CarriedContent:
-    """Return the TCP or UDP of a packet, or its fragment; `length`: its bytes on the wire."""
+    """Return the TCP, UDP or fragment in a packet. `length` is the packet's number of bytes on the wire."""
     at = find_ip_header(link_type, data)
     try:
         read = None if at < 0 else _IP_PARSERS.get(data[at] >> 4)
@@ -289,11 +289,11 @@ def _tcp_options(options: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def read_window_scale(options: bytes) -> int:
-    """Return the window scale of a SYN in bits (RFC 7323); 0: it has none."""
+    """Return the window scale of a SYN in bits (RFC 7323), or 0 if the SYN has none."""
     return next((body[0] & 15 for kind, body in _tcp_options(options) if kind == _SCALE_OPTION and body), 0)
 
 
 def sack_blocks(options: bytes) -> list[tuple[int, int]]:
-    """Return the sequence numbers (begin, end) of bytes that the receiver has behind a hole (RFC 2018)."""
+    """Return the begin and end sequence numbers of bytes that were received behind a hole (RFC 2018)."""
     blocks = [body for kind, body in _tcp_options(options) if kind == SACK_OPTION]
     return [_SACK_BLOCK(body, at) for body in blocks for at in range(0, len(body) - 7, 8)]

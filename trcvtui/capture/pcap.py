@@ -1,8 +1,8 @@
-"""The codec of capture files: reads pcapng and pcap; writes pcapng: packets and the blocks around them.
+"""The codec of capture files. It reads pcapng and pcap, and writes packets and other blocks as pcapng.
 
-Rule 1: a file is read block by block; no length in it is trusted, and no block above `MOST_BLOCK` is kept.
+Rule 1: a file is read block by block. No length in it is trusted. No block above `MOST_BLOCK` is kept.
 Rule 2: time is integer nanoseconds since 1970, whatever the file counts in.
-Rule 3: what cannot be read ends the file: `trouble` says where, all packets before it are good.
+Rule 3: reading ends where a file cannot be read. `trouble` says where. All packets before it are good.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ _EXPECTED_TEXT: Final = "a capture: pcapng or pcap, also as .gz"
 
 
 class Interface(NamedTuple):
-    """An interface of a capture; ns = ticks * `numerator` // `denominator` + `offset_ns`."""
+    """An interface of a capture. ns = ticks * `numerator` // `denominator` + `offset_ns`."""
 
     link_type: int
     snaplen: int  # 0: no limit
@@ -78,10 +78,10 @@ class Interface(NamedTuple):
 
 
 class Packet(NamedTuple):
-    """One packet; `length`: bytes on the wire, `data` may have fewer; `at`: its offset in the file.
+    """One packet. It had `length` bytes on the wire, `data` may have fewer. `at` is its offset in the file.
 
-    `sent`: True: sent by the PLC; False: sent to it; None: unknown. It is set only in our own recordings
-    (with an interface of USER0): in other captures the direction flag is that of the capturing host.
+    `sent` is True for packets from the PLC, False for packets to the PLC, None if unknown. Only our own
+    recordings set it, with an interface of USER0. Elsewhere the direction flag is the capturing host's.
     """
 
     ns: int
@@ -94,9 +94,9 @@ class Packet(NamedTuple):
 
 
 class CaptureReader:
-    """The packets of one file in their order; memory holds about two chunks of the file.
+    """The packets of one file in their order. Memory holds about two chunks of the file.
 
-    `read(n)` returns at most n bytes, b"" at the end; a pipe may return fewer.
+    `read(n)` returns at most n bytes, and b"" at the end. A pipe may return fewer than n bytes.
     Raise UserError if the file does not begin as a capture.
     """
 
@@ -135,7 +135,7 @@ class CaptureReader:
         return self._packets
 
     def _fill_buffer(self, at: int, wanted: int) -> bytes:
-        """Drop the bytes before `at`; return at least `wanted` bytes from there, fewer at the end."""
+        """Drop the bytes before `at`. Return at least `wanted` bytes from `at` on, or fewer at the end."""
         self._start += at
         parts = [self._buffer[at:]]
         has = len(parts[0])
@@ -165,7 +165,7 @@ class CaptureReader:
         self.trouble = self._bad_input or Problem(f"{self.name}: byte {self._start + at}", found, expected)
 
     def _note_cut(self, at: int) -> None:
-        """Note a file that ends inside the packet or block at `at`."""
+        """If the file ends inside the packet or block at `at`, note this."""
         left = len(self._buffer) - at
         if left or self._bad_input:
             self._stop(at, f"the end of the file after {left} bytes of a packet or block", "the rest of it")
@@ -306,7 +306,7 @@ def _interface(buffer: bytes, at: int, after: int, order: str) -> Interface | No
 
 
 def parse_options(buffer: bytes, at: int, end: int, order: str) -> Iterator[tuple[int, bytes]]:
-    """Yield code and value of each option from `at` to `end`, up to the first that does not fit."""
+    """Yield code and value of each option from `at` to `end`. Stop at the first that does not fit."""
     unpack = struct.Struct(order + "HH").unpack_from
     while at + 4 <= end:
         code, size = unpack(buffer, at)
@@ -328,7 +328,7 @@ def _text(value: bytes) -> str:
 
 
 def gunzip(read: Callable[[int], bytes], first: bytes) -> Callable[[int], bytes]:
-    """Return a `read` of the unpacked bytes of all members of a .gz; EOFError: a member is cut off."""
+    """Return a `read` of all unpacked bytes of a .gz. It raises EOFError if a member is cut off."""
     import zlib
 
     unpacker = zlib.decompressobj(31)
@@ -385,7 +385,7 @@ def packet_block(
     length: int | None = None,
     sent: bool | None = None,
 ) -> bytes:
-    """Return a packet block; `length`: bytes on the wire if `data` has fewer; `sent` as in Packet."""
+    """Return a packet block. `length` and `sent` are as in Packet."""
     size = len(data)
     if not comments:
         padding = -size & 3
@@ -429,7 +429,7 @@ def _option(code: int, value: bytes) -> bytes:
 
 
 def make_block(kind: int, body: bytes, options: list[bytes] | None = None) -> bytes:
-    """Return a block of any type; `body`: its content before the options."""
+    """Return a block of any type. `body` is its content before the options."""
     parts = [body, _PADDINGS[-len(body) & 3]]
     if options:
         parts += [*options, _END_OF_OPTIONS]
@@ -440,7 +440,7 @@ def make_block(kind: int, body: bytes, options: list[bytes] | None = None) -> by
 
 @contextmanager
 def open_capture(path: FileName) -> Iterator[CaptureReader]:
-    """Open a file and yield its reader; raise UserError if the file cannot be opened or is no capture."""
+    """Open a file and yield its reader. Raise UserError if the file cannot be opened or is no capture."""
     with ExitStack() as opened:
         try:
             file = opened.enter_context(open_to_read(path))

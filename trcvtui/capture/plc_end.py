@@ -1,4 +1,4 @@
-"""Which end of a conversation is the PLC: as the user says, or a guess with its reason."""
+"""Finds which end of a conversation is the PLC, by the user's word or as a guess with its reason."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ USUAL_PORTS: Final = frozenset({102, 502, 2000, 2404, 4840, 9600, 20000, 44818, 
 
 
 class PlcEnd(NamedTuple):
-    """The PLC end that `--plc` names: its address as bytes, and its port (None: any)."""
+    """The PLC end that `--plc` names: its address as bytes, and its port. A port of None means any port."""
 
     address: bytes
     port: int | None
 
 
 class PlcGuess(NamedTuple):
-    """Which end is the PLC: the direction in which it sends, how sure this is (0 to 1), and why."""
+    """A guess which end is the PLC: the direction in which it sends, the confidence (0 to 1), and why."""
 
     says: WireDirection
     confidence: float
@@ -57,8 +57,8 @@ def parse_plc(text: str) -> PlcEnd:
 class KnownEnds(NamedTuple):
     """What a project or a recorded run says about the ends of its PLC.
 
-    The PLC listens on `listens` and calls the ports in `calls`; `own` and `partners` are addresses.
-    `connects`: the CONNECT of a run, by port of the PLC and partner as text.
+    The PLC listens on `listens` and calls the ports in `calls`. `own` and `partners` are addresses.
+    `connects` maps the PLC's port and the partner as text to the CONNECT of a run.
     """
 
     listens: frozenset[int] = frozenset()
@@ -125,16 +125,16 @@ def guess_plc(
 
 
 def make_no_match_error(where: str, given: str, found: Iterable[Conversation], offer: str = "") -> UserError:
-    """Return the error that no conversation fits a given end or project; it lists the capture's ends.
+    """Return the error that no conversation fits a given end or project. It lists the capture's ends.
 
-    `offer`: words before the list of ends; they say what the user can do with an end.
+    `offer` comes before the list of ends, and says what the user can do with an end.
     """
     ends = sorted({address_text(end.address) for each in found for end in (each.there, each.back)})
     return mistake(where, given, f"{offer}one of the ends in the capture: " + ", ".join(ends[:8]))
 
 
 def address_text(end: tuple[bytes, int]) -> str:
-    """Return an end as `10.0.0.5:2000` or `[fd00::1]:2000`, of a serial line as `serial:NAME`."""
+    """Return an end as `10.0.0.5:2000` or `[fd00::1]:2000`, or a serial line as `serial:NAME`."""
     if end[1] < 0:
         return f"serial:{end[0].decode(errors='replace')}"
     address = ip_address(end[0])

@@ -1,8 +1,8 @@
 """Makes conversations from packets: reassembled TCP streams, UDP datagrams in their order.
 
-Rule 1: the first copy of a byte counts; a different later copy is an event.
-Rule 2: bytes that the receiver acknowledged and the capture lacks are a hole; nothing fills it.
-Rule 3: bytes that wait for earlier ones or for comparison are bounded, for a direction and for all together.
+Rule 1: the first copy of a byte counts. A later copy that differs is an event.
+Rule 2: bytes that the receiver acknowledged but the capture lacks are a hole. Nothing fills a hole.
+Rule 3: bytes that wait for earlier bytes or for comparison are bounded, for each direction and for all.
 """
 
 from __future__ import annotations
@@ -95,10 +95,10 @@ class SegmentKind(Enum):
 
 
 class ConversationEvent(NamedTuple):
-    """One event. `at`: its offset in the direction; `size`: its bytes, or the nanoseconds of a silence.
-    An ACK event has no bytes: `size` is its window. EARLY bytes were captured while bytes before them
-    were missing; LATE bytes fill this gap and were sent after the EARLY bytes: a retransmission. A
-    LINE_ERROR of a serial line has framing, parity, break or overrun as `data`.
+    """One event. `at` is its offset in the direction. `size` is its bytes, or the nanoseconds of a silence.
+    An ACK event has no bytes, and its `size` is the window. EARLY bytes were captured while bytes before
+    them were missing. LATE bytes fill this gap and were sent after the EARLY bytes, as a retransmission.
+    The `data` of a LINE_ERROR of a serial line is framing, parity, break or overrun.
     """
 
     ns: int
@@ -163,7 +163,7 @@ class WireDirection:
         return self.position - self.missing
 
     def allows_fast_path(self) -> bool:
-        """Return whether only bytes in order can come: then `add_packets` takes its fast path."""
+        """Return whether only bytes in order can come, so that `add_packets` takes its fast path."""
         other, conversation = self.other, self.conversation
         return (
             self.is_firm
@@ -175,7 +175,7 @@ class WireDirection:
 
 
 class Conversation:
-    """The two directions between two ends; `there`: from the sender of the first packet."""
+    """The two directions between two ends. `there` is the direction of the first packet."""
 
     __slots__ = ("back", "begins_with_syn", "end", "first_ns", "goes_back", "is_cut", "is_established",
                  "is_ours", "last_ns", "listener", "number", "protocol", "sent", "tap",
@@ -214,7 +214,7 @@ class Conversation:
 
 
 class Conversations:
-    """All conversations of a capture, made from its packets; their events go to `on_event`.
+    """All conversations of a capture, made from its packets. Their events go to `on_event`.
 
     ACK, EARLY, LATE and LINE_ERROR are events only with `is_detailed`.
     """
@@ -327,7 +327,7 @@ class Conversations:
                 self._skip_missing(conversation.last_ns, direction, direction.position + left)
 
     def forget_silent(self, ns: int) -> list[int]:
-        """Forget conversations that ended long ago or (UDP, or if many) are silent; return the numbers."""
+        """Forget conversations that have been silent for too long. Return their numbers."""
         is_full = len(self.all) > MOST_CONVERSATIONS // 2
         over = [
             each for each in self.all if ns - each.last_ns > (SILENT_NS if is_full else each.forget_after_ns)
@@ -534,7 +534,7 @@ class Conversations:
     def _make_conversation(
         self, ns: int, protocol: str, ends: TwoEnds, macs: tuple[bytes, bytes]
     ) -> WireDirection | None:
-        """Make a conversation and return its first direction; None: too many exist, or `is_tapped`."""
+        """Make a conversation and return its first direction. Return None if too many or `is_tapped`."""
         if len(self.all) >= MOST_CONVERSATIONS or self.is_tapped:
             self.unlisted += 1
             return None
@@ -544,7 +544,7 @@ class Conversations:
         return made.there
 
     def open_tapped(self, ns: int, talk: Conversation, wire: TwoEnds, is_new: bool) -> bool:
-        """Add a conversation that a tap announces; its packets will have the ends `wire`.
+        """Add a conversation that a tap announces. Its packets will have the ends `wire`.
 
         If no SYN will come, a KEEP_ALIVE event announces `talk`. Return False above MOST_CONVERSATIONS.
         """
@@ -626,7 +626,7 @@ class Conversations:
             self._report_event(ns, direction, SegmentKind.LATE, direction.position)
 
     def _handle_ack(self, ns: int, direction: WireDirection, ack: int, size: int) -> None:
-        """Take an ACK of bytes of this direction; `size`: bytes in the acknowledging packet."""
+        """Take an ACK for bytes of this direction. The packet with the ACK carries `size` bytes."""
         if not direction.has_base:
             direction.next = direction.acked = ack  # a guess, until bytes come
             direction.has_base = True
@@ -719,7 +719,7 @@ class Conversations:
     # -- bytes -------------------------------------------------------------------------------------------
 
     def _place(self, ns: int, direction: WireDirection, at: int, data: bytes) -> None:
-        """Put bytes into their place: no delivered or waiting byte changes (rule 1), early bytes wait."""
+        """Put bytes into their place. Early bytes wait. No delivered or waiting byte changes (rule 1)."""
         old = direction.position - at
         if old > 0:
             self._compare(ns, direction, at, data[:old])
@@ -839,7 +839,7 @@ class Conversations:
 
 
 def _flow_key(protocol: str, source: tuple[bytes, int], target: tuple[bytes, int]) -> bytes:
-    """Return the key of a direction in `_flows`; the packet methods build the same key in parts."""
+    """Return the key of a direction in `_flows`. The packet methods build the same key in parts."""
     if protocol == "serial":
         return b"S%d" % source[1] + source[0]
     kind = b"U" if protocol == "udp" else b""
@@ -848,7 +848,7 @@ def _flow_key(protocol: str, source: tuple[bytes, int], target: tuple[bytes, int
 
 
 def distance(one: int, other: int) -> int:
-    """Return how far the number `one` is after `other`, modulo 2**32; negative: `one` is before `other`."""
+    """Return how far `one` is after `other`, modulo 2**32. It is negative if `one` is before `other`."""
     far = (one - other) & _SEQ_MASK
     return far - (_SEQ_MASK + 1) if far & _SEQ_HALF else far
 

@@ -146,7 +146,7 @@ def _tap(args: Args) -> int:
 
 
 def tap_screen(tap: str, asked: str, kernel: str) -> int:
-    """Show a tap, in a child of the forwarding process. `tap`: the number of the socket to that process."""
+    """Show a tap in a child of the forwarding process. `tap` is the number of the socket to the parent."""
     import json
 
     from trcvtui.line.live_screen import TapDriver

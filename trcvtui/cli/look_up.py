@@ -1,4 +1,4 @@
-"""Commands that look something up: a code, a call, a type; and shell completion."""
+"""Commands that look up a code, a call or a type, and shell completion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The entry point: runs the command that the arguments name; data go to stdout, messages to stderr.
+"""The entry point: runs the command that the arguments name. Data go to stdout, messages to stderr.
 
 Rule: a command imports what it needs inside its own function, so that headless commands start fast.
 """
@@ -32,7 +32,7 @@ COMMANDS: Final = {name: row for group in COMMAND_GROUPS.values() for name, row 
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command line; return 0 (good), 1 (an expectation failed), 2 (wrong input), 130 or 141."""
+    """Run a command line. Return 0 if good, 1 if an expectation failed, 2 for wrong input, 130 or 141."""
     prepare_streams()
     if sys.stdout is None:  # the shell's >&-
         sys.stderr.write("stdout: found it closed, expected a terminal, a file or a pipe\n")

@@ -42,7 +42,7 @@ class _WideHelpFormatter(argparse.HelpFormatter):
 
 
 class CommandParser(argparse.ArgumentParser):
-    """Prints a mistake as one line; `make_epilog` makes the help's last lines when help is shown."""
+    """A parser that prints a mistake as one line. `make_epilog` makes the last lines when help is shown."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(formatter_class=_WideHelpFormatter, allow_abbrev=False, **settings)
@@ -65,7 +65,7 @@ CommandRows = Mapping[str, CommandRow]
 
 
 def add_commands(parser: CommandParser, rows: CommandRows, metavar: str = "WHAT", **settings: Any) -> None:
-    """Add only the command that the first argument names, or all if it names none; each costs 1 ms."""
+    """Add the command that the first argument names, or all commands if it names none. Each costs 1 ms."""
     commands = parser.add_subparsers(metavar=metavar, **settings)
     for name in [word for word in parser.given[:1] if word in rows] or rows:
         about, add, run = rows[name]
@@ -91,7 +91,7 @@ def add_kernel(parser: CommandParser, default: str = "live", of: str = "") -> No
 
 
 def add_project(parser: CommandParser, help: str | None = None) -> None:
-    """Add the project as the first argument; if `help` is given, as the option --project."""
+    """Add the project as the first argument, or as the option --project if `help` is given."""
     name, about = ("--project", help) if help else ("project", "the project file")
     parser.add_argument(name, metavar="PROJECT.toml", type=resolve_path, help=about)
 

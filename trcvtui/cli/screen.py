@@ -1,6 +1,6 @@
 """The screen, and the process that sends its pictures.
 
-Rule: start that process before the import of the screen library: it reads the project during the import.
+Rule: start that process before importing the screen library, so that it reads the project meanwhile.
 """
 
 from __future__ import annotations

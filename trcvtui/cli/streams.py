@@ -1,4 +1,4 @@
-"""The standard streams: a closed one becomes the null device, so that no socket gets its number."""
+"""The standard streams. A closed stream becomes the null device, so that no socket gets its number."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 class _MessageStream(io.FileIO):
-    """stderr; a text that cannot be written is dropped, and the command continues."""
+    """The stream stderr. A text that cannot be written is dropped, and the command continues."""
 
     def write(self, text: Any, /) -> int:
         try:
@@ -19,7 +19,7 @@ class _MessageStream(io.FileIO):
 
 
 def prepare_streams() -> None:
-    """Open closed standard streams as the null device; a closed `sys.stdin` or `sys.stdout` stays None."""
+    """Open closed standard streams as the null device. A closed `sys.stdin` or `sys.stdout` stays None."""
     for number in range(3):
         try:
             os.fstat(number)

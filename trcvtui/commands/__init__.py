@@ -1,1 +1,1 @@
-"""The bench commands: a line of text is read as a frozen command, which can be written as a line again."""
+"""The bench commands. A line of text is read as a frozen command, which can be written as a line."""

@@ -49,7 +49,7 @@ _TARGET_PATTERN: Final = re.compile(r"([^\s\d.\[+][^\s.\[+]*)(?:\+([0-9]{1,9})|(
 
 
 class Target(Struct, frozen=True):
-    """A part of a variable: `size` bytes from `offset` on; `path` has no leading dot, "" is the whole."""
+    """A part of a variable: `size` bytes from `offset` on. `path` has no leading dot; "" is the whole."""
 
     decl: DataDecl
     path: str
@@ -70,12 +70,12 @@ class Target(Struct, frozen=True):
 
 
 def base_name(word: str) -> str:
-    """Return the name that a word such as `rx.speed` or `rx+4` begins with."""
+    """Return the name that begins a word such as `rx.speed` or `rx+4`."""
     return re.split(r"[.\[+]", word, maxsplit=1)[0]
 
 
 def parse_target(words: Words, project: Project) -> Target:
-    """Return the target that the next word names; raise UserError if it is no part of a variable."""
+    """Return the target that the next word names. Raise UserError if the word is no part of a variable."""
     word = words.next("the name of a DATA variable")
     decl = project.data_decl(base_name(word))
     if decl is None:
@@ -106,7 +106,7 @@ def _member_target(decl: DataDecl, path: str, words: Words) -> Target:
 
 
 def parse_write(words: Words, project: Project) -> Write:
-    """Return `write rx.speed 12.5`, `write rx hex 01 02`, `write rx {speed=1.5}`; raise UserError."""
+    """Read `write rx.speed 12.5`, `write rx hex 01 02` or `write rx {speed=1.5}`, or raise UserError."""
     start = words.place
     target = parse_target(words, project)
     payload = _parse_write_bytes(target, words, project)
@@ -141,7 +141,7 @@ def _parse_struct_bytes(target: Target, braces: str, words: Words) -> bytes:
 
 
 def parse_data_condition(words: Words, project: Project) -> Condition:
-    """Return `rx hex 01 02` or `rx.speed 12.5` as a condition; raise UserError for a mistake."""
+    """Read a condition such as `rx hex 01 02` or `rx.speed 12.5`. Raise UserError for a mistake."""
     start = words.place
     target = parse_target(words, project)
     if words.peek() in FORMS:
@@ -165,13 +165,13 @@ SUBJECT_FORM: Final = "an instance, a DATA variable or peer NAME"
 
 
 def parse_wait(words: Words, project: Project) -> Wait:
-    """Return `wait CONDITION [within T#..]`; raise UserError for a mistake."""
+    """Read `wait CONDITION [within T#..]`. Raise UserError for a mistake."""
     within = _read_within(words)
     return Wait(_read_condition(words, project), DEFAULT_LIMIT_NS if within is None else within)
 
 
 def parse_expect(words: Words, project: Project) -> Expect | ExpectTrace:
-    """Return `expect CONDITION [within T#..]` or `expect X trace PATTERN`; raise UserError if wrong."""
+    """Read `expect CONDITION [within T#..]` or `expect X trace PATTERN`. Raise UserError for a mistake."""
     if words.peek(1) == "trace" and words.peek() != "peer":
         instance = parse_instance(words, project)
         words.next("trace")
@@ -252,7 +252,7 @@ LONGEST_MARK: Final = 255  # LenPrefix is a BYTE
 
 
 def parse_mark(mark: str, words: Words, project: Project) -> SetFrameMark:
-    """Return `prefix RD hex 02`, `prefix RD text "x"` or `suffix RD none`; raise UserError."""
+    """Read `prefix RD hex 02`, `prefix RD text "x"` or `suffix RD none`. Raise UserError for a mistake."""
     instance = parse_instance(words, project)
     if not block_row(instance.block).pointers:
         found = f"'{instance.name}', a {instance.block}"
@@ -276,7 +276,7 @@ def parse_mark(mark: str, words: Words, project: Project) -> SetFrameMark:
 
 
 def _find_mark_variable(instance: InstanceDecl, mark: str, words: Words) -> str:
-    """Return the variable that holds a mark; raise UserError if the pointer is 0."""
+    """Return the variable that holds a mark. Raise UserError if the pointer is 0."""
     number = MARK_NAMES.index(mark)
     pointer = block_row(instance.block).pointers[number]
     name = instance.pointers[number] if number < len(instance.pointers) else ""

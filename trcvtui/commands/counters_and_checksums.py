@@ -1,6 +1,6 @@
-"""Numbers and checksums that are filled into a message each time it is sent; frames of self-checking traffic.
+"""Numbers and checksums that each sent message gets anew, and the frames of self-checking traffic.
 
-Rule: the number first, then the checksums in the order of their offsets, so that one may cover another.
+Rule: the number is filled in first, then the checksums by offset, so one checksum may cover another.
 """
 
 from __future__ import annotations
@@ -86,9 +86,9 @@ FILL_KINDS: Final = (*NUMBER_KINDS, *CHECKSUMS)
 
 @dataclass(frozen=True, slots=True)
 class Fill:
-    """`width` bytes at `offset`: n (binary), digits (decimal) or a checksum of all earlier bytes.
+    """`width` bytes at `offset` for a binary number, decimal digits or a checksum of all earlier bytes.
 
-    `hole`: the number is written as {n} inside the payload's text, not as an option after the text.
+    If `hole`, the number is written as {n} inside the payload's text, not as an option after the text.
     """
 
     kind: str
@@ -98,7 +98,7 @@ class Fill:
     hole: bool = field(default=False, compare=False)
 
     def content(self, before: bytes, number: int) -> bytes:
-        """Return the bytes to fill in; `before`: the bytes before them; `number`: which message, from 0."""
+        """Return the bytes to fill in after the bytes `before`. `number` counts the messages from 0."""
         if self.kind == BINARY_NUMBER:
             return (number % (1 << 8 * self.width)).to_bytes(self.width, self.order)
         if self.kind == DECIMAL_DIGITS:

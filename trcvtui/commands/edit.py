@@ -1,8 +1,8 @@
 """Lines that edit the project: `add connect C3 LocalPort=2001`, `set C3 LocalPort=2002`, `remove C3`, `undo`.
 
-The keys are the keys of the project file; the same readers check them. A type, a message and the steps of a
-sequence are written without a key: `add data rx2 INT`, `set message m hex 01`.
-Rule: a line changes everything that it says, or nothing; an entry in use is not removed.
+Lines use the keys of the project file, and the same readers check them. A type, a message and the steps of
+a sequence are written without a key: `add data rx2 INT`, `set message m hex 01`.
+Rule: a line changes everything that it says, or nothing. An entry in use is not removed.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ NAME_STARTS: Final = {"connect": "C", "udp_config": "U", "addr": "A", "combuffer
 
 
 def free_port(project: Project, after: int = FIRST_PORT - 1) -> int:
-    """Return the first port above `after` that no part uses; by default from 2000 on."""
+    """Return the first port above `after` that no part of the project uses, by default from 2000 on."""
     ends = [each.local for each in project.connects] + [each.local for each in project.udp_configs]
     taken = {end.port for end in ends} | {
         getattr(end, "port", 0) for peer in project.peers for end in (peer.end, peer.source)
@@ -88,7 +88,7 @@ def free_port(project: Project, after: int = FIRST_PORT - 1) -> int:
 
 
 def link_keys(block: str, content: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
-    """Return the keys that name the parts of a block (CONNECT, ADDR ..), each with its kind."""
+    """Return the keys of a block that name parts such as CONNECT and ADDR, each key with its kind."""
     row = block_row(block)
     if row.has_com_buffer:
         return ((row.buffer_pin, "combuffer"),)
@@ -177,7 +177,7 @@ MOST_TYPES_SHOWN: Final = 8
 
 
 def _read_udt_file(name: str, project: Project, where: str) -> UdtFile:
-    """Return a file with types for the project; raise UserError if it has no type or hides a known type."""
+    """Return a file with types. Raise UserError if the file has no type, or hides a known type."""
     path = os.path.expanduser(name)
     if not is_disk_replaced():  # each file by one name, from the project's folder on; a link keeps its name
         is_here = os.path.exists(path) and not os.path.exists(project.base / path)
@@ -233,7 +233,7 @@ def _add_with_parts(content: dict[str, Any], project: Project, where: str, writt
 
 
 def _check_messages(decl: Declaration, project: Project, where: str) -> None:
-    """Raise UserError for mistakes that the table's reader cannot find: in messages, steps and routines."""
+    """Raise UserError for mistakes in messages, steps and routines that the table's reader cannot find."""
     match decl:
         case MessageDecl():
             check_message(decl, project, where)
@@ -256,7 +256,7 @@ def _check_cuts(decl: MessageDecl, project: Project, where: str) -> None:
 
 
 def _read_pairs(words: Words, runs_on: bool = False) -> dict[str, Any]:
-    """Return the KEY=VALUE pairs; with `runs_on`, a word without a key continues the value before it."""
+    """Return the KEY=VALUE pairs. If `runs_on`, a word without a key continues the value before it."""
     pairs: dict[str, str] = {}
     lists: dict[str, list[str]] = {}
     key, severals = "", array_keys()
@@ -298,7 +298,7 @@ _CONTENT_READERS: Final[dict[str, Callable[[Words], dict[str, Any]]]] = {
 
 
 def parse_change(words: Words, project: Project) -> Change | None:
-    """Return `set [KIND] NAME KEY=VALUE ...`, None if the line sets an instance's pins; raise UserError."""
+    """Read `set [KIND] NAME KEY=VALUE ...`, or raise UserError. Return None if the line sets pins."""
     kind, name = _read_kind_and_name(words, project)
     if not kind or (kind == INSTANCE and not _changes_declaration(words, name, project)):
         return None
@@ -315,7 +315,7 @@ def parse_change(words: Words, project: Project) -> Change | None:
 
 
 def _read_kind_and_name(words: Words, project: Project) -> tuple[str, str]:
-    """Return kind and name after `set` or `remove`; consume a written kind. Kind "": unknown name."""
+    """Return kind and name after `set` or `remove`, and consume a written kind. "" is an unknown kind."""
     if words.peek() in PART_KINDS and words.peek(1) and "=" not in words.peek(1):
         return words.next(""), words.peek()
     name = words.peek()
@@ -360,7 +360,7 @@ def _read_changes(kind: str, words: Words) -> dict[str, Any]:
 
 
 def parse_remove(words: Words, project: Project) -> Remove:
-    """Return `remove [KIND] NAME`; raise UserError if the entry does not exist or is in use."""
+    """Read `remove [KIND] NAME`. Raise UserError if the entry does not exist or is in use."""
     kind, name = _read_kind_and_name(words, project)
     missing = "the name of what to remove"
     name = unquote(words.take_rest_text(missing)) if kind == UDT else words.next(missing)
@@ -373,7 +373,7 @@ def parse_remove(words: Words, project: Project) -> Remove:
 
 
 def parse_undo(words: Words, project: Project) -> Undo:
-    """Return `undo`; raise UserError if there is nothing to take back."""
+    """Read `undo`. Raise UserError if there is no edit to take back."""
     edits = undo_edits(project)
     if not edits:
         raise words.error("undo without an edit", "an add, set or remove of a part before it")
@@ -417,7 +417,7 @@ def make_edits(command: EditCommand, project: Project) -> Edits:
 
 
 def describe_edit(command: EditCommand, project: Project) -> str:
-    """Return what a line changes in this project: values before and now, and what restarts."""
+    """Return what a line changes in the project: the old and new values, and the parts that restart."""
     if isinstance(command, AddEntry) and isinstance(command.decl, UdtFile):
         return _describe_types(command.decl, project)
     if isinstance(command, AddEntry | AddVariable):

@@ -22,7 +22,7 @@ _ATOM_PATTERN: Final = re.compile(r"(?:16#)?([0-9A-Fa-f]{4})(!?)(\+|\*|\{[0-9]{1
 
 
 class Atom(Struct, frozen=True):
-    """One word of a pattern: a scan (None: any) that comes `least` times; with `more` also more often."""
+    """One word of a pattern: a scan that comes `least` times, or more often if `more`. None is any scan."""
 
     scan: Scan | None
     least: int = 1

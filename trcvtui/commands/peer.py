@@ -75,7 +75,7 @@ _HOLE_PATTERN: Final = re.compile(r"\{([^{}]*)\}")
 
 
 def parse_send(words: Words, project: Project, peer: str, holes_in_text: bool = False) -> PeerSend:
-    """Return the message after `peer P1 send`; `holes_in_text`: {n} in a text stands for the number."""
+    """Read the message after `peer P1 send`. If `holes_in_text`, {n} in a text stands for the number."""
     project = project.with_peer_layout(peer)
     options = words.cut_tail_words(lambda word: _OPTION_PATTERN.fullmatch(word) is not None)
     payload, fills = _read_message(words, project, holes_in_text)
@@ -176,7 +176,7 @@ def _make_fill(
     words: Words,
     hole: bool = False,
 ) -> Fill:
-    """Return a fill of `[width][:order]`; a checksum has its own width."""
+    """Return a fill of `[width][:order]`. The width of a checksum is fixed."""
     width: int | None = CHECKSUMS[kind][0] if kind in CHECKSUMS else 1
     if kind in NUMBER_KINDS and more:
         width = WIDTH_KINDS[kind].from_text(more.pop(0))
@@ -212,7 +212,7 @@ MESSAGE_WORD: Final = "message"
 
 
 def parse_any_send(words: Words, project: Project, peer: str) -> PeerSend:
-    """Return `send message NAME`, or a payload with its options; raise UserError for a mistake."""
+    """Read `send message NAME`, or a payload with its options. Raise UserError for a mistake."""
     if words.peek() != MESSAGE_WORD:
         return parse_send(words, project, peer)
     words.next("")
@@ -371,7 +371,7 @@ def parse_reply(words: Words, project: Project, peer: str) -> AddReply | RemoveR
 
 
 def parse_rule(words: Words, project: Project, peer: str) -> AddReply:
-    """Return `MATCH send PAYLOAD`, as in `replies` of a project file; raise UserError for a mistake."""
+    """Read `MATCH send PAYLOAD`, as in `replies` of a project file. Raise UserError for a mistake."""
     project = project.with_peer_layout(peer)
     answer = words.cut_tail(lambda word: word == SEND_WORD)
     kind = words.next("one of " + ", ".join(MATCH_READERS))
@@ -424,7 +424,7 @@ MATCH_READERS: Final[dict[str, Callable[[Words, Project], Match]]] = {
 
 
 class PeerRoutine(Struct, frozen=True):
-    """What one peer sends by itself, and when it reconnects; times in ns (0: never)."""
+    """What one peer sends by itself, and when it reconnects. Times are in ns, and 0 means never."""
 
     says: tuple[PeerSend, ...]
     every_ns: int
@@ -432,7 +432,7 @@ class PeerRoutine(Struct, frozen=True):
 
 
 def read_replies(project: Project) -> tuple[AddReply, ...]:
-    """Return the reply rules in the `replies` of all peers; raise UserError with all mistakes."""
+    """Return the reply rules in the `replies` of all peers. Raise UserError with all mistakes."""
     rules: list[AddReply] = []
     with raise_all_problems() as problems:
         for decl in project.peers:
@@ -483,7 +483,7 @@ def _read_says(decl: PeerDecl, project: Project, where: str, problems: list[Prob
 
 
 class PeerActions(Protocol):
-    """The methods of a peer that the rows use; each returns what is wrong, or ""."""
+    """The methods of a peer that the rows use. Each method returns what is wrong, or ""."""
 
     @property
     def replies(self) -> ReplyActions: ...

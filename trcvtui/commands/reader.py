@@ -61,7 +61,7 @@ from trcvtui.udt.sources import parse_type
 
 
 def parse_create(words: Words, project: Project) -> Create:
-    """Return `create BLOCK NAME connect=C1 data=rx [task=MAIN] [PIN=VALUE ...]`; raise UserError."""
+    """Read `create BLOCK NAME connect=C1 data=rx [task=MAIN] [PIN=VALUE ...]`, or raise UserError."""
     blocks = known_blocks(project.dialect.blocks)
     block = words.next_known(blocks, "block", "a block such as TRCV_C")
     name = _read_new_name(words, project)
@@ -154,7 +154,7 @@ def _read_inputs(
 
 
 def parse_resize(words: Words, project: Project) -> Retype:
-    """Return `resize rx ARRAY[0..9] OF BYTE`; raise UserError."""
+    """Read `resize rx ARRAY[0..9] OF BYTE`, or raise UserError."""
     name = words.next_known([decl.name for decl in project.data], "DATA variable")
     type_name = words.take_rest_text("an IEC type or a UDT")
     try:
@@ -168,7 +168,7 @@ def parse_resize(words: Words, project: Project) -> Retype:
 
 
 def declare_data(name: str, type_name: str, project: Project, where: str) -> DataDecl:
-    """Return a global variable; a known one keeps its layout, others get the project's; raise UserError."""
+    """Return a variable, or raise UserError. A known one keeps its layout, a new one gets the project's."""
     type_ = parse_type(type_name, project.types, where)
     known = project.data_decl(name)
     choice = known.choice if known is not None else NO_CHOICE
@@ -202,7 +202,7 @@ def can_be_fed(buffer: ComBufferDecl) -> bool:
 
 
 def parse_feed(words: Words, project: Project) -> FeedSerial:
-    """Return `feed RX hex 01 02`, `feed RX text "abc"` or `feed RX break`; raise UserError."""
+    """Read `feed RX hex 01 02`, `feed RX text "abc"` or `feed RX break`, or raise UserError."""
     lines = [buffer.name for buffer in project.combuffers if can_be_fed(buffer)]
     name = words.next_known(lines, f'ComBuffer with source = "{SIMULATED}"')
     if words.peek() == BREAK_WORD:
@@ -272,7 +272,7 @@ def parse_link(words: Words, project: Project) -> SetLink:
 
 
 def parse_doctor(words: Words, project: Project) -> Doctor:
-    """Return `doctor [NAME] [CAUSE]`; a word that names no instance or CONNECT is a cause."""
+    """Read `doctor [NAME] [CAUSE]`. A word that names no instance and no CONNECT is a cause."""
     names = {each.name for each in project.instances} | set(project.links())
     name = words.next("") if words and words.peek() in names else ""
     cause = words.next("") if words else ""

@@ -1,6 +1,6 @@
 """One row for each bench command: how its line is read, written and completed, and what it does.
 
-Reading, writing, completing and carrying out a line all use these rows; no other list of commands exists.
+Reading, writing, completing and carrying out a line all use these rows. No other list of commands exists.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ def expect_line(c: words.Expect) -> str:
 
 
 def condition_text(condition: words.Condition) -> str:
-    """Return a condition as `wait` and `expect` write it."""
+    """Return the text of a condition, as in `wait` and `expect`."""
     match condition:
         case words.PinsAre(instance, pins):
             return f"{instance} {_pins_text(pins)}"
@@ -181,7 +181,7 @@ NO_UDT_FILE: Final = "no UDT file in this project: A adds one"
 
 
 class BenchActions(Protocol):
-    """The peers and methods of the bench that the rows use; each method returns an error text, or ""."""
+    """The peers and methods of the bench that the rows use. Each method returns an error text, or ""."""
 
     now: int
 
@@ -217,7 +217,7 @@ class BenchActions(Protocol):
 
 
 class WordRow(Struct, frozen=True):
-    """One frozen command: `write` returns its line, `act` does it; None: a runner does, scans may pass."""
+    """One frozen command. `write` returns its line. Without `act` a runner does it, and scans may pass."""
 
     record: type
     write: Callable[[Any], str]

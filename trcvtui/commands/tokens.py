@@ -1,6 +1,6 @@
 """Cuts a bench command into words, and reads them: pins, times, members, bytes (hex, text, udt ..).
 
-Rule: quotes and braces keep a word together; `#` after a blank begins a comment (in T#1s it does not).
+Rule: quotes and braces keep a word together. A `#` after a blank begins a comment, but not in T#1s.
 """
 
 from __future__ import annotations
@@ -60,14 +60,14 @@ def _unescape(letter: str, digits: str) -> str:
 
 
 def struct_bytes(layout: Layout, braces: str, where: str) -> bytes:
-    """Return the bytes of `{speed=1.5, st={x=1}}`; members without a value are 0; raise UserError."""
+    """Return the bytes of `{speed=1.5, st={x=1}}`, or raise UserError. Members without a value are 0."""
     values = dict(parse_members(braces, where))
     with prefix_problems(where):
         return encode(layout, values)
 
 
 def parse_members(braces: str, where: str) -> list[tuple[str, str]]:
-    """Return the members of `{speed=1.5, st={x=1}}`: paths, and texts without quotes; raise UserError."""
+    """Return path and unquoted text of each member of `{speed=1.5, st={x=1}}`, or raise UserError."""
     members, end = _read_braces(braces, 0, where)
     if end != len(braces):
         raise mistake(where, quote(braces[end:]), VALUES_FORM)
@@ -152,7 +152,7 @@ def random_bytes(count: int, seed: int) -> bytes:
 
 
 def file_bytes(path: Path, where: str) -> bytes:
-    """Return the bytes of a file of at most 16 MiB; raise UserError if it cannot be read or is empty."""
+    """Return the bytes of a file. Raise UserError if the file is unreadable, empty, or above 16 MiB."""
     try:
         content = read_bounded(path, MOST_BYTES)
     except (OSError, ValueError) as failed:
@@ -165,7 +165,7 @@ def file_bytes(path: Path, where: str) -> bytes:
 
 
 def chunks(payload: bytes, split: Iterable[int]) -> tuple[memoryview, ...]:
-    """Return the payload in pieces of the sizes in `split`, and the rest as the last. No piece is empty."""
+    """Cut the payload into pieces of the sizes in `split`, and a piece of the rest. No piece is empty."""
     view = memoryview(payload)
     pieces, start = [], 0
     for size in split:
@@ -195,7 +195,7 @@ def parse_pin_value(pin: Pin, text: str, where: str) -> PinValue:
 
 
 def parse_value(kind: Kind[T], text: str, before: str, where: str) -> T:
-    """Return a text as a value of `kind`; `before` is the text before it in the line, such as `gap=`."""
+    """Return a text as a value of `kind`. `before` is the text before it in the line, such as `gap=`."""
     found = kind.from_text(text)
     if found is None:
         raise mistake(where, f"{before}{quote(text)}", kind.expected_for(text))
@@ -312,7 +312,7 @@ class Words:
         return self.cut_tail(begins).remaining_words()
 
     def cut_tail(self, begins: Callable[[str], bool]) -> Words:
-        """Cut off and return, as Words, the remaining words from the first for which `begins` is true."""
+        """Cut off the remaining words from the first for which `begins` is true. Return the cut words."""
         after = range(self.place, len(self._tokens))
         number = next((n for n in after if begins(self._tokens[n].text)), len(self._tokens))
         tail = copy(self)
@@ -343,7 +343,7 @@ class Words:
         return word
 
     def make_unknown_error(self, name: str, known: Iterable[str], what: str) -> UserError:
-        """Return the mistake of an unknown name; `what` is the kind of the known names."""
+        """Return the error for an unknown name. `what` is the kind of the known names."""
         return self.error(quote(name), expected_name(name, known, what), "unknown")
 
 
@@ -377,7 +377,7 @@ def _read_hex(words: Words, project: Project) -> bytes:
 
 
 def read_quoted_text(words: Words) -> str:
-    """Return the text of the last word, without its double quotes; raise UserError if it has none."""
+    """Return the text of the last word without its double quotes. Raise UserError if it has no quotes."""
     written = words.next('a text such as "abc"')
     words.expect_end()
     if len(written) < 2 or written[0] != '"' or written[-1] != '"':

@@ -1,6 +1,6 @@
 """The bench commands as frozen values: one class for each command and each condition.
 
-`text` is what was written: it is kept for display and saving, and does not count for equality.
+`text` is kept as written, for display and saving. It does not count for equality.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from trcvtui.udt.layout.layout import Layout
 
 @dataclass(frozen=True, slots=True)
 class AddEntry:
-    """`add connect C3 LocalPort=2001`, `add peer P2 remote=@C1`: one more entry of the project."""
+    """`add connect C3 LocalPort=2001`, `add peer P2 remote=@C1`: a new entry of the project."""
 
     decl: Declaration
     with_it: tuple[Declaration, ...] = field(default=(), compare=False)  # parts created for it, before it
@@ -31,7 +31,7 @@ class AddEntry:
 
 @dataclass(frozen=True, slots=True)
 class AddVariable:
-    """`add data rx2 ARRAY[0..99] OF BYTE`: one more global variable; its bytes are 0."""
+    """`add data rx2 ARRAY[0..99] OF BYTE`: a new global variable. Its bytes are 0."""
 
     data: str
     type_name: str
@@ -40,7 +40,7 @@ class AddVariable:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """`set connect C2 LocalPort=2500`: other values in an entry; what uses the entry is built anew."""
+    """`set connect C2 LocalPort=2500`: new values for an entry. All users of the entry are built anew."""
 
     kind: str
     name: str
@@ -68,7 +68,7 @@ EDIT_COMMANDS = (AddEntry, AddVariable, Change, Remove, Undo)
 
 @dataclass(frozen=True, slots=True)
 class Contains:
-    """`contains hex 05`: these bytes anywhere in the stream, also when they come in pieces."""
+    """`contains hex 05`: these bytes come anywhere in the stream, in one piece or in several."""
 
     payload: bytes
     text: str = field(default="", compare=False)
@@ -76,7 +76,7 @@ class Contains:
 
 @dataclass(frozen=True, slots=True)
 class Starts:
-    """`starts hex 01 02`: these are the first bytes of the connection, or of a scan."""
+    """`starts hex 01 02`: the connection or a scan begins with these bytes."""
 
     payload: bytes
     text: str = field(default="", compare=False)
@@ -84,7 +84,7 @@ class Starts:
 
 @dataclass(frozen=True, slots=True)
 class FieldIs:
-    """`field Telegram.id = 7`: a Telegram has this value; the stream is cut from its first byte on."""
+    """`field Telegram.id = 7`: a Telegram has this value. The stream's first byte begins a Telegram."""
 
     type_name: str
     path: str
@@ -100,7 +100,7 @@ NO_MARK: Final = "none"
 
 @dataclass(frozen=True, slots=True)
 class SetFrameMark:
-    """`suffix RD hex 0D 0A`, `prefix RD none`; `pin`: the input for the mark's length, "" for a STRING."""
+    """`suffix RD hex 0D 0A`, `prefix RD none`. `pin` is the input for the length, or "" for a STRING."""
 
     instance: str
     mark: str
@@ -160,13 +160,13 @@ class Create(Struct, frozen=True):
 
 
 class Delete(Struct, frozen=True):
-    """`delete TRCV_C_1`: removes the instance; its connection and the lock of a running job stay."""
+    """`delete TRCV_C_1`: removes the instance, but not its connection nor the lock of a running job."""
 
     instance: str
 
 
 class InitialDownload(Struct, frozen=True):
-    """`download TRCV_C_1`: incremental download of a changed initial value; the instance is made anew."""
+    """`download TRCV_C_1`: incremental download of a changed initial value. The instance is made anew."""
 
     instance: str
 
@@ -199,9 +199,9 @@ class PeerAction(Struct, frozen=True):
 class PeerSend:
     """`peer P1 send hex 01 02 split=1 gap=T#20ms repeat=10 every=T#50ms`.
 
-    `split` are the sizes of the first chunks in bytes; times in ns, 0 = at once. `text` is `hex 01 02`.
-    `gaps_ns` are the pauses after each chunk, if they differ; the last one, `gap_ns`, is used for all further
-    chunks. `fills` are filled in anew for each message.
+    `split` has the first chunks' sizes in bytes. Times are in ns; 0 means at once. `text` is `hex 01 02`.
+    If the pauses after the chunks differ, `gaps_ns` lists them. The last pause, `gap_ns`, is used for all
+    further chunks. `fills` are filled in anew for each message.
     """
 
     peer: str
@@ -248,7 +248,7 @@ class AddReply(Struct, frozen=True):
 
 
 class RemoveReplies(Struct, frozen=True):
-    """`peer P1 reply off`: removes all rules; `reply off 2`: rule 2 (`number` 0: all)."""
+    """`peer P1 reply off` removes all rules, with `number` 0. `reply off 2` removes rule 2."""
 
     peer: str
     number: int = 0
@@ -258,8 +258,8 @@ class RemoveReplies(Struct, frozen=True):
 class TrySplits:
     """`peer P1 try-splits hex 01 02 03 on TRCV_C_1`: the message whole, then in two chunks for each cut.
 
-    `gap_ns` 0: three intervals of the fastest task. `differ`: how many splits are expected to give another
-    result than the whole message, None: any number.
+    A `gap_ns` of 0 means three intervals of the fastest task. `differ` is the expected number of splits
+    with another result than the whole message, or None for any number.
     """
 
     peer: str
@@ -271,14 +271,14 @@ class TrySplits:
 
 
 class TryStop(Struct, frozen=True):
-    """`peer P1 try-splits stop`: ends the running trial, or closes the table of the last one."""
+    """`peer P1 try-splits stop`: ends the running trial, or closes the table of the last trial."""
 
     peer: str
 
 
 @dataclass(frozen=True, slots=True)
 class FeedSerial:
-    """`feed RX hex 01 02`: bytes arrive on a ComBuffer's simulated line; `feed RX break`: the line is cut."""
+    """`feed RX hex 01 02`: bytes arrive on a ComBuffer's simulated line. `feed RX break` cuts the line."""
 
     buffer: str
     payload: bytes | None
@@ -286,7 +286,7 @@ class FeedSerial:
 
 
 class SetLink(Struct, frozen=True):
-    """`link C1 down`: the wire goes silent, without FIN or RST; `link C1 up`: it carries bytes again."""
+    """`link C1 down` silences the wire, without FIN or RST. `link C1 up` lets it carry bytes again."""
 
     connect: str
     up: bool
@@ -295,7 +295,7 @@ class SetLink(Struct, frozen=True):
 class TapAct(Struct, frozen=True):
     """`tap T to-plc edit 3 hex 0A conversation 2`: a tap acts on the bytes of one direction.
 
-    `sizes`: the numbers of drop, edit (offset), delay (ns) or split (pieces); `conversation` 0: the newest.
+    `sizes` are for drop, edit (offset), delay (ns) or split (pieces). `conversation` 0 is the newest.
     """
 
     tap: str
@@ -308,9 +308,9 @@ class TapAct(Struct, frozen=True):
 
 
 class Doctor(Struct, frozen=True):
-    """`doctor TRCV_C_1 frame-short`: what is wrong with an instance or a CONNECT ("": with all of them).
+    """`doctor TRCV_C_1 frame-short`: what is wrong with an instance or a CONNECT. A `name` of "" means all.
 
-    `cause`: the expected first finding, or `healthy`; "": any.
+    `cause` is the expected first finding or `healthy`. If `cause` is "", any finding will do.
     """
 
     name: str = ""
@@ -320,7 +320,7 @@ class Doctor(Struct, frozen=True):
 class FaultOn(Struct, frozen=True):
     """`fault bind EADDRINUSE on C1 nth=1 times=1`: a kernel call fails.
 
-    `error` None: the call's usual error. `on` None: any CONNECT. `times` TIMES_FOREVER (0): until cleared.
+    A None in `error` is the call's usual error, and in `on` any CONNECT. `times` 0 lasts until cleared.
     """
 
     call: str
@@ -347,7 +347,7 @@ class RunFor(Struct, frozen=True):
 
 
 class PinsAre(Struct, frozen=True):
-    """`TRCV_C_1 STATUS=7008 DONE=1`: pins, inputs too, have these values."""
+    """`TRCV_C_1 STATUS=7008 DONE=1`: these inputs and outputs have these values."""
 
     instance: str
     pins: tuple[tuple[str, PinValue], ...]
@@ -391,7 +391,7 @@ Condition = PinsAre | PeerIs | PeerReceived | DataIs | MemberIs
 
 
 class Wait(Struct, frozen=True):
-    """`wait TRCV_C_1 STATUS=7004 within T#2s`: let scans pass until the condition holds; time in ns."""
+    """`wait TRCV_C_1 STATUS=7004 within T#2s`: let scans pass until the condition holds, at most 2 s."""
 
     condition: Condition
     within_ns: int = DEFAULT_LIMIT_NS

@@ -49,9 +49,9 @@ class Traffic(Enum):
 
 
 class AdviceRule(NamedTuple):
-    """One row: `tell` gives the advice in `conditions`, if `traffic` is the traffic of the block.
+    """One row. `tell` gives the advice in `conditions`, if the block has the traffic `traffic`.
 
-    `says_why`: the answer describes the present state, which says more than the cause of the edge does.
+    If `says_why`, the answer describes the present state, which says more than the cause of the edge.
     """
 
     conditions: frozenset[Condition]
@@ -325,10 +325,10 @@ JOB_CONDITIONS: Final = frozenset({Condition.STARTED, Condition.RUNNING})
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """`why`: the present state; `causes`: what is proven, the most telling first; `do`: what to do.
+    """`why` is the present state. `causes` is what is proven, the most telling first. `do` is what to do.
 
-    `code`: the STATUS of the last failed attempt; the table says more about it than about the shown STATUS.
-    `rules`: the rules that returned a sentence.
+    `code` is the STATUS of the last failed attempt. The table says more on it than on the shown STATUS.
+    `rules` are the rules that returned a sentence.
     """
 
     why: str
@@ -394,7 +394,7 @@ def _condition(e: Evidence) -> Condition:
 
 
 def explain_status(e: Evidence) -> str:
-    """Return why a block shows its STATUS: the present state, or the edge's cause where no rule fits."""
+    """Return why a block shows its STATUS: the present state, or the cause of the edge if no rule fits."""
     traffic = _traffic_of(e)
     found = _find_rules(e, traffic, says_why=True)
     if not found and traffic not in (Traffic.DATAGRAMS, Traffic.DATAGRAM_JOBS):
@@ -461,13 +461,13 @@ def _is_building(e: Evidence) -> bool:
 
 
 def _attempt_code(e: Evidence) -> int | None:
-    """Return the code of the last failed attempt; None: no next attempt follows, or no code showed."""
+    """Return the code of the last failed attempt. Return None if no attempt follows or no code showed."""
     attempt = e.facts.attempt
     return attempt.status if attempt is not None and attempt.condition and _is_building(e) else None
 
 
 def _describe_failed_attempt(e: Evidence, words: str) -> tuple[AdvisedCause, ...]:
-    """Return causes and remedies of the last attempt if its code showed (`words` if no rule fits)."""
+    """If the last attempt showed a code, return its causes and remedies, or `words` if no rule fits."""
     attempt = e.facts.attempt
     if attempt is None or _attempt_code(e) is None:
         return ()
@@ -480,6 +480,6 @@ def _describe_failed_attempt(e: Evidence, words: str) -> tuple[AdvisedCause, ...
 
 
 def _has_failed_early(e: Evidence) -> bool:
-    """Return whether the attempt failed before it had a socket: then ports and partners do not matter."""
+    """Return whether the attempt failed before it had a socket. Then ports and partners do not matter."""
     attempt = e.facts.attempt
     return attempt is not None and attempt.cause.call in SETUP_CALLS

@@ -1,7 +1,7 @@
 """The symptoms that the blocks of a run showed, found while the run is repeated.
 
-Rule: an ERROR counts if it shows at the end, or came again after all was well: a single 80C4 at the start is
-no fault.
+Rule: an ERROR counts if it shows at the end, or came again after all was well. A single 80C4 at the start
+is no fault.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ NO_ADVICE: Final = FramingAdvice((), "")
 
 @dataclass
 class _ErrorRecord:
-    """One ERROR of one instance; `good`: how many DONEs came since the ERROR last showed."""
+    """One ERROR of one instance. `good` counts the DONEs since the ERROR last showed."""
 
     line: Line
     edge: StatusEdge
@@ -65,7 +65,7 @@ def _last_error_ns(item: tuple[object, _ErrorRecord]) -> int:
 
 
 class BlockSymptoms:
-    """Takes the ledger of a run, line by line; then `list_findings` returns the symptoms."""
+    """Takes the ledger of a run line by line. Afterwards `list_findings` returns the symptoms."""
 
     def __init__(self, bench: Bench, wall_ns: int) -> None:
         self._bench, self._wall_ns = bench, wall_ns
@@ -112,7 +112,7 @@ class BlockSymptoms:
         )
 
     def list_findings(self, is_running: bool) -> tuple[Finding, ...]:
-        """Return the symptoms of the run; while it continues, leave out an ERROR that is over and old."""
+        """Return the symptoms. While the run continues, leave out an ERROR that is over and old."""
         snapshot = self._bench.runtime.snapshot()
         found = [*self._find_lasting_errors(is_running)]
         named = {one.instance for one in found}

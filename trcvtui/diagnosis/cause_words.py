@@ -9,7 +9,7 @@ from trcvtui.snapshots.doctor import Remedy
 
 
 class CauseWords(NamedTuple):
-    """One row; `filter` selects the evidence among the packets of a conversation; "": all packets."""
+    """One row. `filter` selects the packets of a conversation that are evidence. "" selects all packets."""
 
     title: str
     remedy: str = ""
@@ -133,6 +133,6 @@ CAUSED_CONDITIONS: Final = frozenset(condition for row in CAUSE_WORDS.values() f
 
 
 def default_remedies(cause: str) -> tuple[Remedy, ...]:
-    """Return the remedy that a cause has if no rule offers a better one; (): none."""
+    """Return the remedy of a cause for which no rule offers a better one, or () if there is none."""
     text = CAUSE_WORDS[cause].remedy
     return (Remedy(text),) if text else ()

@@ -1,4 +1,4 @@
-"""The rules of the doctor, one row a cause: what proves it, which causes silence it, and the remedy.
+"""The rules of the doctor, one row for each cause: its proof, its remedy, and the causes that silence it.
 
 Rule 1: a judge that lacks a fact returns None. A conversation is healthy if no rule returns a finding.
 Rule 2: a cause silences the causes that it explains: a storm is one finding, not ten resets.
@@ -71,7 +71,7 @@ class EndsGroup:
 
     @cached_property
     def sequential_lines(self) -> tuple[LineFacts, ...]:
-        """Return built conversations one after the other: each begins after the one before it has ended."""
+        """Return built conversations of which each begins after the previous conversation has ended."""
         found: list[LineFacts] = []
         for one in self.built:
             if not found or found[-1].last_ns <= one.first_ns:
@@ -134,7 +134,7 @@ class EndsGroup:
 
 
 class LineCase(NamedTuple):
-    """A conversation; `group`: all conversations of its ends; `older`: earlier calls to its listener."""
+    """A conversation. `group` has all conversations of its ends, `older` earlier calls to its listener."""
 
     line: LineFacts
     group: EndsGroup
@@ -377,7 +377,7 @@ def _judge_resets(case: LineCase) -> Finding | None:
 
 
 def _describe_partial_job(line: LineFacts, receiver: Receiver | None) -> str:
-    """Return a text if the stream ends inside a job; "" if it ends elsewhere, or its jobs are not known."""
+    """Return a text if the stream ends inside a job, or "" if it ends elsewhere or its jobs are unknown."""
     flow = line.to_plc
     if receiver is None or receiver.is_secure or not line.has_begin or flow.missing:
         return ""
@@ -516,7 +516,7 @@ def _has_written_since(line: LineFacts, by_plc: bool, since_ns: int) -> bool:
 
 
 def _has_parallel_connection(case: LineCase, ns: int) -> bool:
-    """Return whether the same ends had another connection at `ns`; then a new one is no replacement."""
+    """Return whether the same ends had another connection at `ns`, so that a new one replaces nothing."""
     others = [one for one in case.group.lines[-MOST_AROUND:] if one is not case.line and one.is_built]
     return any(one.first_ns <= ns < one.last_ns for one in others)
 
@@ -748,7 +748,7 @@ CAUSE_RULES: Final = (
 
 
 def judge_case(case: LineCase) -> tuple[tuple[Finding, ...], list[Finding], dict[str, Quality]]:
-    """Return the findings, the surest first; the remarks; the causes that cannot be judged, and why."""
+    """Return the findings, surest first, the remarks, and the causes that cannot be judged with reasons."""
     blind = {rule.cause: each for rule in CAUSE_RULES for each in rule.blind if each in case.line.qualities}
     seen = {rule.cause: rule for rule in CAUSE_RULES if rule.cause not in blind}
 
@@ -777,8 +777,8 @@ def weigh_findings(
 ) -> tuple[Finding, ...]:
     """Return the findings that no other cause silences, the surest first.
 
-    Remedies are tried: `judge` returns the findings for the receiver with the remedy. If the cause
-    is among these findings, or a new cause is, the remedy is not offered.
+    Each remedy is tried: `judge` returns the findings for the receiver with the remedy. If these findings
+    contain the cause or a new cause, the remedy is not offered.
     """
     found: list[tuple[float, Finding]] = []  # each with the confidence of its rule
     for rule in rules:

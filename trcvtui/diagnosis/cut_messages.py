@@ -1,9 +1,9 @@
 """Cuts the bytes of one direction of a capture into messages, as they come: by pauses or into records.
 
-Rule 1: a pause ends a message. With a type, the end of a segment also ends it, unless the segment is full:
-then more follows. A multiple of the type's size is several records; any other size is one message.
+Rule 1: a pause ends a message. With a type, the end of a segment also ends a message. But if the segment
+is full, more follows. A multiple of the type's size is several records. Any other size is one message.
 Rule 2: no record crosses a hole, or a message of another size.
-Rule 3: a piece of several records is held until a single message comes: the size of the message shows
+Rule 3: a piece of several records is held until a single message comes. The size of the message shows
 whether the piece is records. Six messages of 10 bytes are as long as five messages of 12.
 Rule 4: held bytes are bounded.
 """
@@ -27,7 +27,7 @@ MessageSink = Callable[[int, bytes, int, str, bool], None]
 
 
 class MessageCutter:
-    """Takes the bytes of one direction; `record`: the size of the type, 0 for none."""
+    """Takes the bytes of one direction. `record` is the size of the type, or 0 without a type."""
 
     def __init__(self, record: int, take: MessageSink) -> None:
         self._record, self._take = record, take
@@ -40,7 +40,7 @@ class MessageCutter:
         self._last = 0, 0  # time and size of the newest segment
 
     def add_segment(self, ns: int, data: bytes, largest: int) -> None:
-        """Take bytes. `largest`: the largest segment of the direction so far; 0: these are reads of a PLC."""
+        """Take bytes. `largest` is the direction's largest segment so far, or 0 for reads of a PLC."""
         record, (last_ns, last_size) = self._record, self._last
         self._last = ns, len(data)
         if not self._held and not self._rest:
@@ -99,7 +99,7 @@ class MessageCutter:
             self.end_message(ns)
 
     def end_message(self, ns: int, reason: str = "") -> None:
-        """Emit the held bytes; `reason`: why a record ends short, unless a pause ended it."""
+        """Emit the held bytes. `reason` says why a record ends short, unless a pause ended the record."""
         size, record = len(self._held), self._record
         if not self._rest and record and size % record == 0 and (self._is_write or size == record):
             self._queue_records()
@@ -135,7 +135,7 @@ class MessageCutter:
             self._emit_waiting()
 
     def _emit_waiting(self) -> None:
-        """Emit the waiting pieces: each as records, or as one message if records are unlikely."""
+        """Emit each waiting piece as records, or as one message if records are unlikely."""
         waiting, self._waiting = self._waiting, []
         for content, ends in waiting:
             record = self._record if self._is_regular or len(content) == self._record else len(content)
@@ -155,7 +155,7 @@ class MessageCutter:
 
 
 class MessageCutters:
-    """Cuts the bytes of conversations. `made` returns the cutter of a direction; None: not to be cut."""
+    """Cuts the bytes of conversations. `made` returns a direction's cutter, or None to cut nothing."""
 
     def __init__(self, made: Callable[[WireDirection], MessageCutter | None]) -> None:
         self._made = made

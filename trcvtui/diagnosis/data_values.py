@@ -17,21 +17,21 @@ MOST_NAMED: Final = 2  # members in a sentence
 
 
 class UnwrittenMembers(NamedTuple):
-    """The members after the last byte of a frame; `is_cut`: the frame ends inside the first of them."""
+    """The members after the last byte of a frame. If `is_cut`, the frame ends inside the first member."""
 
     names: str
     is_cut: bool
 
 
 def make_data_layout(receiver: Receiver) -> Layout | None:
-    """Return the layout of DATA; None: it has no members, so its bytes mean nothing by themselves."""
+    """Return the layout of DATA, or None if DATA has no members that give the bytes a meaning."""
     if receiver.rules is None or not isinstance(receiver.type, Struct):
         return None
     return lay_out(receiver.type, receiver.rules, receiver.type_name)
 
 
 def find_unwritten_members(receiver: Receiver, size: int) -> UnwrittenMembers | None:
-    """Return the members that frames of `size` bytes do not write, None where there are none."""
+    """Return the members that frames of `size` bytes do not write, or None if there are none."""
     layout = make_data_layout(receiver)
     if layout is None or not 0 < size < layout.size:
         return None

@@ -84,7 +84,7 @@ class Suspicion:
 
 
 def byte_order_suspicion(layout: Layout, content: bytes) -> Suspicion | None:
-    """Return the members that only make sense when their bytes are swapped, None without clear evidence."""
+    """Return the members that make sense only with swapped bytes, or None without clear evidence."""
     order = layout.rules.byte_order
     here, there = BYTE_ORDERS[order], BYTE_ORDERS[OTHER_BYTE_ORDER[order]]
     suspects: list[SwappedMember] = []
@@ -125,9 +125,9 @@ class Offer(NamedTuple):
 
 
 def find_layout_offer(decl: DataDecl, size: int | None, content: bytes) -> Offer | None:
-    """Return a layout for DATA; messages of `size` bytes came, `content` is the newest or a part of it.
+    """Return a layout for DATA. Messages of `size` bytes came. `content` is the newest or a part of it.
 
-    None if the layout fits, if several sizes came, or if no other layout fits better.
+    Return None if the layout fits, if several sizes came, or if no other layout fits better.
     """
     if size is not None and size != decl.size:
         found = _find_layout_of_size(decl, size)

@@ -1,4 +1,4 @@
-"""`trcvtui doctor`: captures and recordings judged, as text or as JSON, one object a conversation."""
+"""`trcvtui doctor` judges captures and recordings, as text or as one JSON object for each conversation."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ BYTE_CAUSES: Final = {
 
 
 class LineVerdict(Struct, forbid_unknown_fields=True):
-    """The verdict on one conversation; `conversation` None: on a whole file, or on a project."""
+    """The verdict on a conversation. If `conversation` is None, it is on a whole file or on a project."""
 
     conversation: Ends | None
     findings: list[Finding]
@@ -65,10 +65,10 @@ class LineVerdict(Struct, forbid_unknown_fields=True):
 
 
 class RecordedFacts(NamedTuple):
-    """The facts of one of our recordings that its packets do not show; `connects` as in KnownEnds.
+    """Facts of one of our recordings that its packets do not show. `connects` is as in KnownEnds.
 
-    `harms`: when (UTC) a block of each CONNECT showed an ERROR, or lost a job. `until_ns`: UTC of the last
-    scan; silence until then is a fact. `lint`: what is wrong with the project, with the pins as at the end.
+    `harms` has the times (UTC) of ERRORs and lost jobs of the blocks of each CONNECT. `until_ns` is the UTC
+    of the last scan. Silence until then is a fact. `lint` judges the project with the pins at the end.
     """
 
     receivers: tuple[Receiver, ...]
@@ -82,9 +82,9 @@ class RecordedFacts(NamedTuple):
 
 
 class DoctorQuestion(NamedTuple):
-    """The options beside the captures on the command line, as plain data: workers get them, too.
+    """The options beside the captures on the command line, as plain data that workers get as well.
 
-    `recorded` returns the facts of a recording; None: the capture is not one of ours.
+    `recorded` returns the facts of a recording, or None if the capture is not one of ours.
     """
 
     plc: str | None = None
@@ -111,7 +111,7 @@ def make_type_receiver(layout: Layout, sender: str = "") -> Receiver:
 
 
 def judge_capture(path: str, asked: DoctorQuestion) -> tuple[list[LineVerdict], list[str], float]:
-    """Return the verdicts on one capture, notes on it, and its length in hours; raise UserError."""
+    """Return the verdicts and notes on one capture and its length in hours, or raise UserError."""
     given = None if asked.plc is None else parse_plc(asked.plc)
     known = None if asked.recorded is None else asked.recorded(path)
     if known is not None and not asked.receivers:
@@ -153,7 +153,7 @@ def _judge_hosts(
     facts: CaptureFacts, asked: DoctorQuestion, given: PlcEnd | None, cases: Sequence[LineCase],
     verdicts: Sequence[LineVerdict],
 ) -> list[Finding]:  # fmt: skip
-    """Return findings that `list_host_facts` marks True; add the others to conversations as remarks."""
+    """Return findings that `list_host_facts` marks True. Add other findings to conversations as remarks."""
     alone, of_host = [], dict[bytes, list[tuple[LineFacts, LineVerdict]]]()
     for case, made in zip(cases, verdicts, strict=True):
         for host in {case.line.plc_end[0], case.line.partner_end[0]}:
@@ -175,7 +175,7 @@ def _judge_hosts(
 
 
 def _assign_line(one: Finding, cases: Sequence[LineCase]) -> tuple[LineFacts | None, Finding]:
-    """Return the conversation (at the finding's time, else last before, else first), and the finding."""
+    """Return the conversation at a finding's time, or the last before, or the first, and the finding."""
     ns = one.at[0] if one.at is not None else 0
     lines = [case.line for case in cases if case.line.connect in (None, one.connect)]
     line = next((each for each in lines if each.first_ns <= ns <= each.last_ns), None)
@@ -187,9 +187,9 @@ def _assign_line(one: Finding, cases: Sequence[LineCase]) -> tuple[LineFacts | N
 def _judge_symptoms(
     known: RecordedFacts, cases: Sequence[LineCase], verdicts: list[LineVerdict], before: list[Finding]
 ) -> list[Finding]:
-    """Add to each finding the symptoms that it explains; return all findings without a conversation.
+    """Add to each finding the symptoms that it explains. Return all findings without a conversation.
 
-    An unexplained symptom is a finding of its conversation. `before`: findings without a conversation.
+    An unexplained symptom is a finding of its conversation. `before` has findings without a conversation.
     """
     alone, lint, new = [*before], dict[int, int](), list[tuple[LineFacts, Finding]]()
     of_line = {case.line.number: made.findings for case, made in zip(cases, verdicts, strict=True)}
@@ -234,7 +234,7 @@ def _sort_by_confidence(some: Iterable[Finding]) -> list[Finding]:
 
 
 def _select_lines(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]:
-    """Return the conversations of the PLC end of `--plc`; raise UserError if there are none."""
+    """Return the conversations of the PLC that `--plc` names. Raise UserError if there are none."""
     if asked.plc is None:
         return facts.lines
     found = tuple([line for line in facts.lines if line.guess.why == "--plc"])
@@ -244,10 +244,10 @@ def _select_lines(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts
 
 
 def judge_line(case: LineCase, troubles: Sequence[Finding] = (), is_running: bool = False) -> LineVerdict:
-    """Return the verdict on one conversation; `troubles`: what the recorded program did wrong.
+    """Return the verdict on one conversation. `troubles` is what the recorded program did wrong.
 
-    While the run continues, leave out causes that are over: causes that end connections, once a connection
-    stays open; other causes, once their conversation has ended and another conversation still sends.
+    While the run continues, leave out causes that are over. A cause that ends connections is over once a
+    connection stays open. Another cause is over once its conversation has ended and another still sends.
     """
     line = case.line
     found, remarks, not_judged = judge_case(case)
@@ -298,7 +298,7 @@ def fill_finding(
 ) -> Finding:
     """Return a finding with the words of its cause, and its packets, filter and time in the conversation.
 
-    `words`: the STATUS that the block shows for each condition, if the block is known.
+    `words` has the STATUS that the block shows for each condition, if the block is known.
     """
     at, row, t_s, packets, shown = found.at, CAUSE_WORDS[found.cause], found.t_s, found.packets, found.filter
     if line is not None:
@@ -314,7 +314,7 @@ def fill_finding(
 
 
 def as_json(made: LineVerdict) -> dict[str, Any]:
-    """Return a verdict for `--format json`: keys may be added, never removed or renamed."""
+    """Return a verdict for `--format json`. Keys may be added, but never removed or renamed."""
     findings = [
         {**_remark_as_json(one), "confidence": one.confidence, "status": one.status, "explains": one.explains,
          "mend": to_builtins(one.mend)} for one in made.findings
@@ -347,10 +347,10 @@ def run_doctor(
     names: Mapping[str, str] | None = None,
     scheduler: str | None = None,
 ) -> int:
-    """Write the verdicts on all captures as they come; return 0 healthy, 1 findings, 2 nothing judged.
+    """Write the verdicts on captures as they come. Return 0 if healthy, 1 for findings, 2 if none judged.
 
-    `names`: other names for files in their verdicts. `scheduler`: a Dask scheduler; its cluster judges
-    instead of `jobs` processes.
+    `names` has other names for files in their verdicts. With a Dask `scheduler`, its cluster judges instead
+    of `jobs` processes.
     """
     write, total, is_first = sys.stdout.write, _Total(), True
     for made in before:

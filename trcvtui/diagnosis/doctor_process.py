@@ -1,6 +1,6 @@
-"""Judges a run or captures in another process, which gets blocks of a journal, or the names of files.
+"""Judges a run or captures in another process. The process gets blocks of a journal or names of files.
 
-Bounds: the surest MOST_FINDINGS findings; MOST_TEXT characters for each text of evidence.
+Bounds: at most MOST_FINDINGS findings, the surest, and MOST_TEXT characters for each text of evidence.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def _first_packet_ns(path: str) -> int:
 
 
 class DoctorInput:
-    """Gets a question about files, or null and then a run's journal; writes the findings when closed."""
+    """Gets a question about files, or null and then a run's journal. Writes the findings when closed."""
 
     trouble = ""
 

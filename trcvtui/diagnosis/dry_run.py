@@ -1,4 +1,4 @@
-"""Before a real run: runs a project for three seconds on the simulated network, and finds its ERRORs."""
+"""Runs a project for three seconds on the simulated network before a real run, and finds its ERRORs."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ IGNORED: Final = frozenset({Condition.NOT_CONNECTED, Condition.STILL_ASKED})  # 
 
 
 def find_refusals(project: Project) -> tuple[Finding, ...]:
-    """Return each ERROR that the blocks show while CONT and EN_R are 1; raise UserError.
+    """Return each ERROR that the blocks show while CONT and EN_R are 1, or raise UserError.
 
-    An ERROR of the link counts only if the partner is in the project: nothing else is on this network.
+    An ERROR of the link counts only if the partner is in the project, as nothing else is on this network.
     """
     bench = Bench(project, "sim")
     symptoms, seq = BlockSymptoms(bench, 0), 0
@@ -61,7 +61,7 @@ def _set_pin(bench: Bench, pin: str, names: list[str]) -> None:
 
 
 def _list_sole_receivers(project: Project) -> list[str]:
-    """Return the receivers that are alone on their CONNECT; several may work on one CONNECT in turn."""
+    """Return the receivers that are alone on their CONNECT. Several may work on one CONNECT in turn."""
     some = [each for each in project.instances if block_row(each.block).receives_on_net]
     return [each.name for each in some if sum(one.connect == each.connect for one in some) == 1]
 

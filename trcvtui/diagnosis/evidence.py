@@ -23,7 +23,7 @@ NO_FACTS = ConnectFacts()
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """All that is known of one instance at one moment; `is_past`: at a past edge."""
+    """All that is known of one instance at one moment. If `is_past`, the moment is a past edge."""
 
     instance: str
     block: str
@@ -82,7 +82,7 @@ class Evidence:
 
 
 def make_current_evidence(picture: BenchUpdate, project: Project, name: str) -> Evidence | None:
-    """Return the evidence of an instance after the last scan; None: there is no such instance."""
+    """Return the evidence of an instance after the last scan, or None if there is no such instance."""
     snapshot = picture.snapshot
     instance = snapshot.instance(name)
     if instance is None:
@@ -130,7 +130,7 @@ def _list_active_peers(project: Project, connect: str) -> tuple[str, ...]:
 def make_past_evidence(
     line: Line, edge: StatusEdge, facts: ConnectFacts, until: ScanStamp, project: Project, interval_ns: int
 ) -> Evidence:
-    """Return the evidence of a past edge from ledger and `facts`; the STATUS lasted until `until`."""
+    """Return the evidence of a past edge from ledger and `facts`. The STATUS lasted until `until`."""
     need = edge.cause.need or 0
     have = edge.cause.have or 0
     if edge.outputs.busy and need and facts.job_offset is not None:

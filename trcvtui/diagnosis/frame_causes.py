@@ -1,7 +1,7 @@
 """Compares messages with what a receiver expects: their sizes, where they begin, what their bytes mean.
 
-Rule: only a receiver (of a project, of a type) knows LEN and members. Without a receiver these rules
-find nothing, except for several messages in one segment (`merged`).
+Rule: only the receiver of a project or of a type knows LEN and members. Without a receiver these rules
+find only several messages in one segment (`merged`).
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ def _len_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
 
 
 def _type_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
-    """Return the remedy to compare type and messages, if LEN `size` would leave members unwritten."""
+    """If LEN `size` would leave members unwritten, return the remedy to compare type and messages."""
     left = find_unwritten_members(receiver, size)
     if left is None:
         return ()
@@ -155,7 +155,7 @@ def _offer_len(receiver: Receiver, size: int, line: LineFacts) -> RemedyOffer:
 
 
 def _room_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
-    """Return the remedy that gives DATA room for `size` bytes; (): DATA has the room."""
+    """Return the remedy that gives DATA room for `size` bytes, or () if DATA has the room."""
     if not receiver.room or size <= receiver.room:
         return ()
     element = getattr(receiver.type, "element", None)
@@ -531,7 +531,7 @@ MOST_CACHED_READINGS: Final = 256
 
 
 def _find_reading(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    """Return a finding, with its `cause`, if the bytes make sense in a reading unlike the PLC's reading."""
+    """If the bytes make sense in another reading than the PLC's, return a finding with its `cause`."""
     if receiver is None or receiver.type is None or receiver.rules is None or not _can_read(line, receiver):
         return None
     frames = _frames(line, receiver)
@@ -633,7 +633,7 @@ def _segment(message: LineMessage) -> SegmentFacts:
 
 
 def _is_lone_message(line: LineFacts, receiver: Receiver) -> bool:
-    """Return whether a single message came, and the job then waited 1 s, or to the line's end, for more."""
+    """Return whether only one message came, and the job then waited 1 s or to the line's end for more."""
     only = line.messages[0]
     is_over = line.end is not None or line.last_ns - only.ns >= SECOND
     return len(line.messages) == 1 and only.pieces == 1 and only.size < receiver.need and is_over

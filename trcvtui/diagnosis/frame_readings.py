@@ -96,7 +96,7 @@ def _has_rules(one: Fit, rules: LayoutRules) -> bool:
 def _classify_reading(
     best: Fit, frames: list[bytes], receiver: Receiver, rules: LayoutRules, sides: Sequence[str]
 ) -> tuple[str, RemedyOffer]:
-    """Return the cause that the best reading points to, and the remedy; "": it points to no cause."""
+    """Return the cause that the best reading points to, or "" if it points to none, and the remedy."""
     from trcvtui.udt.compare.causes import BYTE_TOO_MANY, HEADER, SWAP_CAUSES, TRAILER
     from trcvtui.udt.compare.drift import MOST_LEAVES
     from trcvtui.udt.compare.extra_bytes import has_length_field

@@ -126,7 +126,7 @@ def list_host_facts(
 ) -> Iterator[tuple[HostFact, bool]]:
     """Yield facts on missing hosts, lost fragments, and addresses of two devices without a conversation.
 
-    With each: True if it is in the project, is `plc` (the chosen address), or if all lines are services.
+    Each fact comes with True if it is in the project or at `plc`, or if all lines are services.
     """
     known = {plc, *(end for one in receivers for end in (one.own_address, one.partner_address))} - {b""}
     ends = {end[0] for line in facts.lines for end in (line.plc_end, line.partner_end)}

@@ -1,7 +1,7 @@
 """Rules for a send job, a lock, a pin, a buffer, a description and a certificate: which of them is wrong.
 
-Each rule (also of receive, link, serial) takes the evidence and returns one sentence, or "" where it does
-not apply. `do` says what to do about it; a rule that proves nothing by itself returns `do` alone.
+Each rule, here and in receive, link and serial, takes the evidence and returns one sentence, or "" if it
+does not apply. `do` says what to do about it. A rule that proves nothing by itself returns `do` alone.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from trcvtui.wording import age_text, count
 
 
 class SuggestedAction(NamedTuple):
-    """What to do: a sentence, and the bench lines that do it, in order; (): no bench line does it.
+    """What to do: a sentence, and the bench lines that do it in order. `lines` is () if no line does it.
 
-    `needs_trial`: the lines change what jobs take or what bytes mean, and were not tried on received bytes.
+    If `needs_trial`, the lines change what jobs take or bytes mean, and were not tried on received bytes.
     """
 
     text: str
@@ -30,7 +30,7 @@ class SuggestedAction(NamedTuple):
 
 
 class AdvisedCause(NamedTuple):
-    """The cause that is proven ("": none is), and what to do about it."""
+    """The proven cause, or "" if none is proven, and what to do about it."""
 
     cause: str
     do: tuple[SuggestedAction, ...] = ()
@@ -41,7 +41,7 @@ AdviceFunction = Callable[[Evidence], RuleAnswer]
 
 
 def tip(cause: str, text: str, *lines: str, needs_trial: bool = False) -> AdvisedCause:
-    """Return a cause with one thing to do about it; each `{}` in `text` becomes one of the bench lines."""
+    """Return a cause and one thing to do about it. Each `{}` in `text` becomes one of the bench lines."""
     for line in lines:
         text = text.replace("{}", f"`{line}`", 1)
     return AdvisedCause(cause, (SuggestedAction(text, lines, needs_trial),))
@@ -104,7 +104,7 @@ def find_connected_peer(e: Evidence) -> PeerSnapshot | None:
 
 
 def explain_connect_holder(e: Evidence) -> RuleAnswer:
-    """Another instance works on this CONNECT: which instance, and what frees the CONNECT."""
+    """Say which other instance works on this CONNECT, and what frees the CONNECT."""
     sends = block_row(e.block).sends_on_net
     owners = (e.link.senders if sends else e.link.receivers) if e.link is not None else ()
     holder = next((o for o in owners if o.removesuffix(GONE) != e.instance or o.endswith(GONE)), "")
@@ -128,7 +128,7 @@ def explain_connect_holder(e: Evidence) -> RuleAnswer:
 
 
 def explain_wrong_length(e: Evidence) -> RuleAnswer:
-    """LEN exceeds DATA or the maximum: which limit, and which LEN fits."""
+    """If LEN exceeds DATA or the maximum, say which limit it exceeds and which LEN fits."""
     have, most = e.cause.have, e.cause.need
     if have is None or most is None:
         return ""
@@ -185,7 +185,7 @@ def explain_req(e: Evidence) -> RuleAnswer:
 
 
 def explain_missing_cont(e: Evidence) -> RuleAnswer:
-    """There is no job: CONT is 0; where REQ or EN_R can connect, that pin requests no connection either."""
+    """There is no job, because CONT is 0. A REQ or EN_R that can connect requests no connection either."""
     if e.pin("CONT") != 0 or e.condition != "no job":
         return ""
     stay = f"set {e.instance} CONT=1"

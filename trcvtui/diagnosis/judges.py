@@ -1,6 +1,6 @@
 """The doctor in another process, asked about a run or about files.
 
-Rule: no scan waits for an answer; until it comes, `progress` says how far the process is.
+Rule: no scan waits for an answer. Until the answer comes, `progress` says how far the process is.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ FileNames = Callable[[], Sequence[str]]
 
 
 class ProcessJudge:
-    """Judges in a process: `result_json` is its last DoctorSnapshot, `progress` how far the process is."""
+    """Judges in a process. `result_json` is the last DoctorSnapshot, `progress` says how far it is."""
 
     result_json, progress, looks_again = b"", "", True
     _answer: PendingAnswer | None = None
@@ -62,7 +62,7 @@ class RunJudge(ProcessJudge):
 
 
 class FilesJudge(ProcessJudge):
-    """Judges captures and recordings; `files` returns their names at each start."""
+    """Judges captures and recordings. `files` returns their names at each start."""
 
     def __init__(
         self, files: FileNames, plc: str | None = None, project: Path | None = None, looks_again: bool = False

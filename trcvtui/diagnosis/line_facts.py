@@ -1,7 +1,7 @@
-"""One pass over the conversations of a capture: typed facts with numbers, nothing judged.
+"""Collects typed facts with numbers in one pass over the conversations of a capture. It judges nothing.
 
-Rule 1: a fact that a source cannot know is None (windows and ACKs of our own recordings), never a guess.
-Rule 2: memory is bounded, of one conversation and of all; bytes beyond the bound are only counted.
+Rule 1: a fact that a source cannot know, such as windows in our own recordings, is None and never a guess.
+Rule 2: memory is bounded, for each conversation and for all. Bytes beyond the bound are only counted.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ PAUSE_JUMP: Final = 5.0  # times longer: pauses between messages, and inside the
 
 
 class SegmentFacts(NamedTuple):
-    """Bytes that came together, at byte `at` of their direction; `packet` is a number in the capture."""
+    """Bytes that came together, at byte `at` of their direction. `packet` is a number in the capture."""
 
     ns: int
     at: int
@@ -66,7 +66,7 @@ NOWHERE: Final = SegmentFacts(0, 0, 0, 0)
 
 
 class LineMessage(NamedTuple):
-    """A message of `pieces` writes; `pause_ns` is the longest pause between two of these writes."""
+    """A message of `pieces` writes. `pause_ns` is the longest pause between two of these writes."""
 
     ns: int
     at: int
@@ -77,7 +77,7 @@ class LineMessage(NamedTuple):
 
 
 class ClosedWindow(NamedTuple):
-    """A window of 0, from `ns` to `until_ns`; None: to the end."""
+    """A zero window from `ns` to `until_ns`. If `until_ns` is None, it lasts to the end."""
 
     ns: int
     until_ns: int | None
@@ -85,7 +85,7 @@ class ClosedWindow(NamedTuple):
 
 
 class LateAck(NamedTuple):
-    """A small write with a late ACK: how long the ACK took, how long after the ACK the next write left."""
+    """A small write with a late ACK: the time to the ACK, and the time from the ACK to the next write."""
 
     write: SegmentFacts
     wait_ns: int
@@ -93,7 +93,7 @@ class LateAck(NamedTuple):
 
 
 class Outage(NamedTuple):
-    """Retransmissions without an answer: `copies` of them, from `ns` to `until_ns`; None: to the end."""
+    """`copies` retransmissions without an answer, from `ns` to `until_ns`, which is None for the end."""
 
     copies: int
     ns: int
@@ -102,7 +102,7 @@ class Outage(NamedTuple):
 
 
 class WireEnd(NamedTuple):
-    """How a conversation ended: `fin` or `rst`, by whom; `is_reset`: by RST, or FIN and then RST."""
+    """How a conversation ended, by `fin` or `rst`, and by whom. `is_reset`: by RST, or FIN and then RST."""
 
     kind: str
     by_plc: bool
@@ -169,12 +169,12 @@ class DirectionFacts:
         return tuple([*found][:MOST_SHOWN])
 
     def first_of(self, kind: str) -> SegmentFacts | None:
-        """Return the first write at which an odd thing of this kind occurred; None: there is none."""
+        """Return the first write at which an odd thing of this kind occurred, or None if there is none."""
         return next((write for write, known in self.moments if known == kind), None)
 
 
 class RecordedReads(NamedTuple):
-    """Our own recordings have reads, not segments; a read has at most the bytes that its job lacks."""
+    """Reads in place of segments, in our own recordings. A read has at most the bytes its job lacks."""
 
     job: int
     interval_ns: int
@@ -193,7 +193,7 @@ class IdleTime(NamedTuple):
 
 
 class LineFacts:
-    """What is known of one conversation; `to_plc` is the direction from the partner to the PLC."""
+    """What is known of one conversation. `to_plc` is the direction from the partner to the PLC."""
 
     def __init__(self, talk: _ConversationFacts, guess: PlcGuess, first_ns: int, is_recording: bool) -> None:
         conversation = talk.conversation
@@ -256,9 +256,9 @@ class LineFacts:
         return self.last_ns - self.first_ns
 
     def make_filter(self, evidence: str, of_group: bool) -> str:
-        """Return a Wireshark filter for the packets of the conversation that are evidence; "": none are.
+        """Return a Wireshark filter for the packets of a conversation that are evidence, or "" if none are.
 
-        `of_group`: a filter for the packets of all conversations with the same listener.
+        If `of_group`, the filter covers all conversations with the same listener.
         """
         if self.protocol == "serial" or evidence == "arp":
             return "" if self.protocol == "serial" else evidence
@@ -270,7 +270,7 @@ class LineFacts:
         return " && ".join(parts)
 
     def has_harm_at(self, ns: int) -> bool:
-        """Return whether a block showed an ERROR or lost a job near `ns`; True if that is not known."""
+        """Return whether a block showed an ERROR or lost a job near `ns`, and True if that is unknown."""
         return self.harms is None or any(-HARM_BEFORE_NS <= one - ns <= HARM_AFTER_NS for one in self.harms)
 
     def to_seconds(self, ns: int) -> float:
@@ -454,7 +454,7 @@ class _Collector:
 
 
 def _end_outage(flow: DirectionFacts, ns: int | None) -> None:
-    """End an outage: the other end is heard again at `ns`; None: it is not heard again."""
+    """End an outage at `ns`, when the other end is heard again. `ns` is None if that never happens."""
     if flow.resent_since_heard >= OUTAGE_COPIES and len(flow.outages) < MOST_MOMENTS:
         since = flow.copies_since
         flow.outages.append(Outage(flow.resent_since_heard, since.ns, ns, since.packet))
@@ -483,8 +483,8 @@ def collect_facts(
 ) -> CaptureFacts:
     """Return the facts of one capture; `given` and `known` decide which end of a conversation is the PLC.
 
-    `receives`: the PLC is known to receive; if only one end sends, the PLC is the other one.
-    `until_ns`: when the capture ends; a conversation without an end is silent until then.
+    If `receives`, the PLC is known to receive. Then, if only one end sends, the PLC is the other end.
+    The capture ends at `until_ns`. A conversation without an end is silent until then.
     """
     collector, troubles = _Collector(), list[Problem]()
     found = collector.found
@@ -564,7 +564,7 @@ def _messages(
 def _join_writes(
     writes: Sequence[SegmentFacts], turns: Sequence[bool], most: int, limit: int, reads: RecordedReads | None
 ) -> tuple[LineMessage, ...]:
-    """Return the writes as messages; a write within `limit` ns of the last one continues its message."""
+    """Return the writes as messages. A write within `limit` ns of the last write continues its message."""
     found: list[LineMessage] = []
     for number, write in enumerate(writes):
         before = writes[number - 1]
@@ -589,9 +589,9 @@ def fills_segment(size: int, largest: int, gap_ns: int) -> bool:
 
 
 def _find_pause_limit(gaps: Sequence[int], share: int) -> int:
-    """Return the shortest pause between messages, in ns; 0: all pauses are of one kind.
+    """Return the shortest pause between messages in ns, or 0 if all pauses are of one kind.
 
-    Pauses are inside messages or between them; each of the two kinds is at least 1/`share` of all pauses.
+    A pause is inside a message or between two. Each of these kinds is at least 1/`share` of all pauses.
     """
     ordered = sorted(max(gap, 1000) for gap in gaps)
     low = max(2, len(ordered) // share)

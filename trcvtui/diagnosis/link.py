@@ -48,7 +48,7 @@ LISTENING: Final = "listening"
 
 
 def describe_condition(project: Project, name: str, shown: StatusEdge | InstanceSnapshot) -> str:
-    """Return the word beside a STATUS; a passive CONNECT with a listener is `listening`."""
+    """Return the word beside a STATUS, such as `listening` for a passive CONNECT with a listener."""
     decl, cause = project.instance(name), shown.cause
     connect = project.connect(decl.connect) if decl is not None else None
     waits = shown.condition == Condition.ESTABLISHING and connect is not None and not connect.active
@@ -70,7 +70,7 @@ CALL_FAILURE_WORDS: Final = {"session": "the handshake failed", "resolve": "the 
 
 
 def describe_setup_wait(e: Evidence) -> str:
-    """Return what a set-up waits for, since when, and how far it is; "": not known."""
+    """Return what a set-up waits for, since when, and how far it is, or "" if that is not known."""
     if e.config is None:
         return ""
     return _describe_unbuilt(e) or (_describe_listen(e) if not e.config.active else _describe_call_wait(e))
@@ -113,7 +113,7 @@ def _describe_unbuilt(e: Evidence) -> str:
 
 
 def remote_tsap(config: ConnectConfig) -> str:
-    """Return the T-selector that the partner has to have; "": it has none, or any one will do."""
+    """Return the T-selector that the partner must have, or "" if it has none or may have any."""
     if config.description is None or read_spec(config.description).protocol is not Transport.ISO:
         return ""
     return format_selector(read_spec(config.description).remote_tsap)
@@ -201,7 +201,7 @@ def explain_second_client(e: Evidence) -> str:
 
 
 def explain_refused_caller(e: Evidence) -> str:
-    """A caller was refused before it was a partner: its handshake failed, or it has another TSAP."""
+    """Say why a caller was refused before it was a partner: a failed handshake, or another TSAP."""
     dropped = e.facts.dropped
     if dropped is None or e.config is None or e.config.active:
         return ""

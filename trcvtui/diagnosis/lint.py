@@ -47,7 +47,7 @@ def list_receivers(
 ) -> tuple[Receiver, ...]:
     """Return the receivers of a project, with the inputs that `start` and `program` set.
 
-    `held`: inputs that no command changes. `pins`: the present inputs of each instance, if it runs.
+    No command changes the inputs in `held`. If the project runs, `pins` has the present inputs.
     """
     project, bytes_of = _apply_start(project, held, pins)
     found = [
@@ -137,7 +137,7 @@ def _ports(project: Project) -> frozenset[int]:
 
 
 def _address_bytes(address: str) -> bytes:
-    """Return the four bytes of an address; b"": any address, or a name."""
+    """Return the four bytes of an address. Return b"" for 0.0.0.0 and for a name."""
     found = None if address == ANY_ADDRESS else parse_octets(address)
     return b"" if found is None else bytes(found)
 
@@ -172,7 +172,7 @@ def _read_marks(decl: InstanceDecl, written: dict[str, bytes]) -> tuple[bytes, b
 def lint(
     project: Project, pins: Mapping[str, Pins] | None = None, has_run: bool = True
 ) -> tuple[Finding, ...]:
-    """Return what is wrong with a project before it runs, or in a run with `pins`; the surest first."""
+    """Return what is wrong with a project, the surest finding first. In a run, `pins` has the inputs."""
     started = replace(_apply_start(project, now=pins)[0], start="", program="")
     found = [replace(one, cause=cause) for cause, judge in LINT_RULES for one in judge(started)]
     written = _written_pins(project)
@@ -223,7 +223,7 @@ def _judge_addr(project: Project) -> Iterator[Finding]:
 
 
 def _status_words(project: Project, block: str, condition: Condition) -> tuple[str, ...]:
-    """Return the STATUS of a block for a condition; (): its table has none."""
+    """Return the STATUS of a block for a condition, or () if the table of the block has none."""
     known = project.rules.status.keys() | project.rules.status_of.get(block, {}).keys()
     return (f"{project.rules.status_word(block, condition):04X}",) if condition in known else ()
 
@@ -243,7 +243,7 @@ def _judge_ids(project: Project) -> Iterator[Finding]:
 
 
 def _judge_ports(project: Project) -> Iterator[Finding]:
-    """Yield a finding if two CONNECTs share a local address and port of TCP (not ISO-on-TCP) or of UDP."""
+    """Yield a finding if two CONNECTs without ISO-on-TCP share a local address and a TCP or UDP port."""
     first: dict[tuple[bool, str, int], ConnectConfig] = {}
     mend = Remedy("give each of them its own LocalPort")
     for config in project.connects:
@@ -265,7 +265,7 @@ def _judge_ports(project: Project) -> Iterator[Finding]:
 def _assign_to_builder(
     project: Project, config: ConnectConfig, wrong: tuple[SetUpStage, str], said: Finding
 ) -> Finding:
-    """Return a finding with the block that builds its CONNECT, and the STATUS that this block will show."""
+    """Return the finding with the block that builds `config`, and with the STATUS that it will show."""
     for decl in project.instances:
         row = block_row(decl.block)
         if decl.connect == config.name and (row.owns_link or row.runs_as is Condition.ESTABLISHING):
@@ -303,7 +303,7 @@ WrittenPins = dict[tuple[str, str], set[PinValue]]
 
 
 def _written_pins(project: Project) -> WrittenPins:
-    """Return each value that declaration, `start` or `program` give an input."""
+    """Return all values that each input gets from its declaration, from `start` or from `program`."""
     found = {(each.name, pin): {value} for each in project.instances for pin, value in each.inputs}
     for step in _steps(project):
         match step.command:

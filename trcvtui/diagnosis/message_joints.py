@@ -1,4 +1,4 @@
-"""The borders of messages inside writes: by a length field, a delimiter, or a period of head and body.
+"""Borders of messages inside writes, found by a length field, a delimiter, or a head before each body.
 
 Rule: sizes alone prove nothing. Proof is a length that leads from border to border, or a recurring end.
 """
@@ -23,7 +23,7 @@ PAUSE_RATIO: Final = 2  # the pause after a body is so many times that after its
 
 
 class LengthPlace(NamedTuple):
-    """A length: `width` bytes at `at`; the message has that number + `more` bytes."""
+    """A length field of `width` bytes at byte `at`. Its number plus `more` is the size of the message."""
 
     at: int
     width: int
@@ -31,7 +31,7 @@ class LengthPlace(NamedTuple):
     more: int
 
     def message_size(self, message: bytes) -> int:
-        """Return the size of the message that begins here; 0: its length is not in these bytes."""
+        """Return the size of the message, or 0 if `message` is too short to contain the length."""
         end = self.at + self.width
         number = int.from_bytes(message[self.at : end], self.order)  # type: ignore[arg-type]
         return number + self.more if len(message) >= end else 0
@@ -43,7 +43,7 @@ class LengthPlace(NamedTuple):
 
 
 def find_length_field(messages: Sequence[bytes]) -> LengthPlace | None:
-    """Return the length field that is right in each message; None: no field is, or that may be chance."""
+    """Return the length field that fits every message. If none fits, or chance explains it, return None."""
     lengths = {len(one) for one in messages}
     if len(lengths) < 2 or len(messages) < LEAST_MESSAGES:
         return None
@@ -66,7 +66,7 @@ def _places(messages: Sequence[bytes], shortest: int) -> Iterator[LengthPlace]:
 
 
 def count_messages(place: LengthPlace, content: bytes) -> int:
-    """Return the number of messages, if their lengths lead from begin to end of the bytes; else 0."""
+    """If the lengths lead exactly to the end of the bytes, return the number of messages, else 0."""
     at = number = 0
     while at < len(content):
         size = place.message_size(content[at : at + place.at + place.width])
@@ -88,7 +88,7 @@ class Joints(NamedTuple):
 
 
 def find_joined_messages(parts: Sequence[bytes]) -> Joints | None:
-    """Return how messages are joined in some writes, while others hold one message; None: not proved."""
+    """Return how some writes join several messages while others have one, or None without proof."""
     ways = (*_split_by_mark(parts), *_split_by_length(parts)) if parts else ()
     several = (one for one in ways if sum(number > 1 for number in one.numbers) >= FEW_MESSAGES)
     return next((one for one in several if one.numbers.count(1) >= 2), None)
@@ -131,9 +131,9 @@ class HeadAndBody(NamedTuple):
 
 
 def find_head_and_body(writes: Sequence[SegmentFacts], content: bytes, need: int) -> HeadAndBody | None:
-    """Return head and body, if each second write is the body to the head before it; None: not proved.
+    """Return head and body if every second write is the body of the head before it, or None without proof.
 
-    Proof is a length in the head, or that head and body together always have the size of a job.
+    The proof is a length in the head, or that head and body together always have the size of a job.
     """
     pairs = [*zip(writes[::2], writes[1::2], strict=False)]
     head = pairs[0][0].size if len(pairs) >= FEW_MESSAGES else 0

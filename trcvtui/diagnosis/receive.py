@@ -1,4 +1,4 @@
-"""What received bytes, messages and datagrams prove: whether a job waits or is stuck; wrong sizes, ports."""
+"""Judges received bytes, messages and datagrams. They show waiting or stuck jobs, wrong sizes and ports."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ARMED, FILLING, STUCK = "waiting", "receiving", "stuck"
 
 
 def receive_state(e: Evidence) -> str:
-    """Return waiting (no byte yet), receiving (bytes arrive) or stuck (some arrived, no more come)."""
+    """Return whether a job waits for its first byte, receives, or is stuck because no more bytes come."""
     if not e.have:
         return ARMED
     patience = max(STUCK_AFTER_NS, SLOW_SENDER_PAUSES * e.facts.longest_gap_ns)
@@ -105,7 +105,7 @@ def _sizes(e: Evidence, size: int) -> str:
 
 
 def explain_shift_by_drop(e: Evidence) -> RuleAnswer:
-    """A frame was dropped in its middle, and the bytes after it begin the next one."""
+    """Explain a stream that is shifted because a frame was dropped in its middle."""
     drop, facts = e.facts.drop, e.facts
     if drop is None or e.adhoc or facts.up_since is None:
         return ""
@@ -406,7 +406,7 @@ def explain_unread(e: Evidence) -> str:
 
 
 def explain_sent(e: Evidence) -> RuleAnswer:
-    """DONE of a datagram says only that the local stack took it; a peer of this bench can be checked."""
+    """Explain that DONE proves only that the local stack took the datagram. Check this bench's peers."""
     target = e.cause.peer
     if not target:
         return ""

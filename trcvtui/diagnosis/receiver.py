@@ -17,9 +17,9 @@ LOOPBACK: Final = b"\x7f"  # of a project on one machine: its line has other add
 
 
 class Receiver(NamedTuple):
-    """A block that receives, or a type; `need` is how many bytes a job wants, or has room for.
+    """A block that receives, or a type. A job needs `need` bytes, or has room for so many.
 
-    `since_ns`, `until_ns` (UTC): the part of a run in which the block had this `need`.
+    The block had this `need` from `since_ns` to `until_ns` (UTC) of a run.
     """
 
     instance: str

@@ -12,9 +12,9 @@ from trcvtui.snapshots.doctor import Finding, Remedy
 
 
 class CauseRule(NamedTuple):
-    """One row. `silenced_by`: causes that, if found, explain this one; `weakened_by`: ones that may do so.
+    """One row. A found cause in `silenced_by` explains this cause. One in `weakened_by` may explain it.
 
-    `blind`: qualities of a capture with which the row cannot judge.
+    If a capture has a quality in `blind`, the row cannot judge the capture.
     """
 
     cause: str
@@ -25,9 +25,9 @@ class CauseRule(NamedTuple):
 
 
 class RemedyOffer(NamedTuple):
-    """The remedies, and the receiver with all of them applied (None: they cannot be tried).
+    """The remedies. `cured` is the receiver with all of them applied, or None if they cannot be tried.
 
-    `otherwise` is offered if the trial fails.
+    If the trial fails, `otherwise` is offered.
     """
 
     mend: tuple[Remedy, ...] = ()
@@ -46,7 +46,7 @@ def finding_to_plc(
 
 
 def offer_frame_reset(receiver: Receiver) -> tuple[Remedy, ...]:
-    """Return the remedy that starts the next frame at a message after a change of length; (): none."""
+    """After a change of length, return the remedy that starts a frame at a message, or () for none."""
     text = "pulse COM_RST: then the next frame begins with a message"
     is_stream = receiver.has_reset and not receiver.is_datagram
     return (Remedy(text, f"pulse {receiver.instance} COM_RST"),) if is_stream else ()

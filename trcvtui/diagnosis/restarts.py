@@ -1,4 +1,4 @@
-"""Which connections are half open: their caller has restarted, and the other end has not noticed that."""
+"""Finds half-open connections. Their caller has restarted, and the called end has not noticed that."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def find_restarts(
 ) -> Mapping[LineFacts, LineFacts]:
     """Return the half-open connections, each with the call that proves it.
 
-    `groups`: each has the connections of one caller to one listener.
+    Each of `groups` has the connections of one caller to one listener.
     """
     found: dict[LineFacts, LineFacts] = {}
     at_ends: dict[frozenset[tuple[bytes, int]], list[LineFacts]] = {}
@@ -42,7 +42,7 @@ def find_restarts(
 
 
 def _is_answered_by_old(new: LineFacts, later: Sequence[LineFacts]) -> bool:
-    """Return whether the old connection answers a SYN: by its own ACK, or by RST before the next call."""
+    """Return whether the old connection answers a SYN by its own ACK, or by RST before the next call."""
     is_built = any(one.is_built and one.first_ns - new.first_ns < RECONNECT_NS for one in later)
     return bool(new.listener.challenges) or (new.listener.reset is not None and not new.is_built and is_built)
 

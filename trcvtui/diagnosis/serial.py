@@ -1,4 +1,4 @@
-"""Blocks on a ComBuffer: what to check after an error, and what will go wrong with a framing."""
+"""Says for blocks on a ComBuffer what to check after an error, and what will go wrong with a framing."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ WAITING_CONDITIONS: Final = frozenset(
 
 
 def describe_port_wait(e: Evidence) -> str:
-    """Return a text if the block waits for bytes from or to a port that does not exist; else ""."""
+    """Return a text if the block waits for a port that does not exist, else ""."""
     return describe_port_fault(e.buffer) if e.condition in WAITING_CONDITIONS and not e.cause.pin else ""
 
 
@@ -60,7 +60,7 @@ MUCH_NOISE: Final = 16  # bytes thrown away without a single frame
 
 @dataclass(frozen=True, slots=True)
 class FramedBlock:
-    """A receiving block with its framer, its ComBuffer, and the TRCV_C that feeds it (None: none does)."""
+    """A receiving block with framer and ComBuffer. If no TRCV_C feeds the ComBuffer, `feeder` is None."""
 
     instance: InstanceSnapshot
     framer: FramerSnapshot

@@ -72,7 +72,7 @@ def is_session_begin(head: bytes) -> bool:
 
 
 def _unit_size(head: bytes) -> int:
-    """Return the size of a unit; 0: it is no unit. TLS: RFC 8446, 5.1; ISO-on-TCP: RFC 1006, 6."""
+    """Return the size of a unit, or 0 for other bytes. TLS is RFC 8446, 5.1, ISO-on-TCP is RFC 1006, 6."""
     if is_tls_head(head):
         size = int.from_bytes(head[3:5], "big") + 5
         fits = head[0] in (_HANDSHAKE, _ALERT, _DATA, _CHANGE_CIPHER) and head[1] == 3 and 1 <= head[2] <= 4

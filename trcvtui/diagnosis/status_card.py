@@ -28,7 +28,7 @@ class DataBytes(NamedTuple):
 
 
 class Card:
-    """Explains one instance after the other; keeps the last answers about bytes for the next call."""
+    """Explains one instance after the other, and stores its last answers about bytes for the next call."""
 
     def __init__(self) -> None:
         self._suspected: tuple[object, bytes, str] | None = None  # layout, content, suspicion
@@ -44,9 +44,9 @@ class Card:
         reads: str,
         has_values: bool = True,
     ) -> Advice:
-        """Return the advice after the last scan; `reads`: the words that read DATA in another layout.
+        """Return the advice after the last scan. `reads` has the words that read DATA in another layout.
 
-        Without `has_values` the advice has no value of DATA.
+        If `has_values` is False, the advice has no value of DATA.
         """
         advice = make_advice(e)
         causes = advice.causes if advice.checks else tuple(list_frame_notes(instance, index))
@@ -93,7 +93,7 @@ class Card:
 
 
 def _message_bytes(name: str, data: DataBytes, index: StreamIndex) -> bytes:
-    """Return the longest part of job or DATA that begins with a message; all bytes if none is known."""
+    """If no message is known, return all bytes, else the longest part that begins with a message."""
     known = [(data.partial, span) for span in index.list_messages(name, of_job=True)]
     known += [(data.content, span) for span in index.list_messages(name, of_job=False)]
     parts = [content[span.position : span.stop] for content, span in known if span.begins]
@@ -106,7 +106,7 @@ def _has_shifting_frames(e: Evidence) -> bool:
 
 
 def _list_missing(e: Evidence, decl: DataDecl | None) -> str:
-    """Return a sentence on where the bytes of a stuck frame end; "": not known, or the frame is shifted."""
+    """Return where the bytes of a stuck frame end, or "" if that is unknown or the frame is shifted."""
     if decl is None or decl.size != e.need or not is_stuck(e):
         return ""
     if e.facts.drop is not None or _has_shifting_frames(e):
@@ -127,7 +127,7 @@ def _list_missing(e: Evidence, decl: DataDecl | None) -> str:
 
 
 def list_frame_notes(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
-    """Return what is proven about frames and messages of an instance; []: they agree, or ADHOC is on."""
+    """If frames and messages of an instance disagree, return what is proven. With ADHOC, return []."""
     if instance.adhoc:
         return []
     return [*_note_shift(instance, index), *_note_unfinished_frame(instance, index)]

@@ -11,7 +11,7 @@ from trcvtui.plc.ledger import A_HOLE, A_PACKET
 
 
 class StreamMessage(NamedTuple):
-    """One message at its positions; `by_pauses`: the bytes between two pauses, maybe several messages."""
+    """One message at its positions. With `by_pauses`, it may be several messages between two pauses."""
 
     name: str
     positions: range
@@ -20,9 +20,9 @@ class StreamMessage(NamedTuple):
 
 
 def find_whole_messages(window: HistoryWindow, e: Evidence) -> list[StreamMessage]:
-    """Return the messages that are known to be whole, oldest first; []: their ends are not known.
+    """Return the messages that are known to be whole, oldest first, or [] if their ends are unknown.
 
-    Bytes of a running job are left out: the next bytes may belong to the same message.
+    Bytes of a running job are left out, as the next bytes may belong to the same message.
     """
     running = min([job.position for job in window.jobs if job.is_open], default=window.stop)
     recvs = [recv for recv in window.recvs if recv.stop <= running]

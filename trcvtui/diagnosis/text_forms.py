@@ -1,4 +1,4 @@
-"""Messages that are text: instead of numbers, as STRINGs with or without header, or bytes sent as UTF-8."""
+"""Finds messages that are text instead of numbers, STRINGs with or without header, or bytes as UTF-8."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NUMBER_BYTES: Final = frozenset(b"0123456789+-., ;:\t\r\n")
 
 
 class FoundText(NamedTuple):
-    """The sentence that messages are text, and the mark that ends each message; b"": no mark does."""
+    """`said` says that messages are text. `end` is the mark that ends each message, b"" if no mark does."""
 
     said: str
     end: bytes
@@ -36,7 +36,7 @@ def _is_mostly_text(messages: Sequence[bytes]) -> bool:
 
 
 def find_text(messages: Sequence[bytes]) -> FoundText | None:
-    """Return the proof that messages are text: printable and delimited, or only digits, signs, separators."""
+    """Return the proof that messages are printable and delimited, or only digits, signs and separators."""
     if len(messages) < 2 or sum(map(len, messages)) < LEAST_TEXT_BYTES or not _is_mostly_text(messages):
         return None
     end = next((end for end in _TEXT_ENDS if all(one.endswith(end) and one != end for one in messages)), b"")
@@ -78,7 +78,7 @@ def find_string_header(messages: Sequence[bytes]) -> int:
 
 
 def offer_string(receiver: Receiver, messages: Sequence[bytes]) -> RemedyOffer | None:
-    """Return the remedy if a STRING gets text without header, or with a wrong length in it; else None."""
+    """Return a remedy if the text for a STRING has no header or a wrong length in its header, else None."""
     type_, rules = receiver.type, receiver.rules
     if (
         not isinstance(type_, StringType)
@@ -113,7 +113,7 @@ def _offer_type(receiver: Receiver, name: str, size: int, text: str) -> RemedyOf
 
 
 def describe_sent_strings(receiver: Receiver, messages: Sequence[bytes]) -> str:
-    """Return a sentence if whole STRINGs come although DATA is bytes or characters; "": they do not."""
+    """Return a sentence if whole STRINGs come although DATA is bytes or characters, else ""."""
     if len(messages) < FEW_MESSAGES or not is_bytes(receiver.type):
         return ""
     most = find_string_header(messages)
@@ -134,7 +134,7 @@ def is_bytes(type_: Type | None) -> bool:
 
 
 def describe_utf_8_bytes(messages: Sequence[bytes], need: int) -> str:
-    """Return a sentence if bytes were sent as UTF-8, in which each byte above 7F becomes two; else ""."""
+    """Return a sentence if bytes were sent as UTF-8, else "". UTF-8 makes two of each byte above 7F."""
     high = [one for one in messages if not one.isascii()]
     if len(high) < 2:
         return ""

@@ -1,7 +1,7 @@
-"""Captures judged by several workers: processes of this machine, or workers of a Dask cluster.
+"""Several workers judge captures. They are processes of this machine, or workers of a Dask cluster.
 
-Rule 1: a worker that dies loses no file: another worker tries it; after 2 deaths the file is reported.
-Rule 2: bytes from a cluster run no code here: answers are JSON of one form, and no other object is built.
+Rule 1: if a worker dies, another worker tries its file. After 2 deaths the file is reported.
+Rule 2: bytes from a cluster run no code here. Answers are JSON of one form. No other object is built.
 """
 
 from __future__ import annotations
@@ -69,9 +69,9 @@ def _make_death_error(path: str) -> UserError:
 def judge_in_cluster(
     paths: Sequence[str], asked: Question, judge: JudgeFunction[Question, Answer], scheduler: str, form: Any
 ) -> PathAnswers[Answer]:
-    """Yield the answers of a cluster as they come: one task for each capture; a worker reads it.
+    """Yield the answers of a cluster as they come. Each capture is one task, and a worker reads it.
 
-    Files that no worker can open are read here. `form`: the type of an Answer. UserError: no scheduler.
+    `form` is the type of an Answer. Files that no worker can open are read here. UserError: no scheduler.
     """
     dask = require("distributed", "cluster", "--scheduler", "no Dask")
     here: list[str] = []
@@ -92,9 +92,9 @@ def judge_in_cluster(
 
 @contextmanager
 def _forbid_unpickling() -> Iterator[None]:
-    """Let Dask build no object (rule 2): serialized data stays bytes, pickles become None or a KilledWorker.
+    """Prevent Dask from building objects (rule 2). Data stays bytes, pickles become None or a KilledWorker.
 
-    `deserializers` do not cover errors, types of results, warnings, and data that is marked as pickled.
+    The `deserializers` do not cover errors, types of results, warnings, and data marked as pickled.
     """
     from distributed import KilledWorker, client, protocol
 
@@ -114,7 +114,7 @@ def _forbid_unpickling() -> Iterator[None]:
 def _judge_in_workers(
     client: Any, paths: Sequence[str], there: Callable[[str], bytes], reply: Any, here: list[str]
 ) -> PathAnswers[Any]:
-    """Yield the answers of a cluster's workers; add to `here` the files that none of them can read."""
+    """Yield the answers of a cluster's workers. Add the files that no worker can read to `here`."""
     from distributed import KilledWorker, wait
 
     queue: list[tuple[str, tuple[str, ...]]] = [(path, ()) for path in reversed(paths)]
@@ -163,7 +163,7 @@ def _judge_in_workers(
 
 
 def _judge_at_worker(path: str, asked: Question, judge: JudgeFunction[Question, Answer]) -> bytes:
-    """Return JSON of worker, answer and problems; if both are empty, the worker cannot open the file."""
+    """Return worker, answer and problems in JSON. An unreadable file has neither answer nor problems."""
     from distributed import get_worker
 
     answer: Answer | UserError | None = None

@@ -1,4 +1,4 @@
-"""A dialect: its name, answered questionnaire, STATUS table and layout; its switches are read here."""
+"""A dialect: name, answered questionnaire, STATUS table and layout. This module also reads its switches."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SwitchValue = str | int | bool
 class Switch(Struct, frozen=True):
     """One point that the manual leaves open. `kind` is choice, bool, duration (ns) or count.
 
-    `values` are the words of a choice; `least` and `most` bound a count. `text` says what it decides.
+    `values` are the words of a choice. `least` and `most` bound a count. `text` says what is decided.
     """
 
     name: str
@@ -61,13 +61,13 @@ def map_codes(rows: Iterable[StatusRow]) -> dict[str, dict[Condition, int]]:
 
 
 class Dialect(Struct, frozen=True):
-    """One vendor's blocks. `models` maps a PLC model to its connection budget; the first is the default.
+    """One vendor's blocks. `models` maps a PLC model to its connection budget. The first is the default.
 
-    `describes_connects`: a CONNECT is a connection description (TCON_IP_v4, ...), no TCP_CONNECTCONFIG.
-    `structures`: the connection descriptions that it takes; (): all of them.
-    `folder`: the folder of its scenarios, if that has another name than the dialect.
-    `follows`: the document that describes its sequence, if dialects with the same table differ in sequence.
-    `words`: its own words for conditions; it uses them where the neutral word is another vendor's.
+    If `describes_connects`, a CONNECT is a description such as TCON_IP_v4, no TCP_CONNECTCONFIG.
+    `structures` are the connection descriptions that the dialect takes, () for all of them.
+    `folder` is the folder of the scenarios, if its name is not the name of the dialect.
+    `follows` is the document of the sequence, if dialects with the same table differ in sequence.
+    `words` replace the neutral words for conditions where these are the words of another vendor.
     """
 
     name: str

@@ -47,7 +47,7 @@ class Explanation(Struct, frozen=True):
         return (*named, *notes[: MOST_SCENARIOS if self.row.error else 0]) or self.scenarios[:MOST_SCENARIOS]
 
     def may_select(self, file: str) -> bool:
-        """Return whether `select_scenarios` prefers a scenario of this name, if it shows this code."""
+        """If a scenario of this name shows the code, return whether `select_scenarios` prefers it."""
         return self._is_named_in(file) or (self.row.error and _is_note_scenario(file))
 
     def _is_named_in(self, file: str) -> bool:
@@ -70,7 +70,7 @@ def parse_code(text: str) -> int:
 
 
 def parse_number(text: str) -> int | None:
-    """Return the number of `23`, as a UINT such as Error of ReceiveData shows it; None: it is no decimal."""
+    """Return the number of a decimal such as `23`, as Error of ReceiveData shows it, else None."""
     digits = text.strip()
     return int(digits) if digits.isdecimal() and digits.isascii() and len(digits) <= 5 else None
 
@@ -86,9 +86,9 @@ def select_dialects(dialects: Sequence[Dialect], name: str | None) -> tuple[Dial
 def find_explanations(
     dialects: Sequence[Dialect], code: int | None, block: str | None, number: int | None = None
 ) -> list[Explanation]:
-    """Return the rows of a code (None: all) that a block (None: any) lists; UserError if there are none.
+    """Return the rows that have this code and block. None selects all. Raise UserError if there are none.
 
-    `number`: the code as a decimal, if it may be one, for blocks whose Error is a UINT.
+    `number` is the code as a decimal, if it can be one, for blocks whose Error is a UINT.
     """
     wanted = None if block is None else _find_block(dialects, block)
     decimal = code if number is None else number
@@ -112,9 +112,9 @@ def find_explanations(
 
 
 def select_one_dialect(found: Sequence[Explanation], name: str | None) -> tuple[list[Explanation], list[str]]:
-    """Return the rows of a dialect (None: the first that has any), and the other dialects with rows.
+    """Return the rows of a dialect, and the names of the other dialects with rows.
 
-    Raise UserError if the named dialect has none.
+    If `name` is None, take the first dialect that has rows. Raise UserError if the named one has none.
     """
     names = list(dict.fromkeys(one.dialect for one in found))
     chosen = names[0] if name is None else name.casefold()
@@ -132,7 +132,7 @@ def is_number(row: StatusRow) -> bool:
 def add_scenarios(
     found: Iterable[Explanation], by_dialect: Mapping[str, ScenariosByCode]
 ) -> list[Explanation]:
-    """Return the rows with the scenarios that show them; `by_dialect`: the scenarios of each dialect."""
+    """Return the rows with the scenarios that show them. `by_dialect` has the scenarios of each dialect."""
     return [
         replace(one, scenarios=_look_up(one.row, by_dialect.get(one.dialect, NO_SCENARIOS))) for one in found
     ]
@@ -141,9 +141,9 @@ def add_scenarios(
 def add_card_scenarios(
     found: Iterable[Explanation], scenarios_of: Callable[[str, Callable[[str], bool]], ScenariosByCode]
 ) -> list[Explanation]:
-    """Return the rows with enough scenarios for a card; `scenarios_of` reads the files that a test accepts.
+    """Return the rows with enough scenarios for a card. `scenarios_of` reads the files that a test accepts.
 
-    If a preferred scenario shows the code, other scenarios are not read: reading all takes 100 ms.
+    If a preferred scenario shows the code, other scenarios are not read. To read all takes 100 ms.
     """
     return [_with_card_scenarios(one, scenarios_of) for one in found]
 
@@ -170,7 +170,7 @@ def _find_block(dialects: Sequence[Dialect], block: str) -> str:
 
 
 def as_json(found: Iterable[Explanation]) -> str:
-    """Return a JSON list of objects; new keys come after `checks`."""
+    """Return a JSON list of objects. New keys come after `checks`."""
     import json  # here: the text needs none, and a command line starts faster without
 
     return json.dumps([_as_object(one) for one in found], indent=2)
@@ -203,7 +203,7 @@ def _as_object(one: Explanation) -> dict[str, object]:
 def as_text(found: Iterable[Explanation], others: Sequence[str] = (), asked: str | None = None) -> str:
     """Return a card for each row: what it means, likely causes, what to look at next.
 
-    The last line names the `others` that have the code; the first line says that `asked` lacks it.
+    The last line names the `others` that have the code. If `asked` lacks it, the first line says so.
     """
     cards = [(one.dialect, _card(one)) for one in found]
     lacks = asked not in (None, cards[0][0])
@@ -230,7 +230,7 @@ def _card(one: Explanation) -> str:
 
 
 def as_table(found: Iterable[Explanation]) -> str:
-    """Return one line a row: dialect, code, `!` for ERROR=1, title, blocks."""
+    """Return one line for each row, with dialect, code, `!` for ERROR=1, title and blocks."""
     rows = (
         (
             one.dialect,

@@ -1,7 +1,7 @@
-"""The bench as a screen drives it: one line in, one answer out; one request in, one picture out.
+"""Drives the bench for a screen. Each line gets one answer, and each request gets one picture.
 
-Rule: a scenario gets a fresh bench in place of the present one; after the scenario the opened project gets
-a fresh bench, too. There is always exactly one bench.
+Rule: a scenario gets a fresh bench in place of the present one. After the scenario the opened project
+gets a fresh bench. There is always exactly one bench.
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ UDT_USAGE: Final = "udt reload, or udt constant NAME=VALUE; the rest of `udt` is
 
 
 def reload_types(rest: str, project: Project, where: str) -> tuple[Project, dict[str, int], str]:
-    """Return the project with types read again from their files, the given constants, and the message.
+    """Read the types again from their files. Return the project, the given constants and the message.
 
-    `rest`: the words after `udt`. A type that DATA has and that is broken now is refused.
+    `rest` has the words after `udt`. Raise UserError if a type that DATA has is broken now.
     """
     word, _, pairs = rest.strip().partition(" ")
     if word not in (RELOAD, CONSTANT) or (word == RELOAD) == bool(pairs.strip()):
@@ -142,7 +142,7 @@ SCENARIO_USAGE: Final = "load FILE.toml sim|live, step, run or stop"
 
 
 def fresh_bench(project: Project, kernel: str, seam: Seam | None = None) -> Bench:
-    """Return a bench before its first scan; the commands of `start` act in that scan."""
+    """Return a bench before its first scan. The commands of `start` act in that scan."""
     bench = Bench(project, kernel, seam)
     for step in start_steps(project):
         bench.do(step.command)
@@ -155,7 +155,7 @@ def _recording_path(name: str) -> Path:
 
 
 class Controller:
-    """The bench for the screen. `holding`: only `wanted` more scans run, and the player's scans."""
+    """The bench for the screen. While `holding`, only `wanted` more scans and the player's scans run."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -342,7 +342,7 @@ class Controller:
         return ""
 
     def report_recording(self, text: str, wrong: str) -> None:
-        """Show the state of the recording in the header; add a note to the ledger if its error is new."""
+        """Show the state of the recording in the header. If its error is new, note it in the ledger."""
         self.recorded = text
         if wrong != self._wrong_recording:
             self._wrong_recording = wrong
@@ -439,19 +439,19 @@ class Controller:
 
     @property
     def hurries(self) -> bool:
-        """Return whether scans run as fast as possible: while a simulated scenario plays to its end."""
+        """Return True while a simulated scenario plays to its end. Scans then run as fast as possible."""
         player = self.player
         simulated = self.bench.kernel_name == "sim"
         return player is not None and simulated and player.is_to_end and player.wants_scan
 
     def scan(self, now: int | None = None) -> bool:
-        """Run the next scan if it may pass (`holding`); then let the readers of the ledger catch up."""
+        """Run the next scan if `holding` allows it. Then let the readers of the ledger catch up."""
         passed = self.step(now)
         self.catch_up()
         return passed
 
     def step(self, now: int | None = None) -> bool:
-        """Run the next scan if it may pass (`holding`); return whether it ran. The ledger is read later."""
+        """Run the next scan if `holding` allows it. Return whether it ran. The ledger is read later."""
         if not self._may_scan():
             return False
         self.bench.step(now)
@@ -486,7 +486,7 @@ class Controller:
         return answers
 
     def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
-        """Return the bench after its last scan, with at most `most_lines` new ledger lines, the newest."""
+        """Return the bench after its last scan. It has the newest `most_lines` new ledger lines at most."""
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         known = request.bench == self._bench_number
         since = request.since_seq if known else 0

@@ -1,6 +1,6 @@
-"""How a screen drives the bench: lines out, pictures in, the engine in a process of its own.
+"""Drives the bench from a screen. Lines go out, pictures come in. The engine is a separate process.
 
-Rule: this module is imported in almost no time, as the engine starts before all other imports.
+Rule: the import of this module takes almost no time, as the engine starts before all other imports.
 """
 
 from __future__ import annotations
@@ -70,14 +70,14 @@ class ProcessDriver:
         return self._process.pid
 
     def wait_for_project(self) -> Project:
-        """Wait for the project that the engine has read; raise UserError for the mistakes in its file."""
+        """Wait until the engine has read the project. Raise UserError for the mistakes in its file."""
         while not self.has_begun():
             self._channel.poll(None)
         assert self._project is not None
         return self._project
 
     def has_begun(self) -> bool:
-        """Return whether the engine has sent its project; raise UserError for the mistakes in its file."""
+        """Return whether the engine has sent the project. Raise UserError for the mistakes in its file."""
         if self._project is None and (message := self._next_message()) is not None:
             if isinstance(message, UserError):
                 raise message
@@ -104,7 +104,7 @@ class ProcessDriver:
         return newest
 
     def _accept_message(self, message: Any) -> BenchUpdate | None:
-        """Return the message if it is a picture; None if it is the project, which comes first."""
+        """Return the message if it is a picture. The first message is the project: return None for it."""
         if self._project is None:
             self._project = message
             return None
@@ -192,7 +192,7 @@ class EngineDriver(ProcessDriver):
 
 
 class AttachedDriver(ProcessDriver):
-    """The bench of `trcvtui serve` for one of its tabs: `serve` has started the engine."""
+    """Connects one tab of `trcvtui serve` to the bench. `serve` has started the engine."""
 
     is_shared = True
 

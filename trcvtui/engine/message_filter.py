@@ -1,7 +1,7 @@
-"""A filter of messages: a condition, written as for a trigger, is checked for each row.
+"""A filter of messages. Each row is checked against a condition, which is written as for a trigger.
 
-`weight > 3`, `STATUS=80C5`, `RCVD_LEN!=12`: a name without an instance is a member of DATA or a pin of
-the filtered instance. A row has the pins in `ROW_VALUES` only. A condition on a missing value is false.
+Examples: `weight > 3`, `STATUS=80C5`. A name without an instance is a member of DATA or a pin of
+the filtered instance. A row has only the pins in `ROW_VALUES`. A condition on a missing value is false.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def read_filter(text: str, project: Project, instance: str, where: str = "filter
 
 
 def read_layout_filter(text: str, layout: Layout | None, where: str = "filter") -> Filter:
-    """Return the filter for messages without a project; `layout`: the messages' type, None: no type."""
+    """Return the filter for messages without a project. `layout` is the type of the messages, or None."""
     return _make_filter(read_comparison(text.strip(), where, FILTER_FORM), "", (_RCVD_LEN,), layout)
 
 
@@ -80,14 +80,14 @@ def _make_filter(
 
 
 def path_prefixes(instance: str, data: DataDecl | Layout | None) -> tuple[str, ...]:
-    """Return the names that may precede a member's path: instance and DATA; () if `data` is no DATA."""
+    """Return instance and DATA, which may precede a member's path. Return () if `data` is no DATA."""
     return (instance, data.name) if isinstance(data, DataDecl) else ()
 
 
 def find_member(layout: Layout | None, name: str, *before: str) -> tuple[int, Node] | None:
-    """Return the number of the first leaf at a path, and the node at the path; None: there is no node.
+    """Return the number of the first leaf at a path and the node there. If there is no node, return None.
 
-    `data`, the type's name or one of `before` may precede the path, or stand alone if a type is one value.
+    The path may begin with `data`, the type's name or one of `before`. A type of one value needs no more.
     """
     if layout is None or not layout.leaf_count:
         return None

@@ -1,8 +1,8 @@
 """The edits of the opened project, which of them are in a file, and `save project [FILE] [!]`.
 
-Rule: `create`, `delete` and `resize` change the program that runs; `add`, `set` of a part, `remove` and
-`undo` change the project too: `save project` writes only these. Present inputs, DATA and faults belong
-to the session (`save scenario`).
+Rule: `create`, `delete` and `resize` change the program that runs. `add`, `set` of a part, `remove` and
+`undo` also change the project, and `save project` writes only these edits. Present inputs, DATA and
+faults belong to the session, which `save scenario` writes.
 Rule of saving 1: the present text of the file is edited, so that changes by other programs stay.
 Rule of saving 2: the new text is loaded before it is written; it replaces the old text in one step.
 Rule of saving 3: if FILE is another file, it gets the text last opened or saved, with the bench's edits.
@@ -46,7 +46,7 @@ dialect = "{dialect}"
 
 
 def can_create_project(path: Path) -> bool:
-    """Return whether a project can be created here: the file is empty, or missing in an existing folder."""
+    """Return whether the file is empty, or missing in an existing folder, so that it can be created."""
     if path.suffix != SUFFIX:
         return False
     if not os.path.lexists(path):
@@ -88,7 +88,7 @@ FORCE: Final = "!"
 
 
 def parse_save_target(words: str, own: Path, written: Collection[str], where: str) -> Path:
-    """Return the file that `[FILE] [!]` names; without `!` raise UserError if it exists and is not ours."""
+    """Return the file that `[FILE] [!]` names. Raise UserError for an existing foreign file without `!`."""
     name = words.strip()
     is_forced = name.endswith(FORCE)
     name = name.removesuffix(FORCE).strip()
@@ -118,7 +118,7 @@ def refuse_shipped_file(path: Path, where: str) -> None:
 def apply_edits(
     text: str, own: Path, path: Path, edits: Edits, constants: Mapping[str, int]
 ) -> tuple[str, Project]:
-    """Return `text` with the edits, and the project loaded from it as file `path`; raise UserError."""
+    """Return `text` with the edits, and its project loaded as file `path`. Raise UserError for mistakes."""
     added = [edit.after for edit in edits if edit.before is None and edit.after is not None]
     if added:
         text = append_entries(text, added, str(own))
@@ -175,7 +175,7 @@ PROMPT = "prompt"
 
 
 class ProjectEdits:
-    """The opened project with its edits; `done` counts the edits, `saved` is `done` at the last save."""
+    """The opened project with its edits. `done` counts the edits. `saved` was `done` at the last save."""
 
     def __init__(self, project: Project) -> None:
         self.project = project
@@ -199,7 +199,7 @@ class ProjectEdits:
         return "addition" if all(edit.before is None for edit in self._edits) else "change"
 
     def read_file_text(self) -> str:
-        """Return the present text of the file, "" if it cannot be read; `text` is the text kept earlier."""
+        """Return the present text of the file, or "" if it cannot be read. `text` is an earlier text."""
         return _text_of(self.project.path)
 
     def note_new_bench(self) -> None:
@@ -226,7 +226,7 @@ class ProjectEdits:
         self._keep_text(self.text)
 
     def save(self, words: str) -> str:
-        """Write the project to `[FILE] [!]`; return the message; raise UserError."""
+        """Write the project to `[FILE] [!]` and return the message. Raise UserError if that is refused."""
         own = self.project.path
         path = parse_save_target(words, own, self._written, PROMPT)
         if not path.parent.is_dir():
@@ -269,7 +269,7 @@ class ProjectEdits:
             self._inode = os.stat(self.project.path).st_ino if text else 0
 
     def _restore_types(self, folder: Path) -> None:
-        """Write the missing type files again; names of type files are relative to `folder`."""
+        """Write each missing type file again. The names of type files are relative to `folder`."""
         for each in self.project.udts:
             place = folder / each.name
             if each.content and not place.exists():

@@ -35,7 +35,7 @@ FIRST_MAKE_NS: Final = 2_000_000  # the first picture of a tab brings all that i
 
 
 class AttachedScreen:
-    """One screen; `number`: 0 for the first screen. Each line's number is unique among all screens."""
+    """One screen. The first has `number` 0. The number of each line is unique among all screens."""
 
     def __init__(self, channel: Channel, number: int) -> None:
         self.channel, self.number = channel, number
@@ -70,7 +70,7 @@ class AttachedScreens:
     def read_messages(
         self, deadline_ns: int
     ) -> Iterator[tuple[AttachedScreen, tuple[int, str] | UpdateRequest]]:
-        """Yield messages until `deadline_ns`; add and close tabs. EOFError: the first screen has ended."""
+        """Yield messages until `deadline_ns`. Add and close tabs. EOFError: the first screen has ended."""
         if self._door is not None and (descriptor := self._door.accept()) is not None:
             self._came += 1
             self.all.append(tab := AttachedScreen(Channel(descriptor), self._came))

@@ -1,7 +1,7 @@
-"""A trigger: a condition checked after each scan; it fires once, when the condition becomes true.
+"""A trigger has a condition, which is checked after each scan. It fires once, when that becomes true.
 
 `trigger TRCV_C_1 STATUS=80C5`, `trigger TRCV_C_1 EN_R rises`, `trigger rx.speed > 100 hold`. RCVD_LEN is
-compared only in scans with DONE: in every other scan it is 0 and has no meaning.
+compared only in scans with DONE. In every other scan it is 0 and has no meaning.
 When a trigger fires, the screen's next picture shows the bench in that scan, even if later scans have run.
 """
 
@@ -89,7 +89,7 @@ TriggerCondition = PinCondition | MemberCondition
 
 
 class Trigger(Struct, frozen=True):
-    """A trigger as it was written; with `holds` the scans stop when it fires."""
+    """A trigger as it was written. With `holds`, the scans stop when it fires."""
 
     text: str
     condition: TriggerCondition
@@ -97,7 +97,7 @@ class Trigger(Struct, frozen=True):
 
 
 def read_trigger(text: str, project: Project, where: str) -> Trigger | None:
-    """Return the trigger in the text after `trigger`, None for `off`; raise UserError if it is wrong."""
+    """Return the trigger in the text after `trigger`, or None for `off`. Raise UserError if it is wrong."""
     text = text.strip()
     if text == OFF:
         return None
@@ -124,7 +124,7 @@ def _parse_condition(text: str, project: Project, where: str) -> TriggerConditio
 
 
 class ConditionText(NamedTuple):
-    """A comparison as it was written; `value` is parsed later, when the pin or the member is known."""
+    """A comparison as it was written. When the pin or the member is known, `value` is parsed."""
 
     subject: str
     operator: str
@@ -154,7 +154,7 @@ class ConditionText(NamedTuple):
 
 
 def read_comparison(text: str, where: str, form: str) -> ConditionText:
-    """Return the parts of a comparison like `weight > 3`; raise UserError that shows the expected form."""
+    """Return the parts of a comparison like `weight > 3`. A UserError shows the expected form."""
     found = _COMPARISON.fullmatch(text)
     if found is None:
         raise mistake(where, quote(text) if text else "nothing more", form)
@@ -192,7 +192,7 @@ NamedBytes = tuple[tuple[str, bytes], ...]
 
 
 class FrozenScan(Struct, frozen=True):
-    """The bench in the scan in which a trigger fired; `events`: the newest ledger events at that time."""
+    """The bench in the scan in which a trigger fired. `events` were then the newest ledger events."""
 
     fired: TriggerEvent
     snapshot: Snapshot
@@ -219,7 +219,7 @@ class TriggerWatch:
         self.kept: FrozenScan | None = None
 
     def arm(self, text: str, where: str) -> str:
-        """Arm a trigger (`off`: disarm it); return the message for the user; raise UserError.
+        """Arm a trigger, or disarm it with `off`. Return the message for the user. Raise UserError.
 
         If the condition is already true, the trigger fires only when it next changes from false to true.
         """

@@ -46,7 +46,7 @@ STALE_SCANS: Final = 10  # at least so many scan intervals are needed for stale
 
 @dataclass(frozen=True, slots=True)
 class AgentSettings:
-    """The options of the agent. `page`: address and port of the metrics page, None: no page."""
+    """The options of the agent. `page` is address and port of the metrics page, or None for no page."""
 
     project: Path
     kernel: str
@@ -64,9 +64,9 @@ def default_name(project: Path) -> str:
 
 
 def queue_path(site: str, name: str) -> Path | None:
-    """Return the file of the queue in the state folder (of systemd, or of the user).
+    """Return the file of the queue in the state folder of systemd or of the user.
 
-    None if the folder cannot be made: a line reports the error, and the queue is kept in memory.
+    If the folder cannot be made, print the error and return None. The queue is then in memory.
     """
     from hashlib import sha256
 
@@ -203,7 +203,7 @@ class Agent:
                 write_or_drop_line(line)
 
     def _open_page(self, address: str, port: int, opened: ExitStack, now: int) -> None:
-        """Open the page; if its port is in use, try again later: a port in use must not end the bench."""
+        """Open the page. If its port is in use, try again later. A port in use must not end the bench."""
         from trcvtui.fleet.metrics import serve_page
 
         try:

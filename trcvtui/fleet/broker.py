@@ -1,7 +1,7 @@
-"""The connection to an MQTT 5 broker: URL, TLS, user and password; it reconnects by itself.
+"""The connection to an MQTT 5 broker, with URL, TLS, user and password. It reconnects by itself.
 
 Rule 1: only this file uses paho. Its loop runs in our own thread, so that an error in the broker's data ends
-a connection, never the program. Each connection gets a new client: a used client would send old messages
+a connection, never the program. Each connection gets a new client. A used client would send old messages
 again, after newer messages.
 Rule 2: only the thread of rule 1 uses the socket. Messages of other threads wait in paho's queue.
 """
@@ -65,13 +65,13 @@ class ConnAck(NamedTuple):
 
 
 class ConnectionLost(NamedTuple):
-    """A connection has failed or ended; `why` is one line. BrokerConnection tries again by itself."""
+    """A connection has failed or ended. `why` has the reason in one line. BrokerConnection tries again."""
 
     why: str
 
 
 class IncomingMessage(NamedTuple):
-    """A message; `topic` and `payload` are unchecked, both may be hostile."""
+    """A message. Its `topic` and `payload` are unchecked, and both may be hostile."""
 
     topic: str
     payload: bytes
@@ -85,7 +85,7 @@ class PublishAck(NamedTuple):
 
 
 class PublishRefusal(NamedTuple):
-    """The broker has refused our message of this number; `why` is one line."""
+    """The broker has refused our message with this number. `why` has the reason in one line."""
 
     number: int
     why: str
@@ -123,7 +123,7 @@ def parse_broker(
     environment: Mapping[str, str] = os.environ,
     where: str = "--mqtt",
 ) -> BrokerAccess:
-    """Return the broker of a URL; raise UserError. `where`: the option or key of the URL, for the error."""
+    """Return the broker of a URL. Raise UserError with `where`, the option or key that has the URL."""
     wanted = "mqtts://HOST[:8883] or mqtt://HOST[:1883]"
     try:
         parts = urlsplit(url)
@@ -183,7 +183,7 @@ def _tls_context(broker: BrokerAccess) -> ssl.SSLContext:
 
 
 class BrokerConnection:
-    """A connection that reconnects to its broker by itself; `news` yields its events in order."""
+    """A connection that reconnects to its broker by itself. `news` yields its events in order."""
 
     def __init__(
         self, broker: BrokerAccess, client_id: str, will: LastWill | None = None, topics: tuple[str, ...] = ()
@@ -218,7 +218,7 @@ class BrokerConnection:
         self._something.wait(seconds)
 
     def publish(self, topic: str, payload: bytes, is_retained: bool = False) -> int | None:
-        """Send a message with QoS 1; return the number for its `PublishAck`, None without a connection."""
+        """Send a message with QoS 1. Return the number for its `PublishAck`, None if not connected."""
         client = self._client
         if client is None or not self._is_up:
             return None
@@ -229,7 +229,7 @@ class BrokerConnection:
         return sent.mid if sent.rc == 0 else None
 
     def subscribe(self, topics: tuple[tuple[str, int], ...]) -> int | None:
-        """Subscribe to topics with their QoS; return the number for the `SubAck`, None if not connected."""
+        """Subscribe to topics with their QoS. Return the number for the `SubAck`, None if not connected."""
         client = self._client
         if client is None or not self._is_up:
             return None
@@ -240,7 +240,7 @@ class BrokerConnection:
         return number if code == 0 else None
 
     def close(self, last: LastWill | None = None) -> None:
-        """Publish `last`, retained, wait CLOSE_WAIT_S at most for its acknowledgement, end the connection."""
+        """Publish and retain `last`. Wait at most CLOSE_WAIT_S for the acknowledgement, then disconnect."""
         number = None if last is None else self.publish(last.topic, last.payload, True)
         until = clock.now_ns() + int(CLOSE_WAIT_S * 1e9)
         while number is not None and self._is_up and clock.now_ns() < until:

@@ -1,7 +1,7 @@
-"""Messages that wait for the broker, in a file: the next start of the agent continues with it.
+"""Stores messages for the broker in a file. After its next start the agent continues with the file.
 
-Rule 1: after the start no disk error is raised. Lost messages are counted in `dropped`; a damaged file is
-renamed and a new one begun; `say` gets one line about each error.
+Rule 1: after the start no disk error is raised. `dropped` counts lost messages. A damaged file is renamed,
+and a new file is begun. `say` gets one line about each error.
 Rule 2: the file belongs to one agent and contains traffic: mode 0600.
 """
 
@@ -34,7 +34,7 @@ _SCHEMA: Final = (
 
 
 class DiskQueue:
-    """A queue in the file `path`, None: in memory. Raise UserError if another agent uses the file."""
+    """A queue in the file `path`, or in memory for None. Raise UserError if another agent uses the file."""
 
     def __init__(self, path: Path | None, say: Callable[[str], None], most: int = MOST_QUEUED) -> None:
         self._path, self._say, self._most = path, say, most
@@ -92,7 +92,7 @@ class DiskQueue:
             self._say(one_line(line))
 
     def _execute(self, text: str, values: Iterable[object] = ()) -> sqlite3.Cursor | None:
-        """Run a statement; return None after an error of the disk (rule 1)."""
+        """Run a statement. Return None after a disk error (rule 1)."""
         try:
             return self._base.execute(text, tuple(values))
         except sqlite3.Error as failed:
@@ -126,7 +126,7 @@ class DiskQueue:
             return []
 
     def list_after(self, number: int, most: int) -> list[tuple[int, str, bytes]]:
-        """Return the oldest messages after `number` as (number, topic, payload)."""
+        """Return the oldest messages after `number`, at most `most`, as (number, topic, payload)."""
         return self._fetch(
             "SELECT n, topic, payload FROM queue WHERE n > ? ORDER BY n LIMIT ?", (number, most)
         )

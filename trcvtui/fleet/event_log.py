@@ -1,7 +1,7 @@
 """The newest events of one instance, each once, and how many are missing.
 
-The id of an event is BOOT-SEQ; in each run of an agent (BOOT) SEQ counts from 1 without gaps. A skipped
-number is missing until `recent` or a late message brings it. A run keeps MOST_SEQS numbers at most: with
+The id of an event is BOOT-SEQ. In each run of an agent (BOOT), SEQ counts from 1 without gaps. A skipped
+number is missing until `recent` or a late message brings it. A run stores at most MOST_SEQS numbers. With
 more, the lower half is dropped, and numbers up to there are never new again.
 """
 
@@ -55,7 +55,7 @@ class _RunSeqs:
 
 
 class EventLog:
-    """The events of one instance; `kept`: the newest ones, in order of time."""
+    """The events of one instance. `kept` has the newest events in order of time."""
 
     def __init__(self) -> None:
         self.kept: list[KeptEvent] = []

@@ -36,7 +36,7 @@ class AgentInstance:
         self._base = 0, 0  # counts of the engines before
 
     def edge(self, boot: str, at: float, edge: StatusEdge, place: dict[str, object]) -> EventMessage | None:
-        """Return an event if ERROR is new or has a new STATUS, else None; `place`: its scan and file."""
+        """Return an event if ERROR is new or has a new STATUS, else None. `place` has its scan and file."""
         shown = edge.outputs.error, edge.outputs.status
         is_new = edge.outputs.error and shown != self._last
         self._last = shown
@@ -125,9 +125,9 @@ class AgentLine:
 
 
 class AgentBench:
-    """A bench: its lines and instances by name; `boot` identifies this run of the agent.
+    """The lines and instances of a bench by name. `boot` identifies this run of the agent.
 
-    `names`: for a CONNECT or ComBuffer the name of its line, if the two names differ.
+    If the line of a CONNECT or ComBuffer has another name, `names` has the name of the line.
     """
 
     def __init__(
@@ -154,7 +154,7 @@ class AgentBench:
     def handle_update(
         self, update: BenchUpdate, wall: float
     ) -> tuple[list[AgentInstance], list[tuple[AgentInstance, EventMessage]], list[AgentLine]]:
-        """Apply a picture; return instances that have changed, new events, lines whose state has changed."""
+        """Apply a picture. Return changed instances, new events, and lines whose state has changed."""
         snapshot = update.snapshot
         began = wall - snapshot.t_ns / NS
         events = []

@@ -15,7 +15,7 @@ MOST_ROWS: Final = 2000  # of one metric: lines or instances of one agent
 
 
 class Metric(NamedTuple):
-    """One metric; `value` reads it from an agent, a line or an instance, depending on `labels`."""
+    """One metric. `value` reads it from an agent, a line or an instance, depending on `labels`."""
 
     name: str
     kind: str  # gauge or counter

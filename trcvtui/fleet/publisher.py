@@ -1,8 +1,8 @@
-"""An agent's messages to the broker: the newest one of each retained topic, and a queue of events.
+"""Sends an agent's messages to the broker: the newest of each retained topic, and a queue of events.
 
-Rule 1: on a new connection retained topics are sent first; the queue `QUEUE_DELAY_NS` later, oldest first.
-Rule 2: an event leaves the queue when the broker acknowledges it; a full queue drops old figures first.
-Rule 3: a refused message is kept and sent again after a growing pause; meanwhile other messages are sent.
+Rule 1: a new connection first sends retained topics. Then, `QUEUE_DELAY_NS` later, the queue, oldest first.
+Rule 2: an event leaves the queue when the broker acknowledges it. A full queue drops old figures first.
+Rule 3: a refused message is sent again after a growing pause. Meanwhile other messages are sent.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ MOST_UNDERWAY: Final = 200  # messages that the broker has not acknowledged
 
 
 class _PendingMessage(NamedTuple):
-    """A message that the broker has not acknowledged; `number`: its number in the queue, 0: not queued."""
+    """A message that is not acknowledged. `number` is its number in the queue, 0 if it is not queued."""
 
     topic: str
     number: int
 
 
 class _RetainedTopic:
-    """The newest message of a topic, sent at `due_at` or later; `payload` makes the bytes at that time."""
+    """The newest message of a topic. It is sent at `due_at` or later. `payload` makes the bytes then."""
 
     __slots__ = ("due_at", "gap", "is_sent", "payload")
 
@@ -44,7 +44,7 @@ class _RetainedTopic:
 
 
 class Publisher:
-    """Sends retained and queued messages while the broker is connected; `say` prints a line for the user."""
+    """Sends retained and queued messages while the broker is connected. `say` prints lines for the user."""
 
     def __init__(self, connection: BrokerConnection, queue: DiskQueue, say: Callable[[str], None]) -> None:
         self._connection, self.queue, self._say = connection, queue, say
@@ -61,7 +61,7 @@ class Publisher:
         return self._up_at is not None
 
     def retain(self, topic: str, payload: bytes | Callable[[], bytes], gap: int = LEAST_GAP_NS) -> None:
-        """Set the message of a topic; of several messages within `gap` ns only the newest is sent."""
+        """Set the message of a topic. Of several messages within `gap` ns only the newest is sent."""
         made = (lambda: payload) if isinstance(payload, bytes) else payload
         held = self._retained.get(topic)
         if held is None:
@@ -80,7 +80,7 @@ class Publisher:
         self._queue_message(EVENT, topic, payload)
 
     def figures(self, topic: str, payload: bytes) -> None:
-        """Retain figures; queue them, too, while the broker is not connected."""
+        """Retain figures. While the broker is not connected, also queue them."""
         self.retain(topic, payload)
         if not self.is_up:
             self._queue_message(FIGURES, topic, payload)

@@ -46,7 +46,7 @@ def _is_pattern(pattern: str) -> bool:
 
 
 class FleetReader:
-    """The reader of one broker; `why` says why there is no connection, "" while there is one."""
+    """The reader of one broker. `why` says why there is no connection, and is "" while there is one."""
 
     def __init__(self, connection: BrokerConnection, fleet: FleetModel, pattern: str) -> None:
         self._connection, self.fleet, self._pattern = connection, fleet, pattern

@@ -1,6 +1,6 @@
-"""All lines of all sites as a reader knows them: the state of each line; the worst lines come first.
+"""All lines of all sites with their states, as a reader knows them. The worst lines come first.
 
-Rule 1: a name beyond MOST_NAMES is refused with one message; the known names stay.
+Rule 1: a name beyond MOST_NAMES is refused with one message. The known names stay.
 Rule 2: all times are by our clock. The live messages of an agent show the error of its clock.
 """
 
@@ -67,7 +67,7 @@ class FleetAgent:
         self._delays: deque[tuple[int, float]] = deque(maxlen=2)  # by bucket the least of our time minus its
 
     def note_delay(self, t: float, wall: float) -> None:
-        """Note that a live message, sent at `t` by the agent's clock, has come at `wall`."""
+        """Note that a live message has come at `wall`. The agent sent it at `t` by its own clock."""
         bucket, delay = int(wall // CLOCK_BUCKET_S), wall - t
         while self._delays and not bucket - 1 <= self._delays[0][0] <= bucket:
             self._delays.popleft()
@@ -99,7 +99,7 @@ class FleetAgent:
 
 
 class FleetLine:
-    """One line; sorted by `rank`, the worst line is first."""
+    """One line. If lines are sorted by `rank`, the worst line is first."""
 
     def __init__(self, agent: FleetAgent, name: str) -> None:
         self.agent, self.name = agent, name
@@ -162,7 +162,7 @@ class FleetLine:
         return wall - self.agent.to_our_time(status.t, wall)
 
     def errors_an_hour(self, wall: float) -> int:
-        """Return the ERRORs of the last hour: the number received, or the agent's count if it is larger."""
+        """Return the ERRORs of the last hour, as received or as the agent counted, whichever is more."""
         oldest = int(wall // BUCKET_S) - HOUR_BUCKETS
         for bucket in [each for each in self.errors if each <= oldest]:
             del self.errors[bucket]
@@ -221,7 +221,7 @@ def _badness(instance: FleetInstance) -> tuple[bool, bool, bool, int]:
 
 
 class FleetModel:
-    """All agents; `apply` adds a message, `sort_lines` returns the lines."""
+    """All agents. `apply` adds a message. `sort_lines` returns the lines."""
 
     def __init__(self) -> None:
         self.agents: dict[tuple[str, str], FleetAgent] = {}

@@ -42,7 +42,7 @@ EventId = Annotated[str, _pattern_meta("[0-9a-f]{1,32}-[0-9]{1,16}")]
 
 
 class Topic(NamedTuple):
-    """The parts of a topic; `line` and `instance` are "" for a kind without them."""
+    """The parts of a topic. If its kind has no line or instance, `line` or `instance` is ""."""
 
     site: str
     agent: str
@@ -111,7 +111,7 @@ class StatusMessage(
     frozen=True,
     rename={"status": "STATUS", "busy": "BUSY", "done": "DONE", "error": "ERROR", "jobs_done": "done"},
 ):
-    """The outputs of an instance, unchanged for `age_s`. The job has `here` of `wanted` bytes."""
+    """The outputs of an instance, unchanged for `age_s` seconds. The job has `here` of `wanted` bytes."""
 
     KIND = "status"
     TEXTS = ("text", "finding")
@@ -159,7 +159,7 @@ class FiguresMessage(
 
 
 class RecentMessage(FleetMessage, frozen=True):
-    """The newest events of an instance, the oldest first; `count`: its events since the agent started."""
+    """The newest events of an instance, the oldest first. `count` counts all since the agent started."""
 
     KIND = "recent"
     t: Number
@@ -190,7 +190,7 @@ def _make_refusal(topic: Topic, found: str, expected: str) -> UserError:
 
 
 def _clean_scalar(value: object) -> Scalar:
-    """Return a value of a cause; `?` for a value that is not allowed."""
+    """Return a value of a cause, or `?` if the value is not allowed."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return value if abs(value) <= MOST_COUNT and math.isfinite(value) else "?"  # JSON has no NaN
     if isinstance(value, str):

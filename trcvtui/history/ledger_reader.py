@@ -1,6 +1,6 @@
-"""Reads the ledger once for all listeners (`index.add_listeners`), between scans, some lines at a time.
+"""Reads the ledger once for all listeners (`index.add_listeners`), some lines between each two scans.
 
-Rule: if lines were overwritten before they were read, all listeners get a call; none guesses their content.
+Rule: if lines are overwritten before they are read, all listeners get a call. No listener guesses.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ LINES_A_STEP: Final = 64  # between two looks at the clock
 
 
 class LedgerReader:
-    """The reader of a bench's ledger; `index` gets each line first."""
+    """The reader of a bench's ledger. `index` gets each line before all listeners."""
 
     def __init__(self, bench: Bench) -> None:
         self.index = StreamIndex()
@@ -32,7 +32,7 @@ class LedgerReader:
         self._at = 0, 0  # scan and time of the last line that was read
 
     def catch_up(self, deadline_ns: int | None = None) -> bool:
-        """Read the lines since the last call, until `deadline_ns`; return whether all are read."""
+        """Read new lines until `deadline_ns`. Return whether all lines are read."""
         try:
             return self._read_lines(deadline_ns)
         except Exception as error:

@@ -1,7 +1,7 @@
-"""Facts that remain when the ledger overwrites its lines: small counters of each CONNECT, line by line.
+"""Small counters of each CONNECT. They remain when the ledger overwrites its lines.
 
 Rule 1: a screen gets only some lines. The statistics read every line, but their size does not grow.
-Rule 2: lines that are overwritten before they are read are missing here; nothing is guessed.
+Rule 2: lines that are overwritten before they are read are missing here. Nothing is guessed.
 """
 
 from __future__ import annotations

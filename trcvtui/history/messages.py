@@ -33,9 +33,9 @@ HOLE_REASON: Final = "hole"
 
 
 class MessageRow(NamedTuple):
-    """A message; `t_ns` is the time of its last byte, `gap_ns` the time since the message before.
-    `position` is in the ring `stream`; -1: nowhere. The values of the first `have` bytes are known.
-    `content` is set when the row leaves the engine; None: the bytes have left the ring.
+    """A message. `t_ns` is the time of its last byte, `gap_ns` the time since the message before.
+    `position` is in the ring `stream`, or -1 for nowhere. The values of the first `have` bytes are known.
+    When the row leaves the engine, `content` is set, or None if the bytes have left the ring.
     """
 
     number: int
@@ -56,7 +56,7 @@ CONTENT_INDEX: Final = MessageRow._fields.index("content")
 
 
 class MessagesDelta(Struct, frozen=True):
-    """Rows of an instance from number `first` on, of `count`; rows before `oldest` lost their bytes."""
+    """Rows from number `first` on, of `count` rows. The rows before `oldest` have lost their bytes."""
 
     instance: str
     first: int
@@ -83,7 +83,7 @@ class _InstanceRows:
 
 
 class NewestRows:
-    """The newest rows of each instance; `received` returns the ring of a name."""
+    """The newest rows of each instance. `received` returns the ring of a name."""
 
     def __init__(
         self,
@@ -97,7 +97,7 @@ class NewestRows:
         self._status: dict[str, int] = {}
 
     def make_delta(self, instance: str, since: int, until: int = MAX_SCAN) -> MessagesDelta:
-        """Return rows from number `since` on, up to a scan: as many as fit into a picture."""
+        """Return rows from number `since` on up to a scan, at most as many as fit into a picture."""
         self._catch_up()
         of = self._by_instance.get(instance)
         if of is None:
@@ -135,7 +135,7 @@ class NewestRows:
         return content[: row.have] if len(content) == row.size else None
 
     def _find_oldest(self, of: _InstanceRows) -> int:
-        """Return the number of the row after the last row that lost its bytes; empty rows lose none."""
+        """Return the number of the row after the last row that lost its bytes. Empty rows lose none."""
         for number in range(max(of.oldest, of.first), of.count):
             row = of.rows[number - of.first]
             ring = self._received(row.stream)
@@ -172,7 +172,7 @@ class NewestRows:
 
 
 class MessageRows(NewestRows):
-    """The rows of a bench after scan `after`; a keyframe also brings older lines, which are skipped."""
+    """The rows of a bench after scan `after`. A keyframe also brings older lines, which are skipped."""
 
     def __init__(self, bench: Bench, reader: LedgerReader, streams: ReceivedStreams, after: int = 0) -> None:
         super().__init__(bench.runtime.received_ring, reader.catch_up, after)
@@ -195,7 +195,7 @@ class MessageRows(NewestRows):
         reader.lost.append(self._handle_loss)
 
     def make_delta(self, instance: str, since: int, until: int = MAX_SCAN) -> MessagesDelta:
-        """Return the rows; if nothing is new, the same object as before, so that it is not sent again."""
+        """Return the rows. If nothing is new, return the same object, so that it is not sent again."""
         self._catch_up()
         index, of = self._streams.index, self._by_instance.get(instance)
         state = instance, since, until, index.down_changes, of and (of.count, of.errors and of.errors[-1])
@@ -221,7 +221,7 @@ class MessageRows(NewestRows):
         self.add_row(instance, number, scan, t_ns, size, connect, pieces, reason, have)
 
     def _find_arrival_ns(self, connect: str, reads: Sequence[RecvSpan], size: int) -> int:
-        """Return when the last byte of a message came: the time of its packet, else of its recv call."""
+        """Return when the last byte of a message came, by its packet if known, else by its recv call."""
         last, config = reads[-1], self._bench.project.connect(connect)
         if config is not None and config.session is not None:  # packets of a session have other bytes
             return last.t_ns

@@ -1,6 +1,6 @@
-"""The pins over the scans: waveforms of a pin and of an instance; which changes the engine must send.
+"""Waveforms of a pin and of an instance over the scans, and the changes that the engine must send.
 
-Rule: what was left out is a gap; nothing about it is guessed.
+Rule: changes that were left out are a gap. Nothing is guessed about a gap.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ LaneValue = int | None
 
 
 class Window(NamedTuple):
-    """The columns that are drawn: column n is the scans n * zoom + 1 to (n + 1) * zoom."""
+    """The columns that are drawn. Column n has the scans n * zoom + 1 to (n + 1) * zoom."""
 
     first: int
     width: int
@@ -42,7 +42,7 @@ class Window(NamedTuple):
 
 
 class Column(NamedTuple):
-    """A stretch of scans: least, greatest (None: not known) and last value, and the number of changes."""
+    """The least, greatest and last value in some scans, None if unknown, and the number of changes."""
 
     low: LaneValue
     high: LaneValue
@@ -92,7 +92,7 @@ class PinWaveform:
         return Column(low, high, inside[-1], end - begin)
 
     def list_columns(self, window: Window, until: int) -> list[Column | None]:
-        """Return a window's columns, None for columns after scan `until`; keep the complete columns."""
+        """Return the columns of a window, None for those after scan `until`. Store complete columns."""
         if self._zoom != window.zoom or len(self._columns) > 8 * window.width + 1024:
             self._columns, self._zoom = {}, window.zoom
         return [self._get_column(window, number, until) for number in range(window.width)]
@@ -158,13 +158,13 @@ NO_PINS: Final[PinValues] = ()
 
 
 class KnownPins(Struct, frozen=True):
-    """Values that some pins have from now on; no edge reported them; None: unknown."""
+    """Values that some pins have from now on, without an edge. None means that the value is unknown."""
 
     values: PinValues
 
 
 class PinChange(NamedTuple):
-    """A change in a scan; `seq`: its ledger number. Of several changes in one scan the last one counts."""
+    """A change in a scan, with the ledger number `seq`. Of several changes in one scan the last counts."""
 
     seq: int
     scan: int
@@ -173,9 +173,9 @@ class PinChange(NamedTuple):
 
 
 class WaveformDelta(Struct, frozen=True):
-    """The changes of one instance, in order; `first` is the number of the first change here, from 1.
+    """The changes of one instance in order. `first` is the number of the first change, counted from 1.
 
-    `before`: values of all pins from `before_scan` to the first change. No other change up to `until_scan`.
+    `before` has all pins from `before_scan` to the first change. No other change comes up to `until_scan`.
     """
 
     instance: str
@@ -189,7 +189,7 @@ class WaveformDelta(Struct, frozen=True):
 
 
 def cut_delta(news: WaveformDelta, scan: int, t_ns: int) -> WaveformDelta | None:
-    """Return the changes up to a past scan; None: the kept changes begin after that scan."""
+    """Return the changes up to a past scan, or None if the known changes begin after that scan."""
     if news.before and news.before_scan > scan:
         return None
     changes = tuple(change for change in news.changes if change.scan <= scan)
@@ -216,13 +216,13 @@ MOST_GAPS: Final = 200
 
 
 def find_lamp(pin: str) -> str:
-    """Return which lamp a pin is: done, error or busy, whatever the block calls it; "" for no lamp."""
+    """Return the lamp that a pin is: done, error or busy. Return "" if the pin is no lamp."""
     shows = outcome_field(pin)
     return shows if shows in LAMP_FIELDS else ""
 
 
 class Waveform:
-    """The pins of one instance. Scans count from 1; `until_scan` is the last one that is known."""
+    """The pins of one instance. Scans count from 1. The last known scan is `until_scan`."""
 
     def __init__(self, instance: str) -> None:
         self.instance = instance
@@ -239,7 +239,7 @@ class Waveform:
     # -- input --------------------------------------------------------------------------------------
 
     def add_delta(self, news: WaveformDelta, interval_ns: int) -> None:
-        """Append the changes that are new; changes that the engine left out become a gap."""
+        """Append the changes that are new. Changes that the engine left out become a gap."""
         if news.first <= self.number:
             return
         self.interval_ns = interval_ns
@@ -284,7 +284,7 @@ class Waveform:
         return self._polled[pin]
 
     def find_pin(self, what: str) -> str | None:
-        """Return the output pin for a field such as `status`; None: the block has no such pin."""
+        """Return the output pin for a field such as `status`, or None if the block has no such pin."""
         return next((pin for pin in self.lanes if outcome_field(pin) == what), None)
 
     @property
@@ -326,7 +326,7 @@ class Waveform:
         return self.edges[bisect_left(self.edge_scans, first) : bisect_right(self.edge_scans, last)]
 
     def find_next_edge(self, scan: int, direction: int) -> int | None:
-        """Return the nearest scan after (or before) this one in which a pin changes."""
+        """Return the nearest scan in which a pin changes, after or before this scan."""
         lanes = self.lanes.values()
         found = [edge for lane in lanes if (edge := lane.find_next_edge(scan, direction)) is not None]
         return (min if direction > 0 else max)(found, default=None)
@@ -358,7 +358,7 @@ class WaveformCache:
         return wave
 
     def make_requests(self, instances: Iterable[str], scan: int | None = None) -> tuple[tuple[str, int], ...]:
-        """Return what to request of the engine: each instance with the last change that is known.
+        """Return the instances to request from the engine, each with the number of its last known change.
 
         With `scan`, leave out instances whose changes are known up to that scan, or are no longer kept.
         """

@@ -1,8 +1,8 @@
-"""For each position of a ring: the recv call, job or frame that has the byte, or why it was dropped.
+"""Finds for each position of a ring the recv call, job or frame of the byte, or why it was dropped.
 
 Rule 1: only facts of the ledger are kept. The bytes of lines that were overwritten unread have no owner.
 Rule 2: the bytes stay in the ring (net/received_ring.py); no byte is copied here.
-Rule 3: the number of spans is bounded: the more streams, the fewer spans of each. The oldest are forgotten.
+Rule 3: the number of spans is bounded. More streams mean fewer spans of each. The oldest are forgotten.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class ReceivedStream:
         self.looked_at = len(self.recvs) + len(self.jobs) + SLACK
 
     def find_pieces(self, incarnation: int, offset: int, size: int) -> Pieces:
-        """Return where in the ring `size` bytes from `offset` of a connection are, as far as known."""
+        """Return the known places in the ring of `size` bytes from `offset` of a connection on."""
         found: Pieces = []
         begin, end = (incarnation, offset), (incarnation, offset + size)
         place = bisect_right(self.recvs, begin, key=lambda recv: (recv.incarnation, recv.offset + recv.size))
@@ -90,7 +90,7 @@ class ReceivedStream:
         return join_pieces(found)
 
     def take_last(self, stop: int, size: int) -> Pieces:
-        """Take the last `size` untaken bytes of a ComBuffer before `stop`; []: not all are known."""
+        """Take the last `size` untaken bytes of a ComBuffer before `stop`, or [] if not all are known."""
         held: list[RecvSpan] = []
         while self.arrivals and self.arrivals[0].offset < stop:
             recv = self.arrivals.popleft()
@@ -112,13 +112,13 @@ class ReceivedStream:
     # -- searches ---------------------------------------------------------------------------------------
 
     def list_pieces(self, place: int) -> list[JobSpan]:
-        """Return all pieces of the entry of `jobs` at this index: a job, or dropped bytes."""
+        """Return all pieces of the job, or of the dropped bytes, at this index of `jobs`."""
         job = self.jobs[place]
         near = self.jobs[max(0, place - MOST_STEPS) : place + MOST_STEPS] if job.size < job.whole else [job]
         return [one for one in near if (*one[2:8], one.whole) == (*job[2:8], job.whole)]
 
     def find_job_before(self, position: int, instance: str, scan: int = MAX_SCAN) -> list[JobSpan]:
-        """Return the pieces of the last job that began before `position` and had DONE not after `scan`."""
+        """Return the pieces of the last job that began before `position` and had DONE up to `scan`."""
         last = bisect_left(self.jobs, position, key=BY_POSITION) - 1
         for place in range(last, max(-1, last - MOST_STEPS), -1):
             job = self.jobs[place]
@@ -127,7 +127,7 @@ class ReceivedStream:
         return []
 
     def find_job_pieces(self, instance: str, number: int) -> list[JobSpan]:
-        """Return the pieces of this job, or frame, if it has DONE and is among the newest; else []."""
+        """Return the pieces of this job or frame, or [] if it is not among the newest with DONE."""
         for place in range(len(self.jobs) - 1, max(-1, len(self.jobs) - MOST_STEPS), -1):
             job = self.jobs[place]
             if job.done and job.number == number and job.instance == instance:
@@ -135,7 +135,7 @@ class ReceivedStream:
         return []
 
     def find_job(self, instance: str, number: int) -> int | None:
-        """Return where the newest job, or frame, with this number and DONE begins; None: it is not kept."""
+        """Return the begin of the newest job or frame with this number and DONE, or None if unknown."""
         found = (
             job.position for job in reversed(self.jobs)
             if job.done and job.number == number and job.instance == instance and not job.first
@@ -143,9 +143,9 @@ class ReceivedStream:
         return next(found, None)
 
     def find_next_ended(self, position: int, is_forward: bool, is_done: bool = True) -> int | None:
-        """Return where the next job, or the previous one, that ended with DONE begins.
+        """Return where the next or the previous job that ended with DONE begins.
 
-        Without `is_done`: where the next, or previous, dropped bytes begin.
+        Without `is_done`, return where the next or the previous dropped bytes begin.
         """
         place = (bisect_right if is_forward else bisect_left)(self.jobs, position, key=BY_POSITION)
         numbers = range(place, len(self.jobs)) if is_forward else range(place - 1, -1, -1)
@@ -279,7 +279,7 @@ class ReceivedStreams:
 
 
 def as_running(span: JobSpan) -> JobSpan:
-    """Return a span as it was before its job, or frame, ended or was dropped."""
+    """Return a span as it was before its job or frame ended, or before it was dropped."""
     if span.is_frame or not span.number:
         span = span._replace(instance="", number=0, prefix=0, suffix=0, is_frame=False)
     return span._replace(done=False, reason=_runs(span.number) if span.number else WAIT_REASON, is_open=True)

@@ -1,6 +1,6 @@
 """The records of the past: windows on a stream of received bytes, and the facts of one CONNECT.
 
-Rule: facts are only what was seen; a field that is empty or None is unknown, and must not be guessed.
+Rule: facts are only what was seen. An empty field or None is unknown, and must not be guessed.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ MAX_SCAN: Final = 1 << 62  # after every scan
 
 
 class JobSpan(NamedTuple):
-    """Bytes of one receive job at `position` of the stream; or bytes that were dropped.
+    """Bytes of one receive job, or bytes that were dropped, at `position` of the stream.
 
-    `reason`: why bytes never reached DATA (`done` is False). `is_kept` False: the PLC never had the bytes.
-    `whole`: the size of the job. If another job read in between, each piece of the job has its own span;
-    `first`: the piece's first byte in the job. `prefix`, `suffix`: the sizes of a frame's marks.
-    `is_open`: the job or frame has no end yet, or is not known.
+    `reason` says why bytes never reached DATA. If `is_kept` is False, the PLC never had the bytes.
+    `whole` is the size of the job. If another job read in between, each piece of the job has its own span.
+    `first` is the piece's first byte in the job. `prefix` and `suffix` are the sizes of a frame's marks.
+    With `is_open`, the job or frame has no end yet, or is not known.
     """
 
     position: int
@@ -110,7 +110,7 @@ Pieces = list[tuple[int, int]]  # position and size of the bytes of one job; ano
 
 
 def join_pieces(parts: Iterable[tuple[int, int]]) -> Pieces:
-    """Return the pieces; pieces that follow each other without a hole are joined."""
+    """Join pieces that follow each other without a hole, and return all pieces."""
     found: Pieces = []
     for position, size in parts:
         if found and sum(found[-1]) == position:
@@ -125,9 +125,9 @@ def span_at(spans: Sequence[Span], position: int) -> Span | None:
 
 
 class SeekRequest(Struct, frozen=True):
-    """A search from position `start` on: for a DONE, one of the `patterns`, or `dropped` bytes.
+    """A search from position `start` on for a DONE, for one of the `patterns`, or for `dropped` bytes.
 
-    `job`: a search for this job (its instance and number), wherever it is.
+    With `job`, search everywhere for the job with this instance and number.
     """
 
     number: int
@@ -139,7 +139,7 @@ class SeekRequest(Struct, frozen=True):
 
 
 class SeekResult(Struct, frozen=True):
-    """The place that a SeekRequest found; None: not found, or not yet. `share`: searched part, 1.0: all."""
+    """The position that a SeekRequest has found, or None. `share` is the searched part, 1.0 for all."""
 
     number: int
     position: int | None
@@ -148,9 +148,9 @@ class SeekResult(Struct, frozen=True):
 
 
 class HistoryRequest(Struct, frozen=True):
-    """A request for a part of a CONNECT's stream. `before`: also the bytes of the job before each job.
+    """A request for a part of a CONNECT's stream. With `before`, add the bytes of the job before each job.
 
-    `job_at`: also all bytes of the job at this position. `data`: (instance, first byte, size), also
+    With `job_at`, add all bytes of the job at this position. With `data` (instance, first byte, size), add
     the bytes that DATA held before its newest job. The answer shows the state after `scan`.
     """
 
@@ -165,7 +165,7 @@ class HistoryRequest(Struct, frozen=True):
 
 
 class PreviousJobBytes(Struct, frozen=True):
-    """Bytes of the previous job, to compare with the bytes from `position` of the stream or of DATA on."""
+    """Bytes of the previous job, to compare with bytes of the stream or of DATA from `position` on."""
 
     position: int
     content: bytes
@@ -173,7 +173,7 @@ class PreviousJobBytes(Struct, frozen=True):
 
 
 class HistoryWindow(Struct, frozen=True):
-    """A part of a stream from `start` on; the stream is kept from `begin` to `end`; missing bytes are 0.
+    """A part of a stream from `start` on. The stored stream is from `begin` to `end`. Missing bytes are 0.
 
     Spans that cross an edge of the window are whole.
     """
@@ -221,19 +221,19 @@ class ScanStamp(Struct, frozen=True):
 
 
 class Sizes(Struct, frozen=True):
-    """Sizes in bytes: `last`: the newest sizes, oldest first; `count`: how many sizes there were."""
+    """Sizes in bytes. `last` has the newest sizes, the oldest first. `count` counts all sizes."""
 
     count: int = 0
     last: tuple[int, ...] = ()
 
     @property
     def common(self) -> int | None:
-        """Return the one size that all of `last` have; None: they differ, or `last` is empty."""
+        """Return the one size that all of `last` have, or None if they differ or `last` is empty."""
         return self.last[0] if self.last and min(self.last) == max(self.last) else None
 
 
 class DroppedJob(Struct, frozen=True):
-    """A job that ended within a frame: `have` of `need` bytes, up to byte `end` of the stream, were lost."""
+    """A job that ended within a frame. It lost `have` of `need` bytes, up to byte `end` of the stream."""
 
     at: ScanStamp
     instance: str
@@ -257,8 +257,8 @@ class FailureCount(Struct, frozen=True):
 class FailedAttempt(Struct, frozen=True):
     """The last attempt that failed since the connection was last up, or since it began to listen.
 
-    `status` and `condition`: what the instance showed of the attempt, 0 and "" if it showed nothing.
-    `said`: what the partner or the session said, in words.
+    `status` and `condition` are what the instance showed of the attempt, 0 and "" if it showed nothing.
+    `said` has what the partner or the session said, in words.
     """
 
     at: ScanStamp
@@ -269,7 +269,7 @@ class FailedAttempt(Struct, frozen=True):
 
 
 class DroppedClient(Struct, frozen=True):
-    """A client that was dropped before it was a partner: its handshake was wrong, or named another TSAP."""
+    """A client that was dropped before it was a partner. Its handshake was wrong or named another TSAP."""
 
     at: ScanStamp
     peer: str
@@ -277,7 +277,7 @@ class DroppedClient(Struct, frozen=True):
 
 
 class RejectedClients(Struct, frozen=True):
-    """Clients that were reset at once: wrong partners, or second clients. `peer`: the last client."""
+    """Clients that were reset at once, as wrong partners or second clients. `peer` is the last client."""
 
     count: int
     peer: str
@@ -285,7 +285,7 @@ class RejectedClients(Struct, frozen=True):
 
 
 class LastLoss(Struct, frozen=True):
-    """The last end of a connection; `what`: the name of the event in the ledger; `peer`: the partner."""
+    """The last end of a connection. `what` is the name of the ledger event. `peer` is the partner."""
 
     at: ScanStamp
     what: str
@@ -296,7 +296,7 @@ class LastLoss(Struct, frozen=True):
 
 
 class ConnectFacts(Struct, frozen=True):
-    """What is known of one CONNECT and one instance on it, also from lines that were overwritten since."""
+    """The known facts of one CONNECT and one of its instances, even from overwritten ledger lines."""
 
     sender: str = ""
     messages: Sizes = Sizes()

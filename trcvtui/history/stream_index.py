@@ -1,9 +1,9 @@
-"""To which message, recv call, job and scan a byte of a received stream belongs: one index for all readers.
+"""Finds the message, recv call, job and scan of a byte in a received stream. All readers share one index.
 
-The index gets each line of the ledger first; after it, the other listeners (`add_listeners`).
-A line costs only a note of its fields: records are made when they are requested.
+The index gets each line of the ledger before the other listeners (`add_listeners`).
+For each line the index notes only the fields. Records are made when they are requested.
 Rule 1: what the ledger lacks (lines skipped, a partner that is no peer here) is left out, not guessed.
-Rule 2: two ends can meet again on a later connection; the peer's stream then begins with byte 0 again.
+Rule 2: two ends can connect again later. The peer's stream then begins with byte 0 again.
 Each incarnation of the CONNECT has the messages of its own connection only.
 """
 
@@ -79,7 +79,7 @@ class StreamBursts:
         self.gaps: deque[int] = deque(maxlen=KEPT_GAPS)
 
     def add_bytes(self, scan: int, t_ns: int, size: int) -> bool:
-        """Take bytes that arrived; return whether they came after a pause."""
+        """Take bytes that arrived. Return whether they came after a pause."""
         if self.scan == scan:
             self.size += size
             return False
@@ -101,9 +101,9 @@ class StreamBursts:
 
 
 def find_bursts(recvs: Iterable[RecvSpan], is_over: bool) -> list[range]:
-    """Return where bytes between two pauses are; leave out bytes without a known beginning or end.
+    """Return where bytes between two pauses are. Leave out bytes without a known beginning or end.
 
-    `is_over`: a pause has followed the last recv call.
+    If `is_over`, a pause has followed the last recv call.
     """
     bursts, found, start = StreamBursts(), list[range](), -1  # no beginning is known
     last: RecvSpan | None = None
@@ -302,7 +302,7 @@ class StreamIndex:
         return self._sent.get(key)
 
     def find_messages_within(self, link: LinkKey, offset: int, size: int, position: int) -> list[MessageSpan]:
-        """Return messages in `size` bytes from `offset` of a connection; byte `offset` is at `position`."""
+        """Return messages in `size` bytes from `offset` of a connection. Byte `offset` is at `position`."""
         sent = self._find_sent(link)
         found: list[MessageSpan] = []
         if sent is None:
@@ -364,7 +364,7 @@ class StreamIndex:
     # -- jobs -------------------------------------------------------------------------------------------
 
     def find_newest_job(self, instance: str) -> JobRecord | None:
-        """Return the job that an instance began last, also after its end."""
+        """Return the job that an instance began last, even if the job has ended."""
         reading = self._readings.get(instance)
         return _make_begun_job(reading.began) if reading is not None and reading.began is not None else None
 

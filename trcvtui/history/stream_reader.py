@@ -38,7 +38,7 @@ LOST_REASON: Final = "of an unknown job: lines of the ledger were overwritten be
 
 
 class _Source:
-    """One stream with its ring, as it was after a scan; for one picture."""
+    """One stream with its ring as it was after a scan. It serves one picture."""
 
     def __init__(self, name: str, ring: ReceivedRing, stream: ReceivedStream, scan: int) -> None:
         self.name, self.ring, self.stream, self.scan = name, ring, stream, scan
@@ -50,7 +50,7 @@ class _Source:
         return self.ring.lack_reason if self.begin == self.ring.begin else "older than the jobs that are kept"
 
     def read_runs(self, start: int, stop: int) -> ByteRuns:
-        """Return the bytes from `start` to `stop`; a new run begins after missing bytes."""
+        """Return the bytes from `start` to `stop`. A new run begins after missing bytes."""
         start, stop = max(start, self.begin), min(stop, self.end)
         found: ByteRuns = []
         for blank in find_spans(self.stream.blanks, start, stop):
@@ -65,7 +65,7 @@ class _Source:
         return [span if span.scan <= self.scan or not span.is_kept else as_running(span) for span in spans]
 
     def read_job(self, pieces: list[JobSpan], first: int = 0, size: int = MOST_JOB_BYTES) -> bytes:
-        """Return `size` bytes of a job from byte `first` on; b"" if one of these bytes is not kept."""
+        """Return `size` bytes of a job from byte `first` on, or b"" if any byte of the job is missing."""
         whole = pieces[0].whole if pieces else 0
         parts = [self.ring.read(piece.position, piece.stop) for piece in pieces if piece.is_kept]
         content = b"".join(parts)
@@ -165,7 +165,7 @@ class StreamReader:
         return answer
 
     def _search_stretch(self, of: _Source, seek: SeekRequest) -> SeekResult:
-        """Search one stretch more; stretches overlap, so that nothing on their border is missed."""
+        """Search one more stretch. Stretches overlap, so that nothing on their border is missed."""
         size = max(1, STRETCH_BYTES // len(seek.patterns))
         more = max(map(len, seek.patterns)) - 1
         if seek.is_forward:
@@ -239,7 +239,7 @@ def _read_previous(of: _Source, jobs: Iterable[JobSpan], start: int, stop: int) 
 
 
 def _read_previous_data(of: _Source, request: tuple[str, int, int] | None) -> PreviousJobBytes | None:
-    """Return bytes of the job before an instance's newest job: DATA held them before that job."""
+    """Return bytes that DATA held before the newest job of an instance. The job before brought them."""
     if request is None:
         return None
     instance, first, size = request

@@ -1,4 +1,4 @@
-"""The recorder of the timing pane: every change of every pin, kept in the process of the scans.
+"""Records every change of every pin for the timing pane, in the process of the scans.
 
 Rule 1: it reads every line of the ledger, so that no pulse is lost between two pictures or in a flood.
 Rule 2: if changes were dropped, a delta has the value that each pin had before the delta's first change.
@@ -29,7 +29,7 @@ HANDLED_NOTES: Final = frozenset({CREATED_NOTE, DELETED_NOTE, DOWNLOADED_NOTE})
 
 
 class PinHistory:
-    """The newest changes of an instance; `get_pins_before` has the pins after the last dropped change."""
+    """The newest changes of an instance. `get_pins_before` has the pins after the last dropped change."""
 
     def __init__(self, before: PinValues, keep: int) -> None:
         self._before = dict(before)
@@ -70,7 +70,7 @@ class PinHistory:
         return len(self._changes)
 
     def list_changes_after(self, number: int, most: int = KEPT_CHANGES) -> list[PinChange]:
-        """Return the oldest `most` of the kept changes after `number`."""
+        """Return the stored changes after `number`, at most the oldest `most` of them."""
         kept = len(self._changes)
         fresh = min(kept, self.total - number)
         if fresh < kept // 2:  # a deque is quick from the nearer end
@@ -78,7 +78,7 @@ class PinHistory:
         return list(islice(self._changes, kept - fresh, kept - fresh + most))
 
     def find_changes_after(self, number: int, most: int) -> tuple[int, tuple[PinChange, ...]]:
-        """Return the number of the first kept change after `number`, and `most` changes from there on."""
+        """Return the number of the first stored change after `number`, and at most `most` from there on."""
         first = max(number, self.total - len(self._changes)) + 1
         found = self.list_changes_after(number, most)
         return min(first, self.total + 1), tuple(found)
@@ -140,7 +140,7 @@ class WaveformRecorder:
     def make_delta(
         self, instance: str, number: int, now: tuple[int, int], most: int = MOST_CHANGES_SENT
     ) -> WaveformDelta | None:
-        """Return the changes of an instance after its change `number`; None: no such instance.
+        """Return the changes of an instance after its change `number`, or None for an unknown instance.
 
         `now` is the last scan and its time. If there are more than `most` changes, the oldest are returned.
         """

@@ -149,7 +149,7 @@ def _get_edge_kind(line: Line | None) -> str:
 
 
 def _draw_lengths(wave: Waveform, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
-    """Yield the row of RCVD_LEN: each value other than 0 lasts one scan, and is written if it has room."""
+    """Yield the row of RCVD_LEN. A value other than 0 lasts one scan, and is written if there is room."""
     pulses = [x for x, column in enumerate(columns) if column is not None and column.high]
     nexts = dict(zip(pulses, [*pulses[1:], window.width], strict=False))
     x = 0
@@ -215,7 +215,7 @@ def _place_labels(taken: dict[int, tuple[str, str]], width: int) -> list[Piece]:
 
 
 def draw_ruler(window: Window, until: int, marks: Iterable[RulerMark]) -> list[Piece]:
-    """Return the ruler: ticks with their scan numbers, and the marks, which overwrite them."""
+    """Return the ruler with ticks and their scan numbers. The marks overwrite both."""
     signs = [" "] * window.width
     for x in range(-window.first % TICK_COLUMNS, window.width, TICK_COLUMNS):
         first = window.column_scans(x)[0]
@@ -314,7 +314,7 @@ def free_path(folder: Path, name: str) -> Path:
 
 
 def write_waves(path: Path, waves: Sequence[Waveform], span: ScanRange) -> int:
-    """Write a new file; return its size; raise UserError if it cannot be written."""
+    """Write a new file and return its size. Raise UserError if it cannot be written."""
     if not any(wave.lanes for wave in waves):
         raise mistake("export timing", "no scan yet", "a bench that has scanned")
     payload = format_vcd(waves, span).encode()
@@ -323,7 +323,7 @@ def write_waves(path: Path, waves: Sequence[Waveform], span: ScanRange) -> int:
 
 
 def target_folder(project: Path) -> Path:
-    """Return the project's folder; the working directory if that folder is trcvtui's or read-only."""
+    """Return the project's folder, or the working directory if that folder is trcvtui's or read-only."""
     folder = project.absolute().parent
     own = Path(__file__).resolve().parents[1]
     shipped = own in folder.resolve().parents or folder.resolve() == own

@@ -64,16 +64,16 @@ class ShadowOutput(Protocol):
     first_ns: int = 0  # of the first packet, with which scan 1 begins
 
     def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
-        """Take the changes of a scan; `lacking`: instances whose ended job has missing bytes."""
+        """Take the changes of a scan. `lacking` are instances whose ended job has missing bytes."""
 
     def note(self, ns: int, number: int, text: str) -> None:
-        """Take a note on a conversation; `ns` counts from the first packet."""
+        """Take a note on a conversation. `ns` counts from the first packet."""
 
 
 class CaptureOutcome(NamedTuple):
-    """By conversation number: the CONNECTs, or why there are none; the bytes that never reached a shadow.
+    """By conversation number, the CONNECTs or why there are none, and the bytes that reached no shadow.
 
-    `not_run`: scans of silence that were skipped, though they might have changed something.
+    `not_run` counts scans of silence that were skipped, though they might have changed something.
     """
 
     assigned: dict[int, list[str]]
@@ -210,7 +210,7 @@ class CapturePlayer:
                 line.send(conversation.number, source, event.data, event.size - len(event.data))
 
     def _begin_conversation(self, ns: int, conversation: Conversation) -> _PlayState | None:
-        """Give a conversation its CONNECTs; None: another conversation holds one of these CONNECTs."""
+        """Give a conversation its CONNECTs. Return None if another conversation holds one of them."""
         if not conversation.begins_with_syn:
             self.lines.note(ns, conversation.number, "begins in the middle")
         parts, guess = self._plan.parts[conversation.number], self._plan.guesses[conversation.number]
@@ -292,7 +292,7 @@ class CapturePlayer:
                     end.fall_silent()
 
     def resolve_overlap(self, number: int, last_ns: int) -> None:
-        """Give a conversation its CONNECT: the conversation that held it was silent after `last_ns`."""
+        """Give a conversation its CONNECT. The conversation that held it was silent after `last_ns`."""
         self._last_ns[self.overlaps.pop(number)] = last_ns
         self._plan.unassigned.pop(number, None)
 
@@ -345,7 +345,7 @@ def plan_capture(
 ) -> tuple[ShadowPlan, Conversations, list[Problem]]:
     """Return the shadows of a capture, its conversations, and its troubles.
 
-    Raise UserError, also if no conversation fits the PLC end or the project.
+    Raise UserError, for example if no conversation fits the PLC end or the project.
     """
     found, troubles = Conversations(), list[Problem]()
     plan_of, _ = plan_maker(project, plc, dialect)
@@ -377,7 +377,7 @@ def plan_maker(
 
 
 def _change_ad_hoc_keys(plan: ShadowPlan, sets: Sequence[str]) -> ShadowPlan:
-    """Return the plan; keys of its ad-hoc shadows have the values given with `--set`; raise UserError."""
+    """Set keys of the ad-hoc shadows to the values given with `--set`. Return the plan. Raise UserError."""
     project = plan.project
     for text in sets:
         path, _, value = text.partition("=")

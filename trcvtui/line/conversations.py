@@ -42,7 +42,7 @@ class _Direction:
 
 
 class _Figures:
-    """The figures of one conversation; `ways`: to the PLC end, and from it."""
+    """The figures of one conversation. `ways` are the directions to the PLC end and from it."""
 
     def __init__(self, talk: Conversation) -> None:
         self.talk = talk
@@ -72,7 +72,7 @@ class ConversationFigures:
         self.now_ns = 0  # a tap's time, which advances without packets, too
 
     def add_event(self, event: ConversationEvent, is_from_plc: bool) -> None:
-        """Take one event; `is_from_plc`: the PLC end has sent the packet."""
+        """Take one event. If `is_from_plc`, the PLC end has sent the packet."""
         figures = self._get_figures(event, is_from_plc)
         way, kind, ns = figures.ways[is_from_plc], event.kind, event.ns
         self._newest = max(self._newest, ns)
@@ -111,7 +111,7 @@ class ConversationFigures:
         return figures
 
     def set_held(self, number: int, to_plc: bool, held: int | None, first: bytes) -> None:
-        """Set the bytes that a tap holds in a direction; None: the tap does not hold this direction."""
+        """Set the bytes that a tap holds in a direction, None if the tap does not hold the direction."""
         figures = self._figures.get(number)
         if figures is not None:
             way = figures.ways[not to_plc]

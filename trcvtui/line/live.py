@@ -1,9 +1,9 @@
-"""Packets of a growing capture, played to shadows as they come; a conversation gets shadows when it begins.
+"""Plays packets of a growing capture to shadows as they come. A conversation gets shadows when it begins.
 
 Rule 1: time comes from the packets. An event is played when a packet 40 ms younger has come. So the shadows
 of a new PLC end exist before its first event, and it does not matter how reads cut the packets.
 Rule 2: after 30 ms without a packet all events are played, and time advances a few scans. After one second
-time follows the clock; not earlier, as the program that pipes packets may hold older packets back.
+time follows the clock, but not earlier, as the program that pipes packets may hold older packets back.
 Rule 3: ended conversations are forgotten, so that only open ones use memory.
 """
 
@@ -59,7 +59,7 @@ _DECIDING_KINDS: Final = frozenset({SegmentKind.ESTABLISHED, SegmentKind.BYTES, 
 
 
 class _Decision(NamedTuple):
-    """The parts for conversations between two ends, or why there are no parts; which end is the PLC."""
+    """The parts for conversations between two ends or why there are none, and which end is the PLC."""
 
     parts: tuple[ShadowPart, ...] | None
     why: str
@@ -69,7 +69,7 @@ class _Decision(NamedTuple):
 
 
 class LivePlan:
-    """A plan that grows with new conversations; raise UserError for a wrong project, PLC end or dialect."""
+    """A plan that grows with new conversations. Raise UserError for a wrong project, PLC end or dialect."""
 
     routes: Sequence[Route] = ()  # of taps; `calls`: which the PLC calls; `lines`: names of serial lines
     calls: Sequence[bool] = ()
@@ -156,7 +156,7 @@ class LivePlan:
         self._of_first[talk.number] = parts
 
     def add_shadow(self, talk: Conversation) -> str:
-        """Add shadows for a conversation that has none; return an error or ""."""
+        """Add shadows for a conversation that has none. Return an error or ""."""
         number, plan = talk.number, self.plan
         plc = address_text(plan.guesses[number].says.address if number in plan.guesses else talk.back.address)
         made = plan_ad_hoc([talk], plc, plan.project.dialect.name)
@@ -265,7 +265,7 @@ class TimedAction(NamedTuple):
 
 
 class LiveWatch:
-    """Plays the conversations of a growing capture; `begin` makes the player from a plan and a time.
+    """Plays the conversations of a growing capture. `begin` makes the player from a plan and a time.
 
     `left` is called with each conversation that has no shadow, and the reason.
     """
@@ -357,7 +357,7 @@ class LiveWatch:
             player.resolve_overlap(number, last_ns)
 
     def add_shadow(self, name: str) -> str:
-        """Add shadows for `C7` (for "": the newest conversation without shadows); return an error or ""."""
+        """Add shadows for `C7`. "" is the newest conversation without shadows. Return an error or ""."""
         plan, player = self._plan.plan, self.player
         left = [talk for talk in self.found.all if talk.number in plan.unassigned]
         chosen = [talk for talk in left if name in ("", f"C{talk.number}")]
@@ -427,7 +427,7 @@ class PacketBuffer:
             self._size -= len(self._packets.popleft().data)
 
     def write_file(self) -> list[str]:
-        """Write the packets into a file in memory; return its name, which other processes can open."""
+        """Write the packets into a file in memory. Return a name by which other processes can open it."""
         self._opened.close()
         handle, name = self._opened.enter_context(open_private_file())
         with open(handle, "wb", closefd=False) as file:
@@ -440,10 +440,10 @@ class PacketBuffer:
 
 
 class PacketStream:
-    """The packets of a pipe, for `live`; `say` gets lines for the user.
+    """The packets of a pipe, for `live`. `say` gets lines for the user.
 
-    `came` is called after each play, at least every 50 ms; `kept` stores the newest packets.
-    Raise UserError after `most_idle_ns` without a byte; 0: no limit.
+    `came` is called after each play, at least every 50 ms. `kept` stores the newest packets.
+    Raise UserError after `most_idle_ns` without a byte. If it is 0, there is no limit.
     """
 
     def __init__(

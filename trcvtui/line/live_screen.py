@@ -1,4 +1,4 @@
-"""The process behind a live screen: shadows that play while the screen shows them (`watch -`, `tap`)."""
+"""The process behind a live screen of `watch -` or `tap`. Shadows play while the screen shows them."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def make_live_driver(asked: ShadowChoice) -> ProcessDriver:
 
 
 def live_main(channel: Channel, packets: Channel, asked: ShadowChoice, most_idle_ns: int = 0) -> None:
-    """Serve the screen with the packets of a pipe; `most_idle_ns`: the longest silence of a tap, else 0."""
+    """Serve the screen with packets of a pipe. `most_idle_ns` is the longest silence of a tap, else 0."""
     from trcvtui.line.live import LivePlan
 
     serve_until_gone(
@@ -57,9 +57,9 @@ class TapEnded(EngineStopped):
 
 
 class TapDriver(ProcessDriver):
-    """Shadows of the tap that started this screen; the tap hands over channels that carry packets.
+    """Shadows of the tap that started this screen. The tap hands over channels that carry packets.
 
-    `kernel`: TAP, or ARMED_TAP for a screen whose keys act without a question.
+    `kernel` is TAP, or ARMED_TAP for a screen whose keys act without a question.
     """
 
     def __init__(self, asks: int, asked: TapChoice, kernel: str = TAP) -> None:
@@ -78,7 +78,7 @@ class TapDriver(ProcessDriver):
 
 
 def tap_main(channel: Channel, asks: Channel, asked: TapChoice, kernel: str) -> None:
-    """Serve the screen with the packets of a tap; `asks`: the channel on which this process asks for them."""
+    """Serve the screen with the packets of a tap. This process asks for them on the channel `asks`."""
 
     def run() -> None:
         from trcvtui.line.tap_watch import TapPlan
@@ -113,7 +113,7 @@ class TapSocketDriver(ProcessDriver):
 
 
 def capture_main(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> None:
-    """Start a capture program and serve the screen with its packets; the program ends with this process."""
+    """Start a capture program and serve the screen with its packets. It ends with this process."""
     serve_until_gone(channel, lambda: _run_capture(channel, command, asked))
 
 
@@ -138,7 +138,7 @@ def _run_capture(channel: Channel, command: Sequence[str], asked: ShadowChoice) 
 class ShadowServer:
     """Serves a screen with playing shadows.
 
-    `way`: the channel to the tap that started the screen; None: packets of a pipe or another tap.
+    `way` is the channel to the tap that started the screen, or None for a pipe or another tap.
     """
 
     first_ns = 0

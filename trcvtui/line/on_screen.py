@@ -1,4 +1,4 @@
-"""A capture on the screen: its shadows run once, into a temporary recording that the screen shows.
+"""Shows a capture on the screen. Its shadows run once, into a temporary recording that the screen shows.
 
 Rule: the screen shows the same run as `trcvtui watch` on the same files, scan by scan.
 """

@@ -1,4 +1,4 @@
-"""The partners of a capture, played in the simulated network at their times, with scans between.
+"""Plays the partners of a capture in the simulated network at their times, with scans between.
 
 Rule 1: a scan sees all events up to its time. Scans that change nothing are counted, not run.
 Rule 2: a partner does not react. Bytes that a shadow sends are discarded; keep-alive is answered.
@@ -34,7 +34,7 @@ _WASTE_BUFFER: Final = memoryview(bytearray(1 << 16))
 
 
 class ShadowBench:
-    """A bench whose partners are played; `on_scan` gets a scan's changes and the instances that lack bytes.
+    """A bench whose partners are played. `on_scan` gets the changes and the instances that lack bytes.
 
     `on_scan` is called after each scan with a change or an event.
     """
@@ -171,9 +171,9 @@ class ShadowBench:
 
 
 class ReplayedPartner:
-    """One end of a conversation as the partner of a CONNECT; it calls the CONNECT (`calls`) or is called.
+    """One end of a conversation as the partner of a CONNECT. With `calls`, the end calls the CONNECT.
 
-    `left_out` counts bytes that never reached the shadow; `is_over`: after FIN or RST, or a failed connect.
+    `left_out` counts bytes that never reached the shadow. FIN, RST or a failed connect sets `is_over`.
     """
 
     def __init__(self, shadows: ShadowBench, connect: str, own: Endpoint, calls: bool) -> None:
@@ -407,7 +407,7 @@ class ConnectionlessPartner:
         self._address = of_udp.local.address if of_udp is not None else ""  # "": a serial line
 
     def send(self, number: int, source: Endpoint, data: bytes, missing: int) -> None:
-        """Send a datagram or bytes; `missing`: how many further bytes the capture lacks."""
+        """Send a datagram or bytes. The capture lacks `missing` more bytes."""
         ns = self._shadows.packet_ns
         if not self._waiting and self._try_deliver(ns, number, source, data, missing):
             return

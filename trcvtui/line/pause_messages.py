@@ -1,4 +1,4 @@
-"""The messages for ad-hoc shadows: cut by pauses, as `trcvtui messages` cuts them."""
+"""Messages for ad-hoc shadows. Pauses separate them, as in `trcvtui messages`."""
 
 from __future__ import annotations
 

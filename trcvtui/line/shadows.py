@@ -1,4 +1,4 @@
-"""Which conversation goes to which CONNECT: one of the project, or an ad-hoc one.
+"""Assigns each conversation to a CONNECT of the project, or to an ad-hoc CONNECT.
 
 Rule 1: the addresses and the calling end are taken from the wire; the CONNECT's settings are ignored.
 Rule 2: conversations of one PLC end go to one CONNECT, one after the other.
@@ -54,9 +54,9 @@ OneLink = TypeVar("OneLink", ConnectConfig, UdpConfig, ComBufferDecl)
 
 
 class ShadowPart(NamedTuple):
-    """One end of a conversation as the partner of a CONNECT: the PLC end (`plays_plc`) or the other end.
+    """One end of a conversation as the partner of a CONNECT. With `plays_plc`, it is the PLC end.
 
-    `calls`: the end calls the CONNECT. Datagrams may go to a UDP_CONFIG, serial bytes go to a ComBuffer.
+    With `calls`, the end calls the CONNECT. Datagrams may go to a UDP_CONFIG, serial bytes to a ComBuffer.
     """
 
     connect: str
@@ -65,7 +65,7 @@ class ShadowPart(NamedTuple):
 
 
 class ShadowPlan(NamedTuple):
-    """The project of the shadows; by conversation number: the parts, or why there are none."""
+    """The project of the shadows, and for each conversation number the parts or why there are none."""
 
     project: Project
     parts: dict[int, tuple[ShadowPart, ...]]
@@ -75,7 +75,7 @@ class ShadowPlan(NamedTuple):
 
 
 def find_directions(guess: PlcGuess, conversation: Conversation) -> tuple[WireDirection, WireDirection]:
-    """Return the directions of the PLC end and its partner; `guess` may be of an earlier reading."""
+    """Return the directions of the PLC end and its partner. `guess` may be of an earlier reading."""
     there, back = conversation.there, conversation.back
     is_there = guess.says.conversation.there is guess.says
     return (there, back) if is_there else (back, there)
@@ -145,7 +145,7 @@ def _key(conversation: Conversation, guess: PlcGuess) -> tuple[object, ...]:
 
 
 def _explain_no_shadow(base: Project, conversation: Conversation, is_asked: bool) -> str:
-    """Return why datagrams or a serial line get no ad-hoc shadow; "" if they get a shadow."""
+    """Return why datagrams or a serial line get no ad-hoc shadow, or "" if they get a shadow."""
     if conversation.protocol == "serial":
         return "a serial line needs a ComBuffer of a project"
     if not any(block_row(block).speaks_udp for block in base.dialect.blocks):
@@ -173,7 +173,7 @@ def _make_local_address(packed: bytes) -> str:
 
 
 def make_endpoint(end: tuple[bytes, int]) -> Endpoint:
-    """Return an end of a capture for the simulated network; for a serial line, its name is the address."""
+    """Return an end of a capture for the simulated network. The address of a serial line is its name."""
     if end[1] < 0:
         return Endpoint(end[0].decode(errors="replace"), 0)
     address = ip_address(end[0])
@@ -183,7 +183,7 @@ def make_endpoint(end: tuple[bytes, int]) -> Endpoint:
 def _make_connect(
     name: str, active: bool, own: tuple[bytes, int], partner: tuple[bytes, int], is_free: bool = False
 ) -> ConnectConfig:
-    """Return a CONNECT at an end of the capture; `is_free`: with any free port."""
+    """Return a CONNECT at an end of the capture. With `is_free`, it gets any free port."""
     local = _make_local_address(own[0])
     port = 0 if active or is_free or local == STAND_IN_ADDRESS else own[1]
     return ConnectConfig(
@@ -351,7 +351,7 @@ def _link(project: Project, name: str) -> AnyLink:
 
 
 def _find_fitting_link(project: Project, guess: PlcGuess, listens: bool, is_given: bool) -> str | None:
-    """Return the one link with this port; with `--plc`, if none has it: the one of this role, or of all."""
+    """Return the only link with this port. If none, `--plc` takes the only link of this role, or of all."""
     protocol = guess.says.conversation.protocol
     if protocol == "serial":
         return _find_fitting_line(project, guess.says.address[0].decode(errors="replace"))
@@ -381,7 +381,7 @@ def _find_fitting_line(project: Project, line: str) -> str | None:
 
 
 def _find_fitting_socket(project: Project, receiving: set[str], port: int, is_given: bool) -> str | None:
-    """Return the only receiver of datagrams at a port; with `--plc`, if none has it, the only receiver."""
+    """Return the only receiver of datagrams at a port. If none has it, `--plc` takes the only receiver."""
     links: tuple[AnySocket, ...] = (*(c for c in project.connects if c.is_datagram), *project.udp_configs)
     known = [each for each in links if each.name in receiving]
     of_port = [each.name for each in known if each.local.port == port]
@@ -391,7 +391,7 @@ def _find_fitting_socket(project: Project, receiving: set[str], port: int, is_gi
 
 
 def _adapt_link(config: AnyLink, guess: PlcGuess, listens: bool, is_free: bool) -> AnyLink:
-    """Return a link with the captured ends; `is_free`: with any free port."""
+    """Return a link with the captured ends. With `is_free`, it gets any free port."""
     if isinstance(config, ComBufferDecl):
         return replace(config, source=SERIAL, serial=SerialSettings(config.name))
     own, other = guess.says.address, guess.says.other.address

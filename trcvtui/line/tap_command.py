@@ -48,10 +48,10 @@ EXIT_WRONG_INPUT: Final = 2
 
 
 class ObserverSettings(NamedTuple):
-    """How the tap is observed; `form`: text or jsonl.
+    """How the tap is observed. `form` is text or jsonl.
 
-    `has_screen`: on a screen. `holds`: both directions of each conversation are held from its beginning.
-    `is_armed`: screen keys intervene without a question. `may_order`: socket observers may intervene.
+    `holds` holds both directions of each conversation from its beginning. `is_armed` lets screen keys
+    intervene without a question. `may_order` lets socket observers intervene.
     """
 
     project: Path | None
@@ -129,7 +129,7 @@ def _announce_places(say: Callable[[str], None], loop: Forwarder, routes: Sequen
 
 
 class _UserOutput:
-    """Lines for the user: written at once, or after the screen has left the terminal."""
+    """Writes lines for the user at once, or after the screen has left the terminal."""
 
     def __init__(self) -> None:
         self.is_waiting = False
@@ -148,7 +148,7 @@ class _UserOutput:
 
 
 class _ServerProcess:
-    """The process that serves observers; if it ends, forwarding continues and it is started again."""
+    """The process that serves observers. If it ends, it is started again while forwarding continues."""
 
     def __init__(
         self, loop: Forwarder, voice: _UserOutput, routes: Sequence[Route], looks: ObserverSettings
@@ -204,7 +204,7 @@ class _ServerProcess:
         self._pause = min(2 * self._pause or SECOND, MOST_PAUSE_NS)
 
     def wait_for_end(self) -> None:
-        """After the end of the tap: wait until the process has handed over its last bytes, and end it."""
+        """After the end of the tap, wait until the process has handed over its last bytes, and end it."""
         for _, way in self._pending:
             way.close()
         if self._process is not None:
@@ -212,7 +212,7 @@ class _ServerProcess:
 
 
 class _ObserverProcess:
-    """A child process that shows or records; it asks for a channel, and again if the channel ends."""
+    """A child process that shows or records. It asks for a channel, and again if the channel ends."""
 
     def __init__(self, server: _ServerProcess, kind: bytes, what: str) -> None:
         self._server, self._kind, self._what = server, kind, what

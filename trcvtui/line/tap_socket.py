@@ -1,6 +1,6 @@
 """The socket of a tap: its path, and the process that serves observers with pcapng and notes.
 
-The process is between the tap and its observers: the forwarding process never waits and builds no packet.
+The process is between the tap and its observers. The forwarding process never waits and builds no packet.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ def open_connection(project: Path) -> int:
 def serve_observers(events: str, ways: str, path: str, may_order: str, taps: str) -> None:
     """Serve observers until the tap ends.
 
-    `events`, `ways`: the descriptors for the tap's events and new channels. `path`: the socket, "": none.
-    `taps`: the routes and the PLC end, in JSON.
+    `events` and `ways` are descriptors for the tap's events and new channels. `path` is the socket or "".
+    `taps` has the routes and the PLC end in JSON.
     """
     ignore_signals(GROUP_SIGNALS)  # they end the tap, and this process ends with it
     place = Path(path) if path else None

@@ -34,7 +34,7 @@ _MAPPED_PREFIX: Final = bytes(10) + b"\xff\xff"  # before an IPv4 address in a p
 
 
 class TapPlan(LivePlan):
-    """The plan of a tap: which CONNECT gets which conversations; `plc`: the PLC end, None: at `to`."""
+    """Assigns the conversations of a tap to CONNECTs. `plc` is the PLC end, or None for the end at `to`."""
 
     def __init__(
         self, places: Sequence[Sequence[str]], project: Path | None, plc: str | None, dialect: str | None
@@ -86,8 +86,8 @@ def _make_line_ends(name: str) -> TwoEnds:
 class TapWatch(LiveWatch):
     """Plays the packets and notes of a tap.
 
-    `tell` gets each note that concerns no conversation: time, note and text. `order` gets lines for the
-    tap. The first note names the taps: a plan without taps becomes a TapPlan then.
+    `tell` gets time, note and text of each note that concerns no conversation. `order` gets lines for the
+    tap. The first note names the taps. A plan without taps then becomes a TapPlan.
     """
 
     play_delay_ns = 0  # all PLC ends are in the plan from the beginning

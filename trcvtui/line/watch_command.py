@@ -1,4 +1,4 @@
-"""`trcvtui watch`: the scans of shadow instances of a capture, as lines of text or JSON."""
+"""`trcvtui watch` writes the scans of shadow instances of a capture as lines of text or JSON."""
 
 from __future__ import annotations
 
@@ -69,11 +69,11 @@ class WatchLines:
         return known
 
     def note(self, ns: int, number: int, text: str) -> None:
-        """Write a note on a conversation; `ns` counts from the first packet."""
+        """Write a note on a conversation. `ns` counts from the first packet."""
         self._emit(-(-ns // self._interval_ns) + 1, {"conversation": f"C{number}", "note": text})
 
     def write_tap_record(self, ns: int, record: dict[str, object]) -> None:
-        """Write a record of a tap if the form is JSON (the text is on stderr); `ns` counts from 1970."""
+        """If the form is JSON, write a record of a tap. The text is on stderr. `ns` counts from 1970."""
         if self._lines is not None:
             self._lines.write_record({"time": utc_text(ns), **record})
 
@@ -122,7 +122,7 @@ def _describe_record(record: Mapping[str, object]) -> Iterator[str]:
 def watch_captures(
     paths: Sequence[str], project: Path | None, plc: str | None, dialect: str | None, form: str | None
 ) -> None:
-    """Write lines to stdout (`form`: JSON, None: text); notes and troubles go to stderr."""
+    """Write lines to stdout, as JSON if `form` is given, else as text. Notes and troubles go to stderr."""
     plan, found, troubles = plan_capture(paths, project, plc, dialect)
     first_ns = found.first_ns or 0
     interval = min(task.interval_ns for task in plan.project.tasks)
@@ -155,7 +155,7 @@ def watch_pipe(fd: int, project: Path | None, plc: str | None, dialect: str | No
 def watch_tap(asks: int, asked: str) -> None:
     """Write lines of a tap's shadows, and run bench commands from stdin, until the tap ends.
 
-    `asked`: the tap's request, in JSON. If the request is wrong, exit 2 before asking for a channel.
+    `asked` is the tap's request in JSON. If the request is wrong, exit 2 before asking for a channel.
     """
     ignore_signals(GROUP_SIGNALS)  # they end the tap, and this process ends with it
     places, project, plc, dialect, form, is_shown, can_type = json.loads(asked)

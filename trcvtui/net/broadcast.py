@@ -1,4 +1,4 @@
-"""UDP broadcasts: one socket sends them; a second socket receives the broadcasts of its network.
+"""One socket sends UDP broadcasts. A second socket receives the broadcasts of its network.
 
 On Linux a socket that is bound to an address gets no broadcast. The second socket is bound to the broadcast
 address of its network, never to 0.0.0.0. A datagram to 255.255.255.255 reaches neither socket.
@@ -17,7 +17,7 @@ MOST_OWN_BROADCASTS: Final = 256  # datagrams of our own that one call skips
 def enable_broadcasts(
     kernel: Kernel, owner: str, handle: Handle, local: Endpoint, polled: bool = True
 ) -> tuple[Handle | None, str]:
-    """Let a socket send broadcasts; return (a socket that receives broadcasts, or None; what is wrong)."""
+    """Let a socket send broadcasts. Return a socket that receives broadcasts or None, and what is wrong."""
     refused, here = kernel.set_broadcast(handle), local.address
     if refused is not None or here == ANY_ADDRESS:  # a socket at 0.0.0.0 receives them itself
         return None, str(refused or "")
@@ -38,7 +38,7 @@ def enable_broadcasts(
 def receive_datagram(
     kernel: Kernel, handle: Handle, hearing: Handle | None, into: memoryview, own: Endpoint | None
 ) -> Datagram | WouldBlock | Fault:
-    """Take the next datagram, from `handle` first, then from `hearing` (the socket for broadcasts)."""
+    """Take the next datagram from `handle`. If it has none, use `hearing`, the socket for broadcasts."""
     got = kernel.recv_from(handle, into)
     if hearing is None or got is not WOULD_BLOCK:
         return got

@@ -36,7 +36,7 @@ class EventKind(StrEnum):
 
 
 class ConnectionChanged(Struct, frozen=True):
-    """Something happened on the CONNECT `connection`; `incarnation` counts its TCP connections from 1."""
+    """Something happened on the CONNECT `connection`. `incarnation` counts its TCP connections from 1."""
 
     connection: str
     incarnation: int
@@ -50,9 +50,9 @@ class ConnectionChanged(Struct, frozen=True):
 class BytesReceived(NamedTuple):
     """One recv call took `size` bytes that begin at `offset` of the incarnation's received stream.
 
-    `instance` received the bytes: jobs of two priorities can alternate (resources.py, DirectionClaims).
-    `position`: where the first byte is in the CONNECT's ring (received_ring.py). `cut`: bytes at the end
-    of a datagram that had no room in the buffer.
+    `instance` received the bytes. Jobs of two priorities can alternate (resources.py, DirectionClaims).
+    `position` is where the CONNECT's ring has the first byte (received_ring.py). `cut` counts the bytes at
+    the end of a datagram that had no room in the buffer.
     """
 
     connection: str
@@ -66,9 +66,9 @@ class BytesReceived(NamedTuple):
 
 
 class BytesSent(NamedTuple):
-    """One send call gave `size` bytes of `instance` to the local stack; `offset` is in the sent stream.
+    """One send call gave `size` bytes of `instance` to the local stack. `offset` is in the sent stream.
 
-    `position`: where the first byte is in the ring of what the CONNECT has sent.
+    `position` is where the CONNECT's ring of sent bytes has the first byte.
     """
 
     connection: str
@@ -83,7 +83,7 @@ class BytesSent(NamedTuple):
 class BytesDropped(Struct, frozen=True):
     """Bytes of the stream that will never reach DATA, and why.
 
-    `offset` -1: the bytes were still in the stack; `position`: where the first is in the CONNECT's ring.
+    If `offset` is -1, the bytes were still in the stack. `position` is where the ring has the first byte.
     """
 
     connection: str

@@ -1,4 +1,4 @@
-"""Planned faults: which call fails, when and with which errno; a kernel and a port that fail as planned.
+"""Planned faults: which call fails, when, and with which errno. A kernel and a port that fail as planned.
 
 A planned fault carries `injected=True`, so that it is not mistaken for a fault of the network.
 """
@@ -51,7 +51,7 @@ KNOWN_ERRORS: Final = frozenset(errno.errorcode.values()) | {
 
 
 class PlannedFault(Struct, frozen=True):
-    """One line of the plan: from the `nth` such call on, `times` calls fail (None: all, until cleared)."""
+    """One line of the plan: from the `nth` call on, `times` calls fail. None means all, until cleared."""
 
     call: str
     error: str
@@ -87,7 +87,7 @@ class FaultPlan:
     def add(
         self, call: str, error: str | None = None, on: str | None = None, nth: int = 1, times: int | None = 1
     ) -> None:
-        """Plan a fault; `nth` counts from now. Raise UserError for an unknown call or errno."""
+        """Plan a fault. `nth` counts calls from now on. Raise UserError if an argument is invalid."""
         if call not in KERNEL_CALLS and call not in SERIAL_CALLS:
             raise mistake("fault", call, "one of " + ", ".join((*KERNEL_CALLS, *SERIAL_CALLS)))
         name = error if error is not None else DEFAULT_ERROR[call]
@@ -142,7 +142,7 @@ FAULTED_CALLS: Final = {
 
 
 class FaultyKernel(KernelProxy):
-    """A Kernel around any kernel: its calls fail as planned; all other calls pass through."""
+    """A Kernel around any kernel. Its calls fail as planned. All other calls pass through."""
 
     def __init__(self, inner: Kernel, plan: FaultPlan) -> None:
         super().__init__(inner)
@@ -167,7 +167,7 @@ class FaultyKernel(KernelProxy):
         return [handle for handle in self._owners if self.inner.readable(handle)]
 
     def ready_handles(self) -> Mapping[Handle, str] | None:
-        """Return the handles that the last poll saw, with their owners; None: every handle must be tried."""
+        """Return the handles that the last poll saw, with owners, or None if every handle must be tried."""
         if self.plan.active or self._held:  # a fault may hit a handle that the poll did not see
             return None
         ready, owners = self._ready(), self._owners

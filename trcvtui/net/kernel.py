@@ -1,7 +1,7 @@
 """The seam: socket-shaped calls that a real and a simulated network both answer.
 
-Rule 1: no exception crosses the seam; every call answers with a value, WOULD_BLOCK or a Fault.
-Rule 2: a Fault names the call and the errno *name* (never its number: the numbers differ between systems).
+Rule 1: no exception crosses the seam. Every call returns a value, WOULD_BLOCK or a Fault.
+Rule 2: a Fault names the call and the errno *name*. The numbers of errnos differ between systems.
 Rule 3: a handle is opaque and is never used again after `abort` or `close`.
 The contract suite tests/net/contract.py checks the behaviour that all kernels must share.
 """
@@ -30,7 +30,7 @@ KERNEL_CALLS: Final = (
 class LocalAddress(Struct, frozen=True):
     """One address of this machine and the port (interface) it belongs to.
 
-    `broadcast`: the address of all hosts on its network, "" where there is none.
+    `broadcast` is the address of all hosts on the network, or "" if there is none.
     """
 
     address: str
@@ -55,10 +55,10 @@ class KernelLoss(Struct, frozen=True):
 
 
 class PathInfo(Struct, frozen=True):
-    """What the stack knows of a connection's send side; bytes and milliseconds.
+    """What the stack knows of a connection's send side, in bytes and milliseconds.
 
-    `probes_often`: a closed window is probed every second (TCP_RTO_MAX_MS is in force). Then `last_ack_ms`
-    stays small while the link lives, and silence for 3 keep-alive intervals means that the link is dead.
+    With `probes_often`, TCP_RTO_MAX_MS is in force, and the stack probes a closed window every second. Then
+    `last_ack_ms` stays small while the link lives. Silence for 3 keep-alive intervals means a dead link.
     """
 
     unacked: int
@@ -70,8 +70,8 @@ class PathInfo(Struct, frozen=True):
 class SocketOptions(Struct, frozen=True):
     """Options set before connect or listen, and again after accept.
 
-    `keep_alive_s` is the interval I in seconds: idle = interval = I, count = 2, so that a dead link is
-    found within 3 x I. `user_timeout_ms` 0: the system's own limit stays.
+    `keep_alive_s` is the interval I in seconds. Idle and interval are I, and count is 2. So a dead link is
+    found within 3 x I. If `user_timeout_ms` is 0, the system's own limit stays.
     `small_buffers` asks for SNDBUF 4608 and RCVBUF 2304.
     """
 
@@ -86,16 +86,16 @@ class Kernel(Protocol):
     """The calls of a network. `owner` names the CONNECT or peer that a handle was made for."""
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
-        """Return the addresses of this machine, with loopback; () while they are unknown."""
+        """Return the addresses of this machine with loopback, or () while the addresses are unknown."""
 
     def set_link(self, owner: str, up: bool) -> str:
-        """Cut (`up` False) or mend the wire of an owner's handles, also of handles that are made later.
+        """Cut the wire of an owner's handles, or mend it if `up`. Handles that are made later are included.
 
         As with a pulled cable, nothing passes and no call reports this. Return what is wrong, or "".
         """
 
     def poll(self) -> None:
-        """Check once which handles are ready; `readable` answers from this result."""
+        """Check once which handles are ready. `readable` uses this result."""
 
     def readable(self, handle: Handle) -> bool:
         """Return whether the last poll saw data, a FIN, an error or a waiting client on the handle."""
@@ -139,7 +139,7 @@ class Kernel(Protocol):
         """
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
-        """Start to connect; None = pending, ask `connect_result`."""
+        """Start to connect. None means pending; then ask `connect_result`."""
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
         """Return None when connected, WOULD_BLOCK while pending, a failed attempt's Fault exactly once."""
@@ -157,18 +157,18 @@ class Kernel(Protocol):
         """Let a UDP socket send to broadcast addresses; such a send fails with EACCES without this call."""
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
-        """Send one datagram whole, from a free port if none is bound; a Fault names the call `send`.
+        """Send one whole datagram. If no port is bound, use a free port. A Fault names the call `send`.
 
         No call reports that the datagram found no receiver.
         """
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
-        """Take one datagram, which may be empty; a Fault names the call `recv`."""
+        """Take one datagram, which may be empty. A Fault names the call `recv`."""
 
     def loss(self, handle: Handle) -> KernelLoss | None:
-        """Return why the connection is gone, without consuming data; None while it is up.
+        """Return why the connection is gone, or None while it is up. Consume no data.
 
-        A FIN is seen even with unread data before it. An errno is reported by exactly one call: this one,
+        A FIN is seen even while data before the FIN is unread. Only one call reports an errno: this call,
         `recv` or `send`.
         """
 
@@ -182,9 +182,9 @@ class Kernel(Protocol):
         """Return the handles among `handles` at which something is unread, or an end was seen."""
 
     def peek(self, handle: Handle, skip: int) -> Unread:
-        """Return what is unread at a handle that `list_unread` or the poll named; consume nothing.
+        """Return what is unread at a handle that `list_unread` or the poll named. Consume nothing.
 
-        Bytes are peeked only if more than `skip` are there: a peek at an empty queue would take a pending
+        Bytes are peeked only if more than `skip` are there. A peek at an empty queue would take a pending
         error away from the next `recv`.
         """
 
@@ -192,16 +192,16 @@ class Kernel(Protocol):
         """Return the send side's state, None if the system does not provide it."""
 
     def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
-        """Send FIN; both=False: reading stays possible (half-close). ENOTCONN after the partner's RST."""
+        """Send FIN. If `both` is False, reading stays possible. Return ENOTCONN after the partner's RST."""
 
     def probe(self, handle: Handle) -> Fault | None:
-        """Answer as `shutdown` would (ENOTCONN after the partner's RST), but send nothing."""
+        """Return what `shutdown` would return (ENOTCONN after the partner's RST), but send nothing."""
 
     def abort(self, handle: Handle) -> Fault | None:
         """Send RST and free the handle, also when this answers a Fault; leaves no TIME_WAIT."""
 
     def close(self, handle: Handle) -> Fault | None:
-        """Send FIN, or RST if unread data is queued; free the handle, also when this answers a Fault."""
+        """Send FIN, or RST if unread data is queued. Free the handle, even if the call returns a Fault."""
 
 
 _AnyKernel: Any = object  # for mypy: a proxy has every call of a Kernel

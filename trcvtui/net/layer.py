@@ -1,8 +1,8 @@
-"""What may run on a TCP stream between the blocks and the kernel: ISO-on-TCP, TLS. Bytes in, bytes out.
+"""Sessions on a TCP stream between the blocks and the kernel: ISO-on-TCP, TLS. Bytes in, bytes out.
 
-The names of TLS errors are here too, so that naming one does not load the TLS library.
+The names of TLS errors are here, so that a name can be used without loading the TLS library.
 
-Rule: a session never touches a socket, and no input makes it raise; it holds bounded memory.
+Rule: a session never touches a socket. No input makes a session raise. A session holds bounded memory.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ class TlsError(StrEnum):
 
 
 class Credentials(Struct, frozen=True):
-    """What one end shows, and what it asks of its partner. Files are PEM, by absolute path; "": no file.
+    """What one end shows and asks of its partner. Files are PEM, by absolute path; "" means no file.
 
-    `authorities`: the CAs that may have signed the partner's certificate. `asks_client`: the passive end asks
-    for a certificate. `server_name`: the name that the active end asks for; `checks_name`: a certificate
-    must have it as subjectAlternateName. `is_unverified`: the project explicitly allows any certificate.
+    `authorities` are the CAs that may have signed the partner's certificate. With `asks_client`, the
+    passive end asks for a certificate. The active end asks for `server_name`. With `checks_name`, a
+    certificate must have it as subjectAlternateName. `is_unverified` explicitly allows any certificate.
     """
 
     certificate: str = ""
@@ -52,7 +52,7 @@ class Credentials(Struct, frozen=True):
 
 
 def tls_credentials_of(session: object) -> Credentials | None:
-    """Return the credentials of a CONNECT with TLS; None: it has another session, or no session."""
+    """Return the credentials of a CONNECT with TLS, or None for another session or no session."""
     return session if isinstance(session, Credentials) else None
 
 
@@ -64,7 +64,7 @@ class LayerMessage(NamedTuple):
 
 
 class SessionEnd(NamedTuple):
-    """Why a session is over: the name that a dialect maps to a code, and a text for the user."""
+    """Why a session is over. A dialect maps the name `error` to a code. `detail` is a text for the user."""
 
     error: str
     detail: str
@@ -95,9 +95,9 @@ class LayerSession(Protocol):
         """Return how many bytes the session keeps, decoded or not yet decoded."""
 
     def feed(self, data: memoryview, most: int = ...) -> int:
-        """Take bytes that the partner has sent, and do at most `most` units of work on all kept bytes.
+        """Take bytes from the partner, and do at most `most` units of work on these bytes and the backlog.
 
-        Return the units that were used (ScanBudget). Bytes that were not looked at are kept as a backlog.
+        Return the units that were used (ScanBudget). Bytes that were not looked at are the new backlog.
         """
 
     @property
@@ -117,7 +117,7 @@ class LayerSession(Protocol):
 
     @property
     def unfinished_message(self) -> int:
-        """Return the number of the message that has begun and not ended; 0: none, or no time limit."""
+        """Return the number of the unfinished message. Return 0 if there is none, or no time limit."""
 
     def time_out(self, why: str) -> None:
         """End a handshake or a message that takes too long, if the session has a limit for it."""
@@ -132,7 +132,7 @@ class LayerSession(Protocol):
         """Return what must be sent to the partner, once."""
 
     def read(self, into: memoryview) -> LayerMessage | None:
-        """Put the next message, or the next bytes, into `into` and return it; None: nothing is there."""
+        """Put the next message or bytes into `into`, and return it. Return None if nothing is there."""
 
     def encode(self, data: bytes) -> bytes:
         """Return the bytes that carry this data."""

@@ -1,8 +1,8 @@
 """The newest bytes that each CONNECT, UDP_CONFIG or ComBuffer has received, or sent: bounded rings.
 
-A position counts all bytes of one ring since the start of the PLC, over all connections, also bytes that
-are no longer kept. Bytes whose values the PLC never had (they were unread when the connection ended, or a
-datagram was longer than its buffer) have positions too, at most MOST_SKIPPED for each such gap.
+A position counts all bytes of one ring since the start of the PLC, over all connections. Bytes that the
+ring has dropped count. Bytes that were unread when the connection ended, or beyond the buffer of a
+datagram, have positions, too. Each such gap has at most MOST_SKIPPED.
 Rule: the bytes are no part of a run's state. After a restore a ring begins, empty, at its last position.
 """
 
@@ -27,7 +27,7 @@ def sent_ring_name(connect: str) -> str:
 
 
 class ReceivedRings:
-    """The rings of one PLC by name; a name that is declared again keeps its ring."""
+    """The rings of one PLC by name. A name that is declared again keeps its ring."""
 
     def __init__(self) -> None:
         self._rings: dict[str, ReceivedRing] = {}
@@ -41,7 +41,7 @@ class ReceivedRings:
         self._blocks = OrderedDict()
 
     def open_ring(self, name: str, most: int = DEFAULT_HISTORY) -> ReceivedRing:
-        """Return the ring of a name; from now on it keeps at most `most` bytes."""
+        """Return the ring of a name. From now on the ring has room for at most `most` bytes."""
         found = self._rings.setdefault(name, ReceivedRing(name, self))
         found.most = most
         return found
@@ -141,7 +141,7 @@ class ReceivedRing:
             self._first, self._room = self.end, 0
 
     def read(self, start: int, stop: int) -> bytes:
-        """Return the bytes from `start` to `stop`, as far as they are kept."""
+        """Return the bytes from `start` to `stop` that the ring still has."""
         start, stop = max(start, self.begin), min(stop, self.end)
         if start >= stop:
             return b""

@@ -13,7 +13,7 @@ from msgspec import Struct
 class WouldBlock(Enum):
     """The answer "not now": nothing to read, no room to write, no verdict yet.
 
-    HELD_BACK: there may be something to read, but this scan has no work budget left for it (ScanBudget).
+    HELD_BACK means that something may be unread, but this scan has no work budget left for it (ScanBudget).
     """
 
     WOULD_BLOCK = "WOULD_BLOCK"
@@ -30,9 +30,9 @@ OWN_END: Final = "own end"  # in place of an errno: in the capture that is playe
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A call that failed: its name, the errno name, whether a fault plan did it, the system's own words.
+    """A failed call with its errno name. `injected` marks a planned fault. `words` are the system's own.
 
-    `peer`: the partner of the failed call, if the caller does not know it.
+    `peer` is the partner of the failed call, if the caller does not know the partner.
     """
 
     call: str
@@ -42,7 +42,7 @@ class Fault:
     peer: str = field(default="", compare=False)
 
     def __str__(self) -> str:
-        """Return `bind EADDRINUSE`, with ` (injected)` after it if a fault plan made the call fail."""
+        """Return a text such as `bind EADDRINUSE`. ` (injected)` follows for a Fault of a fault plan."""
         return f"{self.call} {self.error}" + (" (injected)" if self.injected else "")
 
 
@@ -57,7 +57,7 @@ class Endpoint(Struct, frozen=True, order=True):
 
 
 class Datagram(Struct, frozen=True):
-    """A received datagram: `size` bytes of it are in the view; it had `whole` bytes."""
+    """A received datagram of `whole` bytes. The view has `size` of these bytes."""
 
     size: int
     source: Endpoint
@@ -70,7 +70,7 @@ class Datagram(Struct, frozen=True):
 
 
 def parse_octets(address: str) -> tuple[int, ...] | None:
-    """Return the four octets, None for any other text (short forms such as `127.1`, too)."""
+    """Return the four octets. Return None for any other text, and for short forms such as `127.1`."""
     parts = address.split(".")
     if len(parts) != 4 or not all(p.isascii() and p.isdigit() and len(p) <= 3 for p in parts):
         return None
@@ -79,7 +79,7 @@ def parse_octets(address: str) -> tuple[int, ...] | None:
 
 
 def parse_end(text: str) -> tuple[bytes, int | None] | None:
-    """Return what `10.0.0.5`, `10.0.0.5:2000`, `fd00::1` or `[fd00::1]:2000` names; None: not an end."""
+    """Return address and port of `10.0.0.5`, `10.0.0.5:2000`, `fd00::1` or `[fd00::1]:2000`, or None."""
     from ipaddress import ip_address  # here, because a bench does not need it: only a capture and a tap do
 
     address, colon, port = text, "", ""
@@ -108,7 +108,7 @@ def is_group(address: str) -> bool:
 
 
 def broadcast_address(address: str, mask: str) -> str:
-    """Return the last address of a network; "" if it has only two addresses or one."""
+    """Return the last address of a network, or "" if the network has only one or two addresses."""
     parts, bits = parse_octets(address), parse_octets(mask)
     if parts is None or bits is None or bits >= (255, 255, 255, 254):  # RFC 3021: a /31 has no broadcast
         return ""
@@ -128,7 +128,7 @@ PEEK_DEPTH: Final = 256 << 10  # bytes after the read position that are peeked; 
 
 
 class WaitingMessage(NamedTuple):
-    """A datagram or message that is unread; `whole`: its length in bytes when it was sent."""
+    """An unread datagram or message. `whole` is its length in bytes when it was sent."""
 
     source: Endpoint
     data: bytes
@@ -138,11 +138,11 @@ class WaitingMessage(NamedTuple):
 class Unread(NamedTuple):
     """What is unread at a handle.
 
-    `size`: how many bytes of a stream; `data`: the bytes from the position `skip` to PEEK_DEPTH.
-    `end`: fin, rst, "" if the poll has seen no end. `is_full`: the partner's window may be small, or a
-    session takes no more out of the stack. `messages`: all but the first `skip`; None: it is a stream.
-    `clients`: how many wait at a listener. `dropped`: how many datagrams the stack had no room for.
-    `has_session`: the bytes on the wire differ from the data (TLS, ISO-on-TCP).
+    `size` counts the unread bytes of a stream. `data` has the bytes from the position `skip` to PEEK_DEPTH.
+    `end` is fin, rst, or "" if the poll has seen no end. With `is_full`, the partner's window may be small,
+    or a session takes no more out of the stack. `messages` are all but the first `skip`, or None for a
+    stream. `clients` wait at a listener. The stack had no room for `dropped` datagrams. With `has_session`,
+    the bytes on the wire differ from the data (TLS, ISO-on-TCP).
     """
 
     size: int = 0

@@ -1,4 +1,4 @@
-"""A serial line: its settings, its calls (they never wait and never raise), and a simulated one."""
+"""The settings and calls of a serial line, and a simulated line. No call waits, and no call raises."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class SerialPort(Protocol):
     """One port. A Fault of `read` or `write` means that the port is gone, and closed."""
 
     def open(self) -> Fault | PortOpening | None:
-        """Open the port; return None when it is open, a Fault, or OPENING: call again."""
+        """Open the port. Return None once it is open, a Fault, or OPENING. After OPENING, call it again."""
 
     def read(self, most: int) -> bytes | Fault:
         """Return the bytes that have come, b"" if there are none."""
@@ -54,7 +54,7 @@ class SerialPort(Protocol):
         """Let bytes come over a simulated line; return False on a real one."""
 
     def line_errors(self) -> LineErrors | None:
-        """Return the line errors that the driver has counted; None: the driver does not count."""
+        """Return the line errors that the driver has counted, or None if the driver does not count."""
 
 
 SerialPortFactory = Callable[[str, SerialSettings], SerialPort]  # by the name of the ComBuffer
@@ -64,7 +64,7 @@ SIMULATED_LINE_BYTES: Final = 1_048_576  # unread bytes of a simulated line; a s
 
 
 class SimSerialPort:
-    """A port that is always there. Written bytes vanish; bytes that come while it is closed are lost."""
+    """A port that is always there. Written bytes vanish. Bytes that come while it is closed are lost."""
 
     def __init__(self) -> None:
         self.is_open = False

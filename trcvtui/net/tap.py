@@ -20,7 +20,7 @@ _PARITIES: Final = {"N": "none", "E": "even", "O": "odd", "M": "mark", "S": "spa
 
 
 class TapPlace(NamedTuple):
-    """A place where a tap listens or connects; `kind`: tcp, udp or serial; only serial has a `line`."""
+    """A place where a tap listens or connects. `kind` is tcp, udp or serial. Only serial has a `line`."""
 
     kind: str
     address: str
@@ -48,7 +48,7 @@ def format_end(address: str, port: int) -> str:
 
 
 def parse_place(text: str, where: str) -> TapPlace:
-    """Return the place that a text names; a UserError gives `where` as the origin of the text."""
+    """Return the place that a text names. A UserError gives `where` as the origin of the text."""
     kind, colon, rest = text.partition(":")
     if kind == "serial" and colon:
         return TapPlace("serial", "", 0, _parse_serial_line(rest, where, text))
@@ -89,7 +89,7 @@ def make_route(name: str, listen: str, to: str, where: tuple[str, str]) -> Route
 
 
 class TapEventKind(IntEnum):
-    """Kinds of events; the comments explain the event's `at` and the bytes after the event's head."""
+    """Kinds of events. The comments explain `at` and the bytes after the event's head."""
 
     OPEN = 1  # an end has come: `kind|near address|port|far address|port`; `at` 1: it came earlier
     ANSWERED = 2  # the far end has answered
@@ -110,7 +110,7 @@ END_KINDS: Final = (TapEventKind.FIN, TapEventKind.RST, TapEventKind.ENDED)
 
 
 class TapEvent(NamedTuple):
-    """One event. `route`: number of the tap, from 0. `number`: number of the conversation, from 1."""
+    """One event. `route` is the number of the tap, from 0. `number` is that of the conversation, from 1."""
 
     kind: int
     way: int
@@ -128,7 +128,7 @@ FIGURES_DATA: Final = struct.Struct("<IIQ")  # round trip in us, window, bytes r
 
 
 def read_events(read: Callable[[int], bytes]) -> Iterator[list[TapEvent]]:
-    """Yield the events that are complete after each `read`; end when `read` returns b""."""
+    """Yield the events that are complete after each `read`. Stop when `read` returns b""."""
     waiting = b""
     head, unpack = EVENT_HEAD.size, EVENT_HEAD.unpack_from
     while got := read(MOST_EVENT_BYTES):
@@ -150,7 +150,7 @@ def read_events(read: Callable[[int], bytes]) -> Iterator[list[TapEvent]]:
 class TapOrder(NamedTuple):
     """An intervention in one direction: hold, go, drop, insert, edit, delay, split, rst, fin.
 
-    `sizes`: the bytes of drop, the offset of edit, the ns of delay, the pieces of split.
+    `sizes` has the bytes of drop, the offset of edit, the ns of delay, or the pieces of split.
     """
 
     route: int
@@ -176,7 +176,7 @@ VERB_SIZES: Final = {
 
 
 def parse_order(line: bytes, routes: int) -> TapOrder:
-    """Return the order in a line; raise ValueError if it has no order. `routes`: the number of taps."""
+    """Return the order in a line. Raise ValueError if the line has no order. There are `routes` taps."""
     route, number, way, verb, rest = line.decode("ascii").split(" ")
     sizes, _, data = rest.partition(";")
     numbers = tuple([int(size) for size in sizes.split(",") if size])

@@ -31,10 +31,10 @@ MostItems = Meta(max_length=64)  # a request is bounded, so that a picture costs
 
 
 class UpdateRequest(Struct, frozen=True):
-    """A request: ledger lines after `since_seq`, bytes of variables `data`, jobs of instances `partial_of`.
+    """A request for ledger lines after `since_seq`, bytes of `data`, and jobs of instances `partial_of`.
 
-    `waves`: instances whose pins are drawn over time, with the number of the last change on the screen.
-    `bench`, `project`: the numbers in the last picture. If `bench` is old, `since_seq` counts as 0.
+    `waves` has the instances with pins drawn over time, and the number of the last change on the screen.
+    `bench` and `project` are the numbers in the last picture. If `bench` is old, `since_seq` counts as 0.
     """
 
     since_seq: int = 0
@@ -55,7 +55,7 @@ _REQUEST_DECODER: Final = Decoder(tuple[Annotated[int, Meta(ge=1, lt=MOST_NUMBER
 
 
 def decode_request(content: bytes) -> tuple[int, str] | UpdateRequest:
-    """Return what a screen sent: a numbered command line or a request; raise ValueError or MsgspecError."""
+    """Return a screen's numbered command line or request. Raise ValueError or MsgspecError."""
     found = _REQUEST_DECODER.decode(content)
     if isinstance(found, UpdateRequest):
         return found
@@ -63,12 +63,12 @@ def decode_request(content: bytes) -> tuple[int, str] | UpdateRequest:
 
 
 class BenchUpdate(Struct, frozen=True):
-    """The bench after its last scan. `holding`: the scans are held.
+    """The bench after its last scan. `holding` means that the scans are held.
 
-    `bench` counts the benches, `project_number` the versions of the project; `project` comes only if the
-    screen does not have this version. `player`: None without a scenario; `trial`: None before the first
-    `try-splits`. `facts`: about the instances in the request's `partial_of`. `armed`: the waiting trigger.
-    With `fired` the picture shows the scan in which a trigger fired, even if later scans have run.
+    `bench` counts the benches, `project_number` the versions of the project. `project` comes only if the
+    screen does not have this version. `player` is None without a scenario, `trial` before the first
+    `try-splits`. `facts` are about the instances in the request's `partial_of`. `armed` is the waiting
+    trigger. With `fired` the picture shows the scan in which a trigger fired, even if later scans have run.
     """
 
     snapshot: Snapshot

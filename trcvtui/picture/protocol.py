@@ -23,10 +23,10 @@ def reads_only(line: str) -> bool:
 
 
 class EngineStopped(Exception):
-    """The engine process has ended; the text says why; the last line of the text is the short reason.
+    """The engine process has ended. The text says why. The last line of the text is the short reason.
 
-    `ends_screen`: the screen cannot continue. `is_internal`: an error of this program, or a signal, has
-    ended the engine; `folder`: the folder of the engine's recording, None: no recording.
+    With `ends_screen`, the screen cannot continue. With `is_internal`, an error of this program, or a
+    signal, has ended the engine. `folder` is that of the engine's recording, or None without a recording.
     """
 
     ends_screen = is_internal = False
@@ -34,7 +34,7 @@ class EngineStopped(Exception):
 
 
 class Driver(Protocol):
-    """What a screen may do with a bench; `is_shared`: other tabs of `serve` use this bench, too."""
+    """What a screen may do with a bench. With `is_shared`, other tabs of `serve` use this bench, too."""
 
     is_shared: bool
 
@@ -48,7 +48,7 @@ class Driver(Protocol):
         """Return the newest picture that has arrived since the last call."""
 
     def describe_cuts(self) -> str:
-        """Return in words which connections are cut when the screen quits; "" for none."""
+        """Return in words which connections are cut when the screen quits, or "" for none."""
 
     def restart(self) -> None: ...
 

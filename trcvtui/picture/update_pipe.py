@@ -1,8 +1,8 @@
 """The transport of a picture from the engine to the screen: a pickle with the changed parts of the snapshot.
 
 Rule 1: the cost depends on the changed parts only. For unchanged parts the screen keeps its objects.
-Rule 2: pickling and writing stop when a gap ends and go on in the next gap, as a picture never changes.
-Rule 3: a screen that does not read never delays a scan: the engine writes only what the channel takes.
+Rule 2: pickling and writing stop when a gap ends, and go on in the next gap. A picture never changes.
+Rule 3: a screen that does not read never delays a scan. The engine writes only what the channel takes.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ T = TypeVar("T")
 
 
 class UpdateMessage(NamedTuple):
-    """A picture without its ledger lines and the parts of its snapshot; lines and parts follow in slices.
+    """A picture without its ledger lines and the parts of its snapshot. Lines and parts follow in slices.
 
-    `parts`: for each kind, how many parts there are, and how many slices carry the changed parts.
+    `parts` has, for each kind, the number of parts and the number of slices that carry the changed parts.
     """
 
     update: BenchUpdate
@@ -61,7 +61,7 @@ class UpdatePipe:
         self._pickling = self._pickle_picture(picture)
 
     def advance(self, deadline_ns: int) -> None:
-        """Pickle and write until `deadline_ns`, at least one slice; stop when the channel is full."""
+        """Pickle and write until `deadline_ns`, but at least one slice. Stop when the channel is full."""
         while self._pickling is not None:
             message = next(self._pickling)
             if message:
@@ -118,7 +118,7 @@ class UpdatePipe:
 
 
 class MessageReader:
-    """Reads complete messages of at most `most` bytes from a channel; it never waits for bytes."""
+    """Reads complete messages of at most `most` bytes from a channel. It never waits for bytes."""
 
     def __init__(self, channel: Channel, most: int) -> None:
         self._channel, self._most = channel, most
@@ -126,7 +126,7 @@ class MessageReader:
         self._has_ended = False
 
     def read_message(self) -> bytes | None:
-        """Return the next message, None while it is incomplete; raise EOFError after the last one."""
+        """Return the next message, or None while it is incomplete. Raise EOFError after the last one."""
         if sys.platform == "win32":
             return self._channel.recv_bytes(self._most) if self._channel.poll() else None
         while True:

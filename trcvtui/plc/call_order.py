@@ -1,12 +1,12 @@
-"""Which instances a scan really calls: only the ones that may have another outcome than in the last scan.
+"""A scan calls only the instances that may have another outcome than in the last scan.
 
 A CONNECT and its instances sleep once each instance has given a stable outcome. Any command, a poll event
-on the CONNECT, or a change in the communication phase wakes it. While it is awake all its instances are
-called, in the order of the program. A sleeping CONNECT costs nothing; outputs are the same as without sleep
-(tests/properties/test_ready_only.py).
+on the CONNECT, or a change in the communication phase wakes it. While the CONNECT is awake, all its
+instances are called, in the order of the program. A sleeping CONNECT costs nothing. Outputs are the same as
+without sleep (tests/properties/test_ready_only.py).
 
-A task is due at the multiples of its interval; its instances are called in the first scan that has reached
-the time. An interval of 25 ms with scans of 10 ms means calls in the scans at 0, 30, 50, 80, ... ms.
+A task is due at the multiples of its interval. The first scan that has reached the time calls its
+instances. An interval of 25 ms with scans of 10 ms means calls in the scans at 0, 30, 50, 80, ... ms.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from trcvtui.plc.ledger import StatusEdge
 class CallOrder:
     """The instances in call order, each with the interval of its task; times in ns.
 
-    `connects` names all CONNECTs, as a CONNECT without instances can change, too (PLC STOP).
-    `failed` is called for an instance that raised: it takes the instance out of service, and returns
-    whether its outputs differ. `check` raises where a replay has a recorded exception.
+    `connects` names all CONNECTs, because a CONNECT without instances can change, too (PLC STOP). `failed`
+    is called for an instance that raised. It takes the instance out of service, and returns whether its
+    outputs differ. `check` raises where a replay has a recorded exception.
     """
 
     def __init__(

@@ -44,11 +44,11 @@ class StopPlc(Struct, frozen=True):
 
 
 class RunPlc(Struct, frozen=True):
-    """CPU RUN: fresh instances; inputs and DATA keep their values."""
+    """CPU RUN makes fresh instances. Inputs and DATA keep their values."""
 
 
 class CreateInstance(Struct, frozen=True):
-    """A new instance: it is called from this scan on, after the older instances of its task."""
+    """A new instance, which is called from this scan on, after the older instances of its task."""
 
     decl: InstanceDecl
     place: int | None = None  # in the call order of all; None: the last
@@ -64,7 +64,7 @@ class AddDeclaration(Struct, frozen=True):
 
 
 class ReplaceDeclaration(Struct, frozen=True):
-    """Another declaration of the same name: each instance that uses it begins anew and keeps its inputs."""
+    """A new declaration of the same name. Each instance that uses it begins anew and keeps its inputs."""
 
     before: PartDecl | InstanceDecl
     decl: PartDecl | InstanceDecl
@@ -77,7 +77,7 @@ class RemoveDeclaration(Struct, frozen=True):
 
 
 class DeleteInstance(Struct, frozen=True):
-    """The instance is gone; its connection stays, and so does the lock of a job that runs."""
+    """Delete the instance. Its connection stays, and so does the lock of a running job."""
 
     instance: str
 

@@ -1,8 +1,8 @@
 """An exception in one part of a run takes that part out of service; all others continue.
 
-Rule 1: the exception is an entry of the journal. A replay takes the part out of service in that scan because
-the entry says so, whether or not the program still raises there.
-Rule 2: a UserError of a command is raised again, as is any UserError of a replay: run and journal differ.
+Rule 1: the exception is an entry of the journal. The entry alone makes a replay take the part out of
+service in that scan. The program need not raise there again.
+Rule 2: a UserError of a command is raised again. So is any UserError of a replay: run and journal differ.
 Rule 3: with TRCVTUI_EXCEPTIONS=raise nothing is contained, as in the tests.
 """
 
@@ -25,7 +25,7 @@ RunPart = tuple[str, str]  # its kind and its name: ("instance", "TRCV_C_1")
 
 
 class ExceptionNote(NamedTuple):
-    """An exception and the name of its report; `in_connection`: a connection is in an unknown state."""
+    """An exception and the name of its report. `in_connection` means a connection in an unknown state."""
 
     why: str
     in_connection: bool
@@ -38,9 +38,9 @@ class RecordedException(UserError):
 class Containment:
     """The parts of one run that are out of service.
 
-    `report` writes a report and returns its ExceptionNote; `record(part, report)` records and returns this
-    note. `is_due(part)`: is the next entry of a replay an exception of this part? None: no replay.
-    `off_record` runs calls that a replay does not repeat.
+    `report` writes a report and returns its ExceptionNote. `record(part, report)` records and returns this
+    note. `is_due(part)` returns whether the next entry of a replay is an exception of this part. Without a
+    replay, `is_due` is None. `off_record` runs calls that a replay does not repeat.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Containment:
         return ExceptionNote(*raised)
 
     def add_message(self, what: str) -> None:
-        """Keep a message about an internal error; until `take_messages` at most MOST_REPORTED are kept."""
+        """Store a message about an internal error, at most MOST_REPORTED until `take_messages`."""
         if len(self._newest) < MOST_REPORTED:
             self._newest.append(f"an internal error of {what}")
 
@@ -90,7 +90,7 @@ class Containment:
         self._off_record(lambda: self.attempt(part, do))
 
     def attempt(self, part: RunPart, do: Callable[[], T]) -> T | None:
-        """Return what `do` returns; None if `do` raises, or the journal has an exception here (rule 1)."""
+        """Return what `do` returns. Return None if `do` raises or the journal has an exception (rule 1)."""
         try:
             self.raise_recorded(part)  # recorded before any call of `do`: it was not carried out
             answer = do()

@@ -23,7 +23,7 @@ MOST_KNOWN_OUTCOMES: Final = 64
 
 
 class Instance:
-    """One instance; `call_block` calls it once a scan, the program reads `outputs` afterwards."""
+    """One instance. `call_block` calls its block once a scan. The program reads `outputs` afterwards."""
 
     def __init__(
         self,
@@ -58,7 +58,7 @@ class Instance:
         self._stream = stream
 
     def restart_block(self) -> None:
-        """Start the block anew, as after STOP and RUN or a download; inputs and DATA keep their values."""
+        """Start the block anew, as after STOP and RUN or a download. Inputs and DATA keep their values."""
         self._block: Block = new_block(self._row, self._bound)
         self._block_would_read: Callable[[Inputs, bool], bool] | None
         self._block_would_read = getattr(self._block, "would_read", None)  # of a block that receives
@@ -134,7 +134,7 @@ class Instance:
         return self.take_outcome(outcome) or first
 
     def fail(self, why: str) -> bool:
-        """Show ERROR; the block is not called until `restart_block`; return whether any output differs."""
+        """Show ERROR. Until `restart_block` the block is not called. Return whether any output differs."""
         self._block, self._block_would_read = StoppedBlock(), None
         self.has_failed = self.called = self.asleep = True
         return self.take_outcome(
@@ -192,7 +192,7 @@ class Instance:
         return self.outputs != before
 
     def drop_job(self, reason: str) -> None:
-        """Drop the running job; its lock on the connection stays if the rules say so."""
+        """Drop the running job. If the rules say so, the job's lock on the connection stays."""
         if isinstance(self._bound, ConnectBinding):
             self._bound.connection.readers.pop(self.name, None)
         self._block.detach(reason)

@@ -1,6 +1,6 @@
 """The ledger: what happened, in which scan, and why. Every view of the past is a view of this one list.
 
-Rule: events that a frame causes are NamedTuples: a frozen dataclass takes four times as long to make.
+Rule: events that a frame causes are NamedTuples. A frozen dataclass takes four times as long to make.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ KEPT_LINES: Final = 20_000
 
 
 class Outputs(NamedTuple):
-    """The outputs of one instance after a scan. `status` is the WORD; `rcvd_len`: bytes, None: no such pin.
+    """The outputs of one instance after a scan. `status` is the WORD. `rcvd_len` is bytes, None if no pin.
 
-    For a block on a ComBuffer, `status` is its pin Error; the block may have `rx_timeout` or `byte`, too.
+    For a block on a ComBuffer, `status` is the pin Error. The block may have `rx_timeout` or `byte`, too.
     """
 
     status: int
@@ -42,7 +42,7 @@ class Outputs(NamedTuple):
 
     @property
     def lit_lamp(self) -> str:
-        """Return which lamp is lit: error before done before busy, "" for none."""
+        """Return the lamp that is lit, or "" for none. Error comes before done, and done before busy."""
         return "error" if self.error else "done" if self.done else "busy" if self.busy else ""
 
 
@@ -72,7 +72,7 @@ NO_END = "none:"  # in place of the local end: the remote one is the name of a l
 class PeerSent(NamedTuple):
     """A peer's message: its number (from 1), and where it lies in the peer's sent stream.
 
-    `ns`: when a captured packet came, in ns from the first packet; -1: the time of the ledger line counts.
+    `ns` is a captured packet's time in ns from the first packet. With -1, the ledger line's time counts.
     """
 
     peer: str
@@ -85,9 +85,9 @@ class PeerSent(NamedTuple):
 
 
 class BenchNote(Struct, frozen=True):
-    """Something the bench did: a peer's connection, a fault injected, the PLC stopped, DATA written.
+    """Something the bench did, such as a peer's connection, an injected fault, a PLC STOP, or written DATA.
 
-    `end`: the address of the partner concerned; `for_all`: the note is about all CONNECTs at the port.
+    `end` is the partner's address. With `for_all`, the note is about all CONNECTs at the port.
     """
 
     subject: str
@@ -116,7 +116,7 @@ Event = (
 
 
 class Line(NamedTuple):
-    """One line of the ledger. `seq` counts from 1 without gaps; `t_ns`: ns from the start of the run."""
+    """One line of the ledger. `seq` counts from 1 without gaps. `t_ns` is ns from the start of the run."""
 
     seq: int
     scan: int
@@ -152,14 +152,14 @@ class Ledger:
         self._ring.extend([(scan, t_ns, event) for event in events])
 
     def lines_since(self, seq: int, most: int = KEPT_LINES) -> tuple[Line, ...]:
-        """Return the lines after `seq` that are still kept, oldest first; only the newest `most` lines."""
+        """Return the newest lines after `seq` that the ledger still has, at most `most`, oldest first."""
         items = self.events_since(seq, most)
         first = self.last_seq - len(items) + 1
         new = tuple.__new__  # quicker than Line(..), which a picture needs for each line
         return tuple([new(Line, (seq, *item)) for seq, item in enumerate(items, first)])
 
     def events_since(self, seq: int, most: int = KEPT_LINES) -> list[StampedEvent]:
-        """Return the events after `seq`, oldest first; only the newest `most` events."""
+        """Return the newest events after `seq`, at most `most`, oldest first."""
         fresh = min(self.last_seq - seq, len(self._ring), most)
         return list(islice(reversed(self._ring), max(0, fresh)))[::-1]
 

@@ -37,7 +37,7 @@ PORT_HINTS: Final = {
 
 
 def describe_port_fault(buffer: ComBufferSnapshot | None) -> str:
-    """Return which port is not there and which call reported that; "" if no fault is known."""
+    """Return which port is not there and which call reported that, or "" if no fault is known."""
     if buffer is None or buffer.is_up or buffer.fault is None:
         return ""
     fault = buffer.fault

@@ -81,7 +81,7 @@ def element_kind_of(type_: Type) -> ElementKind:
 
 
 def text_lens_of(type_: Type, size: int) -> LeastTextLens:
-    """Return the least LENs for a text variable: to send, its `size`; to receive, a constant."""
+    """Return the least LENs for a text variable. To send, it is `size`. To receive, it is a constant."""
     if not isinstance(type_, StringType):
         return NO_TEXT_LENS
     return LeastTextLens(sent=size, received=LEAST_WSTRING_LEN if type_.wide else LEAST_STRING_LEN)
@@ -208,12 +208,12 @@ class Runtime:
         return end.port if end else None
 
     def connected_since(self, connect: str) -> int:
-        """Return the scan in which the newest connection of a CONNECT came up; 0: no connection came up."""
+        """Return the scan in which the newest connection of a CONNECT came up, or 0 if none came up."""
         connection = self._connections.get(connect)
         return 0 if connection is None else connection.since_scan
 
     def retry_now(self, connect: str) -> None:
-        """Let a CONNECT try again at once: end the pause before its next attempt to connect."""
+        """End the pause before the next attempt of a CONNECT to connect."""
         connection = self._connections.get(connect)
         if connection is not None:
             connection.retry_at = None
@@ -226,7 +226,7 @@ class Runtime:
         return tuple(instance.edge for instance in self._call_order.due_instances(self._env.scan - 1))
 
     def outputs(self, instance: str) -> Outputs:
-        """Return the outputs of an instance after the last scan; before its first scan, 0 and FALSE."""
+        """Return the outputs of an instance after the last scan, or 0 and FALSE before its first scan."""
         known = self._instances.get(instance)
         return known.outputs if known else Outputs(0, False, False, False, 0)
 
@@ -240,11 +240,11 @@ class Runtime:
         return bytes(memoryview(data.content)[:most]) if data else b""
 
     def data_part(self, name: str, start: int, stop: int) -> bytes:
-        """Return a copy of the bytes `start` to `stop` of a global variable, as far as it has them."""
+        """Return a copy of the bytes `start` to `stop` of a global variable, at most up to its end."""
         return bytes(self._data[name].content[start:stop])
 
     def received_ring(self, name: str) -> ReceivedRing | None:
-        """Return the newest received bytes of a link or ComBuffer; for a `sent_ring_name`, sent bytes."""
+        """Return the ring of received bytes of a link or ComBuffer. A `sent_ring_name` gives sent bytes."""
         return self._resources.received.get(name)
 
     def job_bytes(self, instance: str) -> bytes:
@@ -264,9 +264,9 @@ class Runtime:
         return SentBytes(*ends, connection.bytes_sent, connection.unacknowledged())
 
     def quiet_until(self) -> int | None:
-        """Return when (ns) time alone causes the next change, if the scans change nothing; None: never.
+        """If scans change nothing, return when (ns) time alone causes the next change, or None for never.
 
-        If this is not known, return the time of the last scan. A ready handle may change something earlier.
+        If this is unknown, return the time of the last scan. A ready handle may change something earlier.
         """
         resources, now = self._resources, self._env.now
         if self._commands or resources.unsettled or self._lines.names:
@@ -295,7 +295,7 @@ class Runtime:
     # -- one scan ------------------------------------------------------------------------------------------
 
     def scan(self, now: int) -> None:
-        """Run one scan; `now` is its time in ns from the start of the run and never goes back."""
+        """Run one scan. `now` is its time in ns from the start of the run. The time never goes back."""
         self._env.scan += 1
         self._env.now = now
         self.ledger.scan, self.ledger.t_ns = self._env.scan, now
@@ -382,7 +382,7 @@ class Runtime:
         )
 
     def _stop_instance(self, instance: Instance, why: str, in_connection: bool = False) -> bool:
-        """Show ERROR, release locks; close the connection if `in_connection` or no instance works on it."""
+        """Show ERROR, release locks. Close the connection if `in_connection` or no instance works on it."""
         name, connect = instance.name, instance.decl.connect
         self._containment.clean_up(("instance", name), partial(instance.drop_job, INTERNAL_ERROR))
         is_changed = instance.fail(why)
@@ -572,7 +572,7 @@ class Runtime:
     # -- the frozen picture ------------------------------------------------------------------------
 
     def snapshot(self, faults: tuple[str, ...] = ()) -> Snapshot:
-        """Return the PLC after its last scan; parts that have not changed are the same objects as before."""
+        """Return the PLC after its last scan. Unchanged parts are the same objects as before."""
         self._renew_snapshots()
         return Snapshot(
             scan=self._env.scan,

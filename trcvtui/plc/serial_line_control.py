@@ -1,8 +1,8 @@
 """The bytes of a ComBuffer: from and to a serial port, a TRCV_C or a TSEND_C, chunk by chunk.
 
 Rule 1: a new TRCV_C or TSEND_C takes over the connection's state from a deleted instance of the same name.
-Rule 2: without room for a whole DATA in the ComBuffer, the TRCV_C is held: called with EN_R = 0. Then bytes
-stay in the network and slow the sender. A TRCV_C with bytes in its job is not held: it would drop them.
+Rule 2: while the ComBuffer has no room for a whole DATA, the TRCV_C is held (EN_R = 0). Then bytes stay in
+the network and slow the sender. A TRCV_C with bytes in its job is not held. It would drop these bytes.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ NO_ANSWER_FAULT: Final = Fault("open", "EINPROGRESS", words="there is no answer 
 
 
 class PortExchange:
-    """One port: received bytes go to `rx`, bytes in `tx` are sent. `note` writes to the ledger.
+    """One port. Received bytes go to `rx`. Bytes in `tx` are sent. `note` writes to the ledger.
 
-    `fault`: why the port is not there, None while unknown.
+    `fault` is the reason why the port is not there, or None while the reason is unknown.
     """
 
     def __init__(self, port: SerialPort, rx: ComBuffer, note: Callable[[str, str], None]) -> None:
@@ -65,7 +65,7 @@ class PortExchange:
             self._rx.put(got)
 
     def send(self, most: int, now: int) -> None:
-        """Send waiting bytes, at most `most` (0: all); the bytes wait while the port is not there."""
+        """Send at most `most` waiting bytes, or all if `most` is 0. Without the port, the bytes wait."""
         if self.tx is None or not self.is_open or not self.tx.count:
             return
         payload = self.tx.peek()
@@ -128,7 +128,7 @@ READY_TO_SEND: Final = (Condition.CONNECTED, Condition.SENT)  # the last call's,
 
 
 class StreamDrain:
-    """Sends a ComBuffer's bytes with a TSEND_C; `per_call`: most bytes of a REQ, 0: the size of DATA."""
+    """Sends a ComBuffer's bytes with a TSEND_C, at most `per_call` bytes a REQ. 0 means DATA's size."""
 
     keeps_awake = True  # bytes arrive without an event
 

@@ -1,7 +1,7 @@
 """The ComBuffers of a PLC and their other ends; a TwinCAT program has SerialLineControl for this.
 
-Source of a ComBuffer: `sim` (bench commands), `serial` (PortExchange; in a simulated network like `sim`),
-a TRCV_C (StreamFeed), or another ComBuffer: a cable.
+The source of a ComBuffer is `sim` (bench commands), `serial` (PortExchange), a TRCV_C (StreamFeed), or
+another ComBuffer, as by a cable. In a simulated network, `serial` works like `sim`.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class SerialLines:
                 self._ports[other.line].tx = self._buffers[other.name]
 
     def redeclare(self, decl: ComBufferDecl) -> None:
-        """Replace a ComBuffer; its bytes are dropped, its port is opened again."""
+        """Replace a ComBuffer. Its bytes are dropped, and its port is opened again."""
         self._forget(decl.name)
         self.declare(decl)
 
@@ -167,7 +167,7 @@ class SerialLines:
             self._run_safely(name, self._streams[name].check_connection)
 
     def _run_safely(self, name: str, do: Callable[[], object]) -> None:
-        """Serve one line; if this raises, close the line's port, and never serve the line again."""
+        """Serve one line. If this raises, close the line's port, and never serve the line again."""
         part = "line", name
         if part not in self._containment.out:
             self._containment.attempt(part, do)
@@ -177,7 +177,7 @@ class SerialLines:
                     self._containment.clean_up(part, self._ports[name].close)
 
     def send_waiting(self, now: int) -> None:
-        """Send bytes of each written ComBuffer, at most its `per_cycle` in a scan (0: all)."""
+        """Send at most `per_cycle` bytes of each written ComBuffer in a scan. 0 means all bytes."""
         if not self._decls:
             return
         receivers = {decl.source: name for name, decl in self._decls.items() if decl.source in self._buffers}
@@ -188,7 +188,7 @@ class SerialLines:
                 self._run_safely(name, partial(self._move_bytes, name, decl.per_cycle, receivers.get(name)))
 
     def _move_bytes(self, name: str, most: int, receiver: str | None) -> None:
-        """Move up to `most` bytes (0: all) of a written ComBuffer into the ComBuffer at the other end."""
+        """Move at most `most` bytes (0 means all) of a written ComBuffer into its `receiver`."""
         gone = self._buffers[name].read(most or self._buffers[name].count)
         if gone and receiver is not None:  # bytes sent into no cable are lost, as on a real line
             self._buffers[receiver].put(gone)

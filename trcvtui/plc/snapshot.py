@@ -22,9 +22,9 @@ from trcvtui.plc.ledger import Outputs
 
 
 class ConnectionSnapshot(Struct, frozen=True):
-    """One CONNECT. `state` is closed, queued, created, establishing or connected; times in ns of the run.
+    """One CONNECT. `state` is closed, queued, created, establishing or connected. Times in ns of the run.
 
-    With `udp` it is a UDP_CONFIG; then the state created means ready.
+    With `udp`, it is a CONNECT of UDP or a UDP_CONFIG. For a UDP_CONFIG, the state created means ready.
     """
 
     name: str
@@ -45,7 +45,7 @@ class ConnectionSnapshot(Struct, frozen=True):
 
 
 class SentBytes(Struct, frozen=True):
-    """What a CONNECT's present connection has sent; `unacknowledged` None: the system gives no number."""
+    """What a CONNECT's present connection has sent. `unacknowledged` is None if the system gives none."""
 
     local: str
     remote: str
@@ -54,9 +54,9 @@ class SentBytes(Struct, frozen=True):
 
 
 class FramerSnapshot(Struct, frozen=True):
-    """Prefix and suffix as a receiving block would use them now; None: the pointer is 0.
+    """Prefix and suffix as a receiving block would use them now. None means that the pointer is 0.
 
-    `noise`: the last of the `discarded` bytes before a prefix; `last`: the marks of the newest frame.
+    `noise` has the last of the `discarded` bytes before a prefix. `last` has the marks of the newest frame.
     """
 
     prefix: bytes | None
@@ -77,7 +77,7 @@ class FramerSnapshot(Struct, frozen=True):
 
 
 class InstanceSnapshot(Struct, frozen=True):
-    """One instance. `have` of `need` bytes are in the running job (need 0: no job). Sizes in bytes."""
+    """One instance. Its running job has `have` of `need` bytes; `need` 0 means no job. Sizes in bytes."""
 
     name: str
     block: str
@@ -145,10 +145,10 @@ class AddrSnapshot(Struct, frozen=True):
 
 
 class ComBufferSnapshot(Struct, frozen=True):
-    """One ComBuffer: `count` of `size` bytes wait, `arrived` have come, `lost` had no room or no reader.
+    """One ComBuffer. `count` of `size` bytes wait. `arrived` have come. `lost` had no room or no reader.
 
-    `is_up`: its port is not missing; `port`: the name of that port; `fault`: why it is missing. A ComBuffer
-    that sends over a `line` has the port of that line.
+    `is_up` means that the port is not missing. `port` is its name. `fault` is why it is missing. A
+    ComBuffer that sends over a `line` has the port of that line.
     """
 
     name: str
@@ -164,7 +164,7 @@ class ComBufferSnapshot(Struct, frozen=True):
 
 
 class Snapshot(Struct, frozen=True):
-    """The PLC after scan `scan` (0 = none yet) at `t_ns` from the start of the run."""
+    """The PLC after scan `scan`, at `t_ns` from the start of the run. `scan` 0 means no scan yet."""
 
     scan: int
     t_ns: int
@@ -201,7 +201,7 @@ class Snapshot(Struct, frozen=True):
 def connection_snapshot(connection: Connection, now: int) -> ConnectionSnapshot:
     """Return a CONNECT or a UDP_CONFIG as it is at `now` (ns).
 
-    For a UDP_CONFIG, the state created means ready; `remote` is the other end of the last datagram.
+    For a UDP_CONFIG, the state created means ready, and `remote` is the other end of the last datagram.
     """
     retry, config = connection.retry_at, connection.config
     if isinstance(connection, UdpEndpoint) and connection.is_config:

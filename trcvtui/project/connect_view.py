@@ -46,7 +46,7 @@ def declare_connect(config: ConnectConfig, indent: str = "") -> str:
 
 
 def addr_declaration(addr: AddrParam, indent: str = "") -> str:
-    """Return the declaration of an ADDR: as a structure, or as bytes if the structure is not complete."""
+    """Return the declaration of an ADDR as a structure, or as bytes if the structure is not complete."""
     description = addr.effective_description
     if not _is_whole(description):
         what = f"{len(description.data)} bytes, {description.structure.name} has {description.structure.size}"
@@ -129,7 +129,7 @@ MOST_FILES: Final = 3
 
 
 class Security(NamedTuple):
-    """How secure a CONNECT is; `is_unsafe`: it accepts any certificate, and `text` says so."""
+    """How secure a CONNECT is. With `is_unsafe`, it accepts any certificate, and `text` says so."""
 
     text: str
     is_unsafe: bool
@@ -177,9 +177,9 @@ INTERFACE_FIELDS: Final = ("InterfaceId", "local_device_id")
 
 
 class DescriptionView(NamedTuple):
-    """One description: its structure, its meaning in one line, its rows, and what a CPU finds wrong.
+    """One description. `says` is its meaning in one line. `flaw` is what a CPU finds wrong.
 
-    `warning`: a check that the project has switched off.
+    `warning` is about a check that the project has switched off.
     """
 
     structure: str
@@ -190,9 +190,9 @@ class DescriptionView(NamedTuple):
 
 
 def description_view(config: ConnectConfig, listens: str = "") -> DescriptionView | None:
-    """Return the view of a CONNECT, None if it has no description.
+    """Return the view of a CONNECT, or None if the CONNECT has no description.
 
-    `listens`: the end where the CONNECT listens now, "" if it does not listen.
+    `listens` is the end where the CONNECT listens now, or "" if it does not listen.
     """
     description = config.description
     if description is None:

@@ -50,7 +50,7 @@ def find_dialect(name: str) -> Dialect:
 
 
 def convert_project(project: Project, dialect: Dialect) -> Translation:
-    """Return the project in that dialect; raise UserError if that dialect cannot describe a CONNECT."""
+    """Return the project in that dialect. Raise UserError if the dialect cannot describe a CONNECT."""
     if dialect.name == project.dialect.name:
         return Translation(project, ())
     notes: list[str] = []
@@ -147,7 +147,7 @@ def _convert(
 
 
 def _convert_structure(config: ConnectConfig, dialect: Dialect, notes: list[str]) -> ConnectConfig:
-    """Return a CONNECT in a structure that the other dialect takes; with a flaw if no structure fits."""
+    """Return a CONNECT in a structure that the other dialect takes. If no structure fits, add a flaw."""
     description, taken = config.description, dialect.structures
     if description is None or not taken or description.structure.name in taken:
         return config

@@ -1,7 +1,7 @@
 """CONNECT and ADDR in a dialect with connection descriptions: read and written, by field or as bytes of a DB.
 
-Rule: a value is refused only if it fits no type. One that a CPU rejects is a `flaw`, shown by the block.
-There are also keys of the bench, which no CPU has: these keys set what this machine does.
+Rule: a value is refused only if it fits no type. If a CPU rejects a value, the block shows the `flaw`.
+There are also keys of the bench, which no CPU has. These keys set what this machine does.
 """
 
 from __future__ import annotations
@@ -77,9 +77,9 @@ _TIA_TSAP: Final = re.compile(r"[0-9a-fA-F]{2}\.[0-9a-fA-F]{2}")  # as TIA write
 
 
 def parse_selector(text: str) -> bytes | None:
-    """Return a TSAP: `16#E002` and TIA's `E0.02` are hex; `text:E002` and all that cannot be hex are ASCII.
+    """Return a TSAP. `16#E002` and TIA's `E0.02` are hex. `text:E002` and all that cannot be hex are ASCII.
 
-    Return None for a text that could be either (see `unambiguous_spellings`) or is no TSAP.
+    Return None for a text that could be hex or ASCII (see `unambiguous_spellings`), or is no TSAP.
     Older files have `hex E0 02` and `text E0 02`.
     """
     if text.startswith(("16#", "hex ")):
@@ -98,7 +98,7 @@ def _is_ambiguous(text: str) -> bool:
 
 
 def unambiguous_spellings(text: str) -> str:
-    """Return both unambiguous spellings (hex, text) of a text of hex digits, "" for any other text."""
+    """Return both unambiguous spellings (hex, text) of a text of hex digits, or "" for any other text."""
     if not _is_ambiguous(text) or _TIA_TSAP.fullmatch(text):
         return ""
     digits = "".join(char for char in text if char not in " .").upper()
@@ -117,7 +117,7 @@ def try_parse_hex(text: str) -> bytes | None:
 
 
 def parse_db_bytes(text: str) -> bytes | None:
-    """Return the bytes of a DB, None if a group has an odd number of digits: a copy that was cut off."""
+    """Return the bytes of a DB. Return None if a group has an odd number of digits (a copy cut off)."""
     groups = text.replace(",", " ").split()
     lone = any(len(group.lower().removeprefix("0x").removeprefix("16#")) % 2 for group in groups)
     return None if lone else try_parse_hex(text)
@@ -348,7 +348,7 @@ def _field_kind(field: DescriptionField) -> Kind[Any]:
 
 
 class WrittenDescription(Struct, frozen=True):
-    """A description as in the file; `reference` is a RemotePort `@NAME`."""
+    """A description as in the file. `reference` is a RemotePort such as `@NAME`."""
 
     description: Description
     reference: str | None = None
@@ -389,7 +389,7 @@ def check_bench_keys(table: Table, description: Description) -> None:
 
 
 def read_description(table: Table, number: int, structures: tuple[str, ...]) -> WrittenDescription | None:
-    """Return the description in a table, by its fields or as bytes; `number`: the ID if none is given."""
+    """Return the description in a table, by its fields or as bytes. Its ID is `number` if none is given."""
     type_name = table.read("type", STRUCTURE)
     if type_name is not None and type_name not in CONNECTIONS:
         table.add_unknown_name("type", type_name, CONNECTIONS, "structure")
@@ -406,7 +406,7 @@ def read_description(table: Table, number: int, structures: tuple[str, ...]) -> 
 
 
 def _default_type(table: Table, structures: tuple[str, ...]) -> str:
-    """Return the structure of a CONNECT without `type`: the first with a field that the table has."""
+    """Return the structure of a CONNECT without `type`: the first that has a field of the table."""
     own = [name for name in structures if any(table.has(field.name) for field in CONNECTIONS[name].fields)]
     return own[0] if own else DEFAULT_TYPE
 
@@ -467,7 +467,7 @@ def make_config_fields(
     certificates: Certificates,
     structures: tuple[str, ...],
 ) -> dict[str, Any]:
-    """Return a CONNECT's arguments without its name. `structures`: the ones that blocks accept, (): all."""
+    """Return a CONNECT's arguments without its name. Blocks accept only `structures`, or all with ()."""
     spec = read_spec(written.description)
     session = _make_session(written.description, spec, bench, rules, certificates)
     remote, name_flaw = _remote_address(written, spec, bench)
@@ -587,7 +587,7 @@ def iso_port_of(config: ConnectConfig) -> int | str | None:
 
 
 def listen_port_of(config: ConnectConfig) -> int | None:
-    """Return ListenPort; None if nothing listens, or if the description or IsoPort gives the port."""
+    """Return ListenPort, or None if nothing listens or if the description or IsoPort gives the port."""
     spec, port = read_spec(_require_description(config)), config.local.port
     if spec.protocol is Transport.ISO or config.active:
         return None

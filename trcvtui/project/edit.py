@@ -63,7 +63,7 @@ class AddField(Struct, frozen=True):
 
 
 class LineKeys(NamedTuple):
-    """Keys of a kind. `bare`: a command line has the value alone; `quoted`: the text may have blanks."""
+    """Keys of a kind. A command line has only the value of a `bare` key. `quoted` texts may have blanks."""
 
     bare: frozenset[str]
     quoted: frozenset[str]
@@ -78,7 +78,7 @@ def keys_of_line(kind: str, project: Project) -> LineKeys:
 
 
 def fields_of(kind: str, project: Project, block: str = "", to_change: bool = False) -> tuple[AddField, ...]:
-    """Return the form fields of a kind except the name; for an instance the fields depend on its block."""
+    """Return the form fields of a kind except the name. For an instance they depend on its block."""
     row, chosen = table_row(kind, project.dialect), block or default_block(project)
     fields = {
         key.name: _field(key.name, key.ask, project, chosen)
@@ -96,7 +96,7 @@ def _field(key: str, ask: Hint, project: Project, block: str) -> AddField:
 
 
 def default_block(project: Project) -> str:
-    """Return the block that a form begins with; the first instance gets one that connects and receives."""
+    """Return the block that a form begins with. The first instance gets one that connects and receives."""
     blocks = project.dialect.blocks
     receivers = [block for block in blocks if (row := block_row(block)).owns_link and row.receives_on_net]
     return receivers[0] if receivers and not project.instances else blocks[0]
@@ -120,8 +120,8 @@ def read_entry(
 ) -> Declaration:
     """Return the declaration of one table; raise UserError with all of its mistakes.
 
-    `content`: TOML values, or texts as SetOverride (its path is the key). `number`: the place of
-    the entry among its kind, from 1 on; 0: after the last entry.
+    `content` has TOML values, or texts as SetOverride, whose path is the key. `number` is the place of the
+    entry among its kind, from 1 on. 0 means after the last entry.
     """
     problems: list[Problem] = []
     table = Table(content, where, problems)
@@ -179,7 +179,7 @@ def make_addition(decl: Declaration, project: Project) -> Edit:
 
 
 def make_change(before: Declaration, after: Declaration | None, project: Project) -> Edit:
-    """Return the edit that replaces an entry by `after`; None removes it."""
+    """Return the edit that replaces an entry by `after`, or that removes the entry if `after` is None."""
     kind = kind_name(before)
     return Edit(kind, before, after, names_of(kind, project).index(before.name))
 
@@ -225,7 +225,7 @@ def append_entry(project: Project, decl: Declaration) -> Project:
 
 
 def read_change(decl: Declaration, pairs: Mapping[str, Any], project: Project, where: str) -> Declaration:
-    """Return a declaration with some keys changed (None removes a key); raise UserError if it is invalid.
+    """Return a declaration with some keys changed; None removes a key. Raise UserError if it is invalid.
 
     The entry is written in the first of its equivalent forms that can be read with the changes.
     """

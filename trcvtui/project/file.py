@@ -1,9 +1,9 @@
 """Reads a project file into a Project, or reports all of its mistakes together.
 
-Rule 1: a value is refused only if it fits no type; any value of a pin or a CONNECT goes to the block.
-Rule 2: an instance and a DATA variable may not have the same name: `expect NAME` takes both kinds.
-CONNECTs, UDP_CONFIGs and peers may not share a name: `@NAME` takes all three. `peer`, a word of the bench
-commands, is no name for an instance or DATA.
+Rule 1: a value is refused only if it fits no type. Any value of a pin or a CONNECT goes to the block.
+Rule 2: an instance and a DATA variable may not share a name, because `expect NAME` takes both kinds.
+CONNECTs, UDP_CONFIGs and peers may not share a name, because `@NAME` takes all three. No instance or DATA
+may have the name `peer`, which is a word of the bench commands.
 """
 
 from __future__ import annotations
@@ -71,9 +71,9 @@ def all_names(
 ) -> NamesByKind:
     """Return the names that keys may refer to, by kind and by use.
 
-    `blocks`: names of instances with their blocks. `ports`: ComBuffers with a port. Uses: `stream_in`,
-    `stream_out`: instances that can feed or empty a ComBuffer; `port`; `udp_end`: UDP_CONFIGs, and CONNECTs
-    if `describes`, because a description can be for UDP.
+    `blocks` has names of instances with their blocks. `ports` are ComBuffers with a port. Instances of the
+    use `stream_in` can feed a ComBuffer, those of `stream_out` can empty it. The use `udp_end` has
+    UDP_CONFIGs, and if `describes` also CONNECTs, because a description can be for UDP.
     """
     builders = [(name, row) for name, block in blocks if (row := block_row(block)).owns_link]
     found = {
@@ -139,7 +139,7 @@ SET_FORM: Final = "PATH=VALUE such as connect.C1.LocalPort=2000 or options.retry
 def apply_overrides(
     document: Mapping[str, Any], overrides: Iterable[str], problems: list[Problem]
 ) -> dict[str, Any]:
-    """Return a copy of the document with every `PATH=VALUE`; the last value for a path counts."""
+    """Return a copy of the document with every `PATH=VALUE`. The last value for a path counts."""
     changed = {key: _copy_part(value) for key, value in document.items()}
     for override in overrides:
         path, equals, text = override.partition("=")
@@ -256,8 +256,8 @@ def read_project(
 ) -> Project:
     """Return the project of a TOML document; raise UserError with all problems.
 
-    `where` names the document in messages, relative file names start at `base`, `also` are keys that the
-    caller reads.
+    `where` names the document in messages. Relative file names start at `base`. The caller reads the keys
+    `also`.
     """
     problems: list[Problem] = []
     changed = apply_overrides(document, overrides, problems)
@@ -403,7 +403,7 @@ class DocumentReader:
         return {}
 
     def entries(self, key: str) -> list[Table]:
-        """Return the tables of `[[key]]`; messages name each by its name, or by its number from 1."""
+        """Return the tables of `[[key]]`. Messages name each table by its name, or by its number from 1."""
         content = self.document.get(key, [])
         if not isinstance(content, list) or not all(isinstance(entry, Mapping) for entry in content):
             found, expected = quote(content), f"tables that begin with [[{key}]]"
@@ -449,7 +449,7 @@ def reread_udts(project: Project) -> tuple[UdtFile, ...]:
 
 
 def read_constants(content: Mapping[str, Any], where: str, problems: list[Problem]) -> dict[str, int]:
-    """Return the constants of the UDTs: `"GVL.MAX" = 10`; without the quotes TOML makes a table GVL."""
+    """Return the constants of the UDTs, such as `"GVL.MAX" = 10`. Without quotes TOML makes a table GVL."""
     flat: dict[str, Any] = {}
     waiting = list(content.items())
     while waiting:

@@ -1,4 +1,4 @@
-"""A row for a key: how it is read, checked and written, where its value is kept, what a form asks."""
+"""A row for a key: how the key is read, checked and written, where its value is, and what a form asks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Refusal = tuple[str, str]  # what was found, what was expected
 
 
 class Context(Struct, frozen=True):
-    """What is needed to read an entry of a project; `types` None: a file of UDTs cannot be read."""
+    """What is needed to read an entry of a project. If `types` is None, a file of UDTs cannot be read."""
 
     dialect: Dialect
     rules: VendorRules
@@ -46,7 +46,7 @@ def context_of(project: Project) -> Context:
 
 
 class TableValues(dict[str, Any]):
-    """The values of one table by key, None if missing or wrong; `number`: the table's place from 1."""
+    """The values of one table by key, None if missing or wrong. `number` is the table's place from 1."""
 
     def __init__(self, table: Table, around: Context, number: int) -> None:
         super().__init__()
@@ -70,8 +70,8 @@ def offer_fixed(*texts: str) -> Offer:
 class Hint(Struct, frozen=True):
     """What a form and completion offer: hint, known values, and the value that is filled in at first.
 
-    `where(project, block)`: whether a form asks for the key. `is_bare`: a line has the value alone.
-    `is_quoted`: the text may have blanks. `is_of_change`: only a form that changes an entry asks for it.
+    If `where(project, block)`, a form asks for the key. With `is_bare`, a line has the value alone. With
+    `is_quoted`, the text may have blanks. With `is_of_change`, only a form for changes asks for it.
     """
 
     hint: str | Callable[[Project, str], str]
@@ -84,9 +84,9 @@ class Hint(Struct, frozen=True):
 
 
 class NameUse(NamedTuple):
-    """The kinds of names that a key takes (`file.NamesByKind`); `by_at`: written as `@NAME`.
+    """The kinds of names that a key takes (`file.NamesByKind`). `by_at` names are written as `@NAME`.
 
-    `words`: other values of the key; `or_none`: the key may be "". `what`: the word for names in messages.
+    `words` are other values of the key. With `or_none`, the key may be "". Messages call the name `what`.
     """
 
     what: str
@@ -103,11 +103,11 @@ def _is_always_allowed(table: Table, around: Context) -> bool:
 class Key(Struct, frozen=True):
     """One key. A key without a `kind` is read together with another key.
 
-    `of`: where the declaration keeps the value, as `local.port`. `writes(decl)`: the value to write,
-    or None: no key. `default`: the value of a missing key. `is_said`: a default value is
-    written, too. `only`: whether the table may have the key, or why not. `reads`: reads the key together
-    with other keys. `is_played`: a replay with another value gives a true answer (replay/partners.py):
-    the key changes what the PLC does with its input, not the input. `help`: one sentence.
+    `of` is where the declaration keeps the value, as `local.port`. `writes(decl)` returns the value to
+    write, or None for no key. `default` is the value of a missing key. With `is_said`, a default value is
+    written, too. `only` returns whether the table may have the key, or why not. `reads` reads the key
+    together with other keys. With `is_played`, a replay with another value gives a true answer
+    (replay/partners.py). Such a key changes what the PLC does with its input, not the input.
     """
 
     name: str
@@ -155,7 +155,7 @@ class Key(Struct, frozen=True):
 
 
 def _get_by_path(decl: Any, of: str) -> Any:
-    """Return the attribute at a path such as `local.port`, None if there is none."""
+    """Return the attribute at a path such as `local.port`, or None if there is none."""
     for name in of.split(".") if of else ("",):
         decl = getattr(decl, name, None)
     return decl
@@ -168,10 +168,10 @@ def _no_keys(decl: Any) -> KeyPairs:
 class TableRow(Struct, frozen=True):
     """One kind of table, `[[kind]]`: its keys, and the declaration that they make.
 
-    `field`: the field of Project with the entries. `what`: the kind's name in sentences; `title`: in forms.
-    `first_name`: how proposed names begin. `makes`: the class, or a function that makes a declaration.
-    `shares`: kinds whose names may not be used again here. `asks_first`: the first keys of a form.
-    `head`, `tail`: keys that have no row.
+    `field` is the field of Project with the entries. Sentences call the kind `what`, and forms `title`.
+    Proposed names begin with `first_name`. `makes` is the class, or a function that makes a declaration.
+    Names of the kinds in `shares` may not be used again here. A form begins with `asks_first`. `head` and
+    `tail` return keys that have no row.
     """
 
     kind: str
@@ -215,7 +215,7 @@ PART_CLASSES: Final[dict[str, Callable[..., Any]]] = {
 
 
 def _arguments(values: TableValues) -> dict[str, Any]:
-    """Return the arguments of the class; the value of a path such as `local.port` goes into `local`."""
+    """Return the arguments of the class. The value of a path such as `local.port` goes into `local`."""
     arguments: dict[str, Any] = {}
     parts: dict[str, dict[str, Any]] = {}
     for key, value in values.by_row:

@@ -167,7 +167,7 @@ def _references(*kinds: str) -> Offer:
 
 
 def _propose_last(offer: Offer) -> Callable[[Project, str], str]:
-    """Return a function that proposes the last name that `offer` returns, "" if it returns none."""
+    """Return a function that proposes the last name that `offer` returns, or "" if `offer` returns none."""
     return lambda project, block: next(reversed(offer(project, block)), "")
 
 
@@ -640,7 +640,7 @@ def _is_tcp(table: Table, around: Context) -> bool:
 
 
 def _is_active(table: Table) -> bool:
-    """Return whether a peer connects: the value of `active`; without that key, whether it has `remote`."""
+    """Return whether a peer connects. Without the key `active`, a peer connects if it has `remote`."""
     return table.is_true("active", table.has("remote"))
 
 
@@ -903,7 +903,7 @@ OFFERED_KINDS: Final = (
 
 
 def table_row(kind: str, dialect: Dialect) -> TableRow:
-    """Return the row of a kind in a dialect; a dialect with connection descriptions has its own rows."""
+    """Return the row of a kind in a dialect. A dialect with connection descriptions has its own rows."""
     return (DESCRIBED_TABLES if dialect.describes_connects else {}).get(kind, TABLES[kind])
 
 
@@ -960,6 +960,6 @@ def forms_of(decl: Declaration) -> list[KeyPairs]:
 
 
 def entry_of(decl: Declaration) -> KeyPairs:
-    """Return all keys of a declaration, its name (of a certificate: its number) first."""
+    """Return all keys of a declaration. The name comes first, or for a certificate the number."""
     called: KeyValue = decl.number if isinstance(decl, CertificateDecl) else decl.name
     return [(TABLES[kind_name(decl)].called, called), *keys_of(decl)]

@@ -34,7 +34,7 @@ DEFAULT_EVERY_NS: Final = 1_000_000_000
 
 
 class Task(Struct, frozen=True):
-    """One task: its instances are called every `interval_ns`; the smallest `priority` runs first."""
+    """One task. Its instances are called every `interval_ns`. The smallest `priority` runs first."""
 
     name: str = "MAIN"
     interval_ns: int = DEFAULT_INTERVAL_NS
@@ -42,10 +42,10 @@ class Task(Struct, frozen=True):
 
 
 class DataDecl(Struct, frozen=True, eq=False):
-    """One global variable: its type as written and as laid out; size in bytes.
+    """One global variable, with its type as written and as laid out, and its size in bytes.
 
-    `optimized`: the variable is in a data block that the PLC arranges, so instructions take it as a whole.
-    `choice`: the layout of the variable alone; for a field that is None the PLC's layout counts.
+    With `optimized`, the variable is in a data block that the PLC arranges. Instructions then take the
+    variable as a whole. `choice` is its own layout. For a field that is None, the PLC's layout counts.
     """
 
     name: str
@@ -58,10 +58,10 @@ class DataDecl(Struct, frozen=True, eq=False):
 
 
 class InstanceDecl(Struct, frozen=True):
-    """One block instance; `data` None leaves the DATA pin open. `inputs` are initial values by pin name.
+    """One block instance. If `data` is None, the DATA pin is open. `inputs` are initial values by pin name.
 
-    `on_config`: `connect` names a UDP_CONFIG. `addr`: where datagrams go to, and come from. For a block on a
-    ComBuffer, `connect` names the ComBuffer; `pointers`: variables of prefix and suffix, "": a pointer 0.
+    With `on_config`, `connect` names a UDP_CONFIG. For a block on a ComBuffer, it names the ComBuffer.
+    Datagrams go to and come from `addr`. `pointers` are variables of prefix and suffix; "" is pointer 0.
     """
 
     name: str
@@ -76,12 +76,12 @@ class InstanceDecl(Struct, frozen=True):
 
 
 class ComBufferDecl(Struct, frozen=True):
-    """One ComBuffer. `source`: `sim`, `serial`, an instance of TRCV_C, or another ComBuffer, as over a cable.
+    """One ComBuffer. `source` is `sim`, `serial`, a TRCV_C instance, or another ComBuffer, as over a cable.
 
-    `serial`: the port of the source `serial`; in a simulated network bench commands feed it, as with `sim`.
-    `line`: the sender of the bytes written into this one: a ComBuffer with a port, or a TSEND_C instance.
-    `size` in bytes, 0: the source sets it. `per_cycle`: how many written bytes leave in a scan, 0: all.
-    `is_written`: a send block fills it; `is_fed`: a TRCV_C fills it. `history`: how many bytes are kept.
+    `serial` is the port of the source `serial`; in a simulated network, bench commands feed the ComBuffer.
+    `line` names the sender of its written bytes: a ComBuffer with a port, or a TSEND_C instance. `size` is
+    in bytes; 0 lets the source set it. At most `per_cycle` written bytes leave in a scan; 0 is all. If
+    `is_written`, a send block fills it; if `is_fed`, a TRCV_C. `history` bytes are kept.
     """
 
     name: str
@@ -96,13 +96,13 @@ class ComBufferDecl(Struct, frozen=True):
 
 
 class PeerDecl(Struct, frozen=True):
-    """One partner. An active peer connects to `end` (`@C1`: where C1 listens), a passive one listens there.
+    """One partner. An active peer connects to `end`, a passive one listens there. C1 listens at `@C1`.
 
-    `source`: the local end of an active peer, if the file gives one. By itself the peer connects again
-    `reconnect_ns` after a close (0: never) and sends the messages `says` in turn, one every `every_ns`, each
-    written as after `peer P1 send`. `replies` are rules, written as after `peer P1 reply on`.
-    With `udp` it receives datagrams at `end` and sends to `remote`, None: to the last sender. `choice`: the
-    layout of the device that it plays; a field that is None is as in the PLC. `session`: ISO-on-TCP or TLS.
+    `source` is the local end of an active peer, if the file gives one. The peer connects again
+    `reconnect_ns` after a close (0: never). It sends the messages `says` in turn, one every `every_ns`,
+    each written as after `peer P1 send`. `replies` are rules, written as after `peer P1 reply on`. A `udp`
+    peer receives at `end` and sends to `remote`, or to the last sender if None. `choice` is the layout of
+    the played device; its None fields are as in the PLC. `session` is ISO-on-TCP or TLS.
     """
 
     name: str
@@ -121,7 +121,7 @@ class PeerDecl(Struct, frozen=True):
 
 
 class MessageDecl(Struct, frozen=True):
-    """A named message, written as after `peer P1 send`; with `peer` only that peer may send it."""
+    """A named message, written as after `peer P1 send`. If `peer` is set, only that peer may send it."""
 
     name: str
     text: str
@@ -136,9 +136,9 @@ class SequenceDecl(Struct, frozen=True):
 
 
 class WatchDecl(Struct, frozen=True):
-    """One watched line: the instances on `connect` are shadows that receive what comes to the PLC end `plc`.
+    """One watched line. Instances on `connect` are shadows that receive what comes to the PLC end `plc`.
 
-    Ends are ADDR or ADDR:PORT; `partner` "": any. `back`: the CONNECT for bytes that `plc` sends, "": none.
+    Ends are ADDR or ADDR:PORT. An empty `partner` is any. `back` may be a CONNECT for bytes from `plc`.
     """
 
     name: str
@@ -149,7 +149,7 @@ class WatchDecl(Struct, frozen=True):
 
 
 class TapDecl(Struct, frozen=True):
-    """One tap: places as `trcvtui tap` takes them; the instances on a CONNECT are shadows of a direction."""
+    """One tap, with places as for `trcvtui tap`. Instances on a CONNECT are shadows of one direction."""
 
     name: str
     listen: str
@@ -159,9 +159,9 @@ class TapDecl(Struct, frozen=True):
 
 
 class SimDecl(Struct, frozen=True):
-    """The simulated network: the PLC's addresses besides loopback, and which ones are no Ethernet ports.
+    """The simulated network: the PLC's addresses besides loopback, and which of them are no Ethernet ports.
 
-    `names`: the names that its DNS server knows, with their addresses; None: there is no such server.
+    `names` has the names and addresses that the DNS server knows. If it is None, there is no DNS server.
     """
 
     addresses: tuple[str, ...] = ()
@@ -173,7 +173,7 @@ class SimDecl(Struct, frozen=True):
 
 
 class CertificateDecl(Struct, frozen=True):
-    """One certificate of the CPU's certificate manager: PEM files; one without a key is only trusted."""
+    """One certificate of the CPU's certificate manager, in PEM files. Without a key it is only trusted."""
 
     number: int
     file: str
@@ -188,7 +188,7 @@ Certificates = Mapping[int, CertificateDecl]
 
 
 class UdtFile(Struct, frozen=True):
-    """One file of UDTs as it was read; `name`: its path from the project's folder."""
+    """One file of UDTs as it was read. `name` is its path from the project's folder."""
 
     name: str
     content: bytes
@@ -212,7 +212,7 @@ Declaration = (
 
 
 class Edit(Struct, frozen=True, eq=False):
-    """One entry before and after the edit; None: no entry. `place`: the entry's index among its kind."""
+    """One entry before and after the edit; None means no entry. `place` is its index among its kind."""
 
     kind: str
     before: Declaration | None
@@ -295,7 +295,7 @@ class Project(Struct, frozen=True, eq=False):
         return next((d for d in self.data if d.name == name), None)
 
     def received_data(self, instance: str) -> DataDecl | None:
-        """Return the DATA into which an instance receives, None if its block only sends or DATA is open."""
+        """Return the DATA that an instance receives into, or None if it only sends or has no DATA."""
         decl = self.instance(instance)
         row = block_row(decl.block) if decl is not None else None
         if decl is None or row is None or not (row.receives_on_net or row.reads_rx_buffer):
@@ -333,7 +333,7 @@ class Project(Struct, frozen=True, eq=False):
         return replace(self, layout=decl.choice.rules(self.layout), data=as_peer)
 
     def layout_rules_of(self, type_name: str) -> LayoutRules:
-        """Return the layout of a UDT in messages: the layout that all its DATA share, or else the PLC's."""
+        """If all DATA of a UDT share one layout, return this layout for messages, else the PLC's layout."""
         choices = {d.choice for d in self.data if d.type_name.casefold() == type_name.casefold()}
         return choices.pop().rules(self.layout) if len(choices) == 1 else self.layout
 

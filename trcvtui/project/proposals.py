@@ -1,4 +1,4 @@
-"""The part that a form proposes for a new instance: the newest part that is possible for it, else `new`."""
+"""For a new instance, a form proposes the newest part that is possible for it, or else `new`."""
 
 from __future__ import annotations
 

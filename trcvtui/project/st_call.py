@@ -27,7 +27,7 @@ POINTER_PREFIX: Final = "p"  # the first letter of a pin that takes an address
 
 
 class CallForm(NamedTuple):
-    """How a call is written. `is_short`: no defaults; `written`: the initial bytes of DATA, by name."""
+    """How a call is written. `is_short` omits defaults. `written` has the initial bytes of DATA by name."""
 
     is_short: bool = False
     is_multi: bool = False
@@ -69,7 +69,7 @@ def _has_db(project: Project, form: CallForm) -> bool:
 
 
 def _pins(project: Project, decl: InstanceDecl, values: Inputs, form: CallForm) -> list[Pin]:
-    """Return the pins of a call; a short call has inputs that are not 0, in-outs (CODESYS), CONT (TIA)."""
+    """Return the pins of a call. A short call has nonzero inputs, and CONT in TIA or in-outs in CODESYS."""
     pins = project.pins(decl.block)
     in_outs = {pin.name for pin in _filter(pins, Direction.IN_OUT)}
     kept = {"CONT"} if project.dialect.describes_connects else in_outs

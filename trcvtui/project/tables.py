@@ -1,4 +1,4 @@
-"""Reads a TOML file, each table key by key: a wrong value and a missing or unknown key are Problems.
+"""Reads each table of a TOML file key by key. Wrong values and missing or unknown keys are Problems.
 
 Rule: every key has a Kind, and a Kind reads both a TOML value and the text of `--set PATH=VALUE`.
 """
@@ -33,19 +33,19 @@ LEAST_SIMILARITY: Final = 0.7  # of 1: STATE is near STATUS, C2 is not near C1
 
 
 def find_hidden(path: str) -> str:
-    """Return the control and bidirectional characters of a file's name, escaped; "" if it has none."""
+    """Return the control and bidirectional characters of a file's name, escaped; empty if it has none."""
     return one_line("".join(sorted({one for one in path if one in _BIDI or category(one) in _HIDDEN})))
 
 
 def parse_reference(text: str | None) -> str | None:
-    """Return `C1` of `@C1`, None for any other text."""
+    """Return `C1` for `@C1`, and None for any other text."""
     return text[1:] if text and text.startswith("@") and text[1:].isidentifier() else None
 
 
 def expected_name(wrong: str, known: Iterable[str], what: str) -> str:
     """Return what was expected instead of a wrong name: the nearest known name, or a list of known names.
 
-    `what` says what the names are, such as `CONNECT`.
+    `what` is the kind of the names, such as `CONNECT`.
     """
     names = list(dict.fromkeys(known))
     near = find_nearest(wrong, names)
@@ -58,7 +58,7 @@ def expected_name(wrong: str, known: Iterable[str], what: str) -> str:
 
 
 def with_article(word: str) -> str:
-    """Return `an instance`, `a CONNECT`."""
+    """Return a word with its article, such as `an instance` or `a CONNECT`."""
     return f"{'an' if word[:1] in 'aeioAEIO' else 'a'} {word}"  # no u: "a UDT" is spoken "you-dee-tee"
 
 
@@ -143,7 +143,7 @@ TRUTH_WORDS: Final = {"1": True, "0": False, "TRUE": True, "FALSE": False}
 
 
 class SetOverride(Struct, frozen=True):
-    """A value given as text, by `--set path=text`; the document has it in place of a TOML value."""
+    """A value given by `--set path=text`. In the document it replaces the TOML value."""
 
     path: str
     text: str
@@ -152,8 +152,8 @@ class SetOverride(Struct, frozen=True):
 class Kind(Struct, Generic[T], frozen=True):
     """The values that a key may have. `read` and `from_text` return None for any other value.
 
-    `instead`: what to write in place of a refused text, "" if `expected` says it.
-    `write`: the value as TOML has it.
+    `instead` returns what to write in place of a refused text, or "" if `expected` says it.
+    `write` returns the value as TOML has it.
     """
 
     expected: str
@@ -371,7 +371,7 @@ PORT_NAME: Final = text_kind("the name of a port, such as /dev/ttyUSB0", lambda 
 
 
 class Table:
-    """One table of a document; `where` names file and table."""
+    """One table of a document. `where` names the file and the table."""
 
     def __init__(self, content: Mapping[str, Any], where: str, problems: list[Problem]) -> None:
         self.where = where
@@ -428,16 +428,16 @@ class Table:
         self.problems.append(Problem(self.place(key), found, expected, kind))
 
     def add_unknown_name(self, key: str, name: str, known: Iterable[str], what: str) -> None:
-        """Report that the name at a key is unknown; `what` says what the known names are."""
+        """Report that the name at a key is unknown. `what` is the kind of the known names."""
         self.report(key, quote(name), expected_name(name, known, what), "unknown")
 
     def place(self, key: str) -> str:
-        """Return the place of a key's value: `bench.toml: connect C1: LocalPort`, or `--set PATH`."""
+        """Return where a key's value is: `bench.toml: connect C1: LocalPort`, or `--set PATH`."""
         value = self._content.get(key)
         return f"--set {value.path}" if isinstance(value, SetOverride) else f"{self.where}: {key}"
 
     def report_unread_keys(self, what: str = "key") -> None:
-        """Report every key that was not read; `what` says what was expected."""
+        """Report every key that was not read. `what` is the word for a key in the report."""
         for key in self.unread_keys():
             self.report(key, f"an unknown {what}", expected_name(key, self._known, what), "unknown")
 

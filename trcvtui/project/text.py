@@ -1,8 +1,8 @@
-"""Edits the text of a project file: comments, order, quotes and blanks stay as they are.
+"""Edits the text of a project file. Comments, order, quotes and blanks stay as they are.
 
-Rule 1: a new entry comes after the last one of its kind if tomlkit can keep the rest of the text unchanged,
-else at the end of the file. The loader reads the same project either way.
-Rule 2: the new text is parsed and compared with the wanted document; a text that differs is not returned.
+Rule 1: a new entry follows the last entry of its kind if tomlkit can keep the rest of the text unchanged.
+Else the new entry is at the end of the file. The loader reads the same project either way.
+Rule 2: the new text is parsed and compared with the wanted document. A text that differs is not returned.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ def append_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
 
 
 def change_entry(text: str, edit: Edit, form: int, where: str) -> str:
-    """Return the text with one entry changed or removed; only the keys that change are written.
+    """Return the text with one entry changed or removed. Only the changed keys are written.
 
-    `form`: which one of `forms_of` is written. Raise UserError if the text cannot be changed.
+    `form` says which one of `forms_of` is written. Raise UserError if the text cannot be changed.
     """
     wanted = parse_toml(text, where)
     _change_document(wanted, edit, form, lambda value: value)
@@ -69,7 +69,7 @@ def _change_document(document: Any, edit: Edit, form: int, item: Callable[[KeyVa
 
 
 def relocate_files(text: str, old: Path, new: Path, where: str) -> str:
-    """Return a project's text for the folder `new`; its UDTs and certificates stay in the folder `old`."""
+    """Return a project's text for the folder `new`. Its UDTs and certificates stay in the folder `old`."""
     wanted = parse_toml(text, where)
     relocated = [
         (kind, number, key, relocate(entry[key], old, new))

@@ -1,7 +1,7 @@
-"""Notes on bytes that a recorded PLC has not read, made after its blocks have read and before a close.
+"""Notes the bytes that a recorded PLC has not read: after its blocks have read, and before a close.
 
-Rule 1: bytes that a block reads are in the entry of that read; the notes have only the unread ones.
-Rule 2: unread bytes came before the scan's reads, LATE ones after: their handle was emptied or not ready.
+Rule 1: bytes that a block reads are in the entry of that read. The notes have only unread bytes.
+Rule 2: unread bytes came before the scan's reads, LATE bytes after. A LATE handle was emptied or not ready.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class ArrivalLog(Protocol):
 
 
 class _ReceiveQueue:
-    """Counts of a handle since its beginning: bytes of a stream, or messages."""
+    """Counts the bytes of a stream, or the messages, of a handle since its beginning."""
 
     __slots__ = ("dropped", "has_ended", "is_udp", "noted", "read", "whole")
 
@@ -37,7 +37,7 @@ class _ReceiveQueue:
 
 
 class ArrivalRecorder:
-    """Notes unread bytes and messages in `kernel`; `owners` has the owner of each handle."""
+    """Notes the unread bytes and messages in `kernel`. `owners` has the owner of each handle."""
 
     def __init__(self, log: ArrivalLog, kernel: Kernel, owners: dict[Handle, str], label: str) -> None:
         self._log, self._kernel, self._owners, self._label = log, kernel, owners, label
@@ -64,7 +64,7 @@ class ArrivalRecorder:
             self._seen = {*self._seen, handle}
 
     def note_read(self, handle: Handle, size: int, room: int) -> None:
-        """Count a read of a stream: `size` bytes were read, at most `room` bytes could be read."""
+        """Count a read of `size` bytes from a stream. It could have read at most `room` bytes."""
         queue = self._queues.get(handle)
         if size < room:  # a short read has emptied the handle
             self._emptied.add(handle)
@@ -77,7 +77,7 @@ class ArrivalRecorder:
         self._emptied.add(handle)
 
     def note_message_read(self, handle: Handle, source: Endpoint, data: bytes, whole: int) -> None:
-        """Count a message that is read; note it if no note has it yet."""
+        """Count a message that is read. Note the message if no note has it yet."""
         queue = self._queues.setdefault(handle, _ReceiveQueue(is_udp=False))
         queue.read += 1
         if queue.read > queue.noted:  # it came and was read in one scan

@@ -1,8 +1,8 @@
-"""The newest part of a run, always kept in memory: `record` writes it, and what follows, into a file.
+"""Keeps the newest part of a run in memory. `record` writes this part, and what follows, into a file.
 
 Rule 1: at most MOST_KEPT_BYTES are kept; dropped entries are counted. When half that size is new, a process
-replays the kept entries and returns the last state: the keyframe of a file that begins in the middle.
-Rule 2: processes write the files; only the end of the run waits for them.
+replays the kept entries. Its last state is the keyframe of a file that begins in the middle.
+Rule 2: processes write the files. Only the end of the run waits for these processes.
 Rule 3: a box that takes too much time gives up (recorder.py), unless it is recording into a file.
 """
 
@@ -163,7 +163,7 @@ class BlackBox:
             writer.add_block(*block)
 
     def encode_blocks(self) -> list[tuple[bytes, int]]:
-        """Return all that is kept as blocks, each with the number of its entries; raise UserError."""
+        """Return the kept entries as blocks, each with its number of entries; raise UserError."""
         if self._off_reason:
             raise mistake("prompt", self._off_reason, "`trcvtui run FILE --record`, then `trcvtui doctor`")
         self._flush_block()
@@ -197,7 +197,7 @@ class BlackBox:
         return f"recording into {path.absolute()}; it begins with what the black box holds"
 
     def stop_recording(self) -> str:
-        """End the file of `start_recording`; return the answer; raise UserError if there is none."""
+        """End the file of `start_recording` and return the answer. Raise UserError if there is no file."""
         writer = self._recording
         if writer is None:
             raise mistake("prompt", "no recording under way", "`record [FILE]` first")

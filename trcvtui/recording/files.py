@@ -1,13 +1,13 @@
 """Where a recording is written: one file, or numbered files (split, in a ring, or one for each trigger).
 
 Rule 1: a name is never used again; only files of this run are removed.
-Rule 2: each file begins with `RunHeader`. If scans are missing after it, `LostEntries` is next: such a file
-is replayed from its first keyframe.
+Rule 2: each file begins with `RunHeader`. If scans are missing after the header, `LostEntries` is next.
+Such a file is replayed from its first keyframe.
 Rule 3: if a replay process makes keyframes, a file that begins in the middle gets one before it ends.
 Rule 4: a file of a trigger has the journal from the beginning of the run, or the newest MOST_OLD_BYTES of
-it: a what-if begins there. The file has keyframes, too.
+the journal. A what-if begins there. The file also has keyframes.
 Rule 5: connections keep sequence numbers and ports from file to file, even across entries that no file has.
-Bound: MOST_WAITING entries wait for a trigger.
+Bound: at most MOST_WAITING entries wait for a trigger.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ MOST_KEYFRAMES: Final = 64  # keyframes of these; beyond them every second one i
 
 
 class EntrySink(Protocol):
-    """Writes entries; `trouble`: why nothing more is written, or ""."""
+    """Writes entries. If nothing more is written, `trouble` says why."""
 
     @property
     def trouble(self) -> str: ...
@@ -72,7 +72,7 @@ class FileSink(EntrySink, Protocol):
     lack: str  # when it is closed: which files begin in the middle and have no keyframe, "" for none
 
     def add_keyframe(self, frame: Keyframe) -> None:
-        """Take the state after one of the scans so far; `steps` counts from the beginning of the run."""
+        """Take the state after one of the scans so far. `steps` counts from the beginning of the run."""
 
 
 class NumberedFile(FileSink, Protocol):
@@ -93,7 +93,7 @@ class OldBlock(NamedTuple):
 
 
 class FileLimits(NamedTuple):
-    """Bytes of one file and of all files, 0: no limit; ns kept before and after a trigger, -1: no limit."""
+    """Bytes of a file and of all files; 0 is no limit. Ns before and after a trigger; -1 is no limit."""
 
     split: int
     ring: int
@@ -102,7 +102,7 @@ class FileLimits(NamedTuple):
 
 
 class NumberedFiles:
-    """A sink that opens and ends files at the beginning of a scan; `new` makes the writer of a file."""
+    """A sink that opens and ends files at the beginning of a scan. `new` makes the writer of a file."""
 
     trouble = ""  # errors are raised
     is_followed, lack = False, ""
@@ -291,7 +291,7 @@ class NumberedFiles:
 
 @dataclass(frozen=True, slots=True)
 class RecordTarget:
-    """What --record asks for; each of several runs has one file in the folder `target`."""
+    """What --record asks for. Each of several runs has one file in the folder `target`."""
 
     target: Path
     overwrite: bool = False

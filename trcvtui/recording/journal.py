@@ -1,7 +1,7 @@
 """The journal of a run: its entries (calls at the seam with their answers), and their bytes.
 
 Rule 1: a run repeats its calls, in the same order, as long as it gets the same answers (replay.py).
-Rule 2: a call in a gap between two scans (for a screen) begins with IN_GAP. A replay may make or skip it.
+Rule 2: a call for a screen, in the gap between two scans, begins with IN_GAP. A replay may make or skip it.
 Rule 3: bytes become values by fixed layouts alone (docs/recording-format.md); no length is trusted.
 """
 
@@ -64,11 +64,11 @@ class DeferredWork(NamedTuple):
 
 
 class RunHeader(NamedTuple):
-    """The first entry of a journal: what is needed to run again, without a disk.
+    """The first entry of a journal: what a replay needs to begin the run again without a disk.
 
-    `path` and `options` (`PATH=VALUE` of `--set`) come from the command line; `wall_ns`: UTC of time 0
-    of the run, ns from 1970. `files`: names as they were requested, and contents; relative names start at
-    `folder`. `digests` has the SHA-256 of certificates and keys.
+    `path` and `options` come from the command line; an option is `PATH=VALUE` of `--set`. `wall_ns` is UTC
+    of time 0 of the run, in ns from 1970. `files` has the requested names and the contents; relative names
+    start at `folder`. `digests` has the SHA-256 of certificates and keys.
     """
 
     program: str
@@ -87,7 +87,7 @@ ENDED_HERE: Final = "the recording was ended here"
 
 
 class LostEntries(NamedTuple):
-    """A gap in the journal: `number` entries were not written; `why` is the reason."""
+    """A gap in the journal: `number` entries were not written, for the reason `why`."""
 
     number: int
     why: str
@@ -99,7 +99,7 @@ class LostEntries(NamedTuple):
 class WireCall(NamedTuple):
     """A call of the PLC at the wire; packets are made from it. It is no part of the journal.
 
-    `at`: ns of the run; `args`: arguments after the handle; `data`: the bytes that came, or were taken.
+    `at` is ns of the run. `args` follow the handle. `data` has the bytes that came, or were taken.
     """
 
     at: int
@@ -121,9 +121,9 @@ class Secrets(NamedTuple):
 
 
 class Keyframe(NamedTuple):
-    """The state of a run after a scan, compressed, in the form of the program that made it (state.py).
+    """The compressed state of a run after a scan, in the form of the program that made it (state.py).
 
-    `steps`: scans that have begun in the file by then; `beyond`: entries since the newest scan.
+    `steps` counts the scans begun in the file by then. `beyond` counts the entries since the newest scan.
     """
 
     program: str
@@ -285,15 +285,15 @@ def encode_value(value: object) -> bytes:
 
 
 class PacketRuns(NamedTuple):
-    """Byte runs in the packets before a block: for each run: first packet, bytes to skip there, size."""
+    """Byte runs in the packets before a block. A run is its first packet, bytes to skip there, and size."""
 
     runs: tuple[tuple[int, int, int], ...]
 
 
 class _BlockReader:
-    """Reads values out of the bytes of one block; raises UserError if they are no values.
+    """Reads values from the bytes of one block. Raises UserError if the bytes are no values.
 
-    `payloads`: what the packets before the block carry.
+    `payloads` has what the packets before the block carry.
     """
 
     def __init__(self, where: str, block: bytes, payloads: Sequence[bytes]) -> None:
@@ -397,7 +397,7 @@ class _BlockReader:
         return value
 
     def read_entry(self, known: list[Entry]) -> Entry:
-        """Return the next entry; `known`: the entries before it in the block."""
+        """Return the next entry. `known` has the earlier entries of the block."""
         if self._block[self.at : self.at + 1] == _REPEATED_CALL_TAG:
             return self._read_repeated_call(known)
         value = self.read_value()
@@ -487,7 +487,7 @@ class BlockWriter:
         return _REPEATED_HEAD.pack(_REPEATED_CALL, first) + encode_value(entry.answer)
 
     def encode(self, packets: int | None = None) -> bytes:
-        """Return the block's bytes; `packets`: the CRC-32 of its packets in the file, None: no check."""
+        """Return the block's bytes. `packets` is the CRC-32 of its packets in the file, or None."""
         order = self._order[:]
         if sys.byteorder == "big":
             order.byteswap()
@@ -522,7 +522,7 @@ def decode_entries(
 
 
 def check_block(block: bytes, number: int, packets: int, where: str) -> None:
-    """Raise UserError for a changed block or a wrong number; `packets` as in BlockWriter.encode."""
+    """Raise UserError for a changed block or a wrong number. `packets` is as in BlockWriter.encode."""
     check, _ = _BlockReader(where, block, ()).read_head(number)
     if zlib.crc32(block[_HEAD.size :], packets) != check:
         found, expected = f"block {number} with another checksum", "that of its packets and entries"

@@ -1,6 +1,6 @@
 """The recorder of a running bench: its seam, its first entry, and the sinks of its entries.
 
-Rule: a scan only appends to a list; in the gap after the scan the sinks get the list.
+Rule: a scan only appends to a list. In the gap after the scan, the sinks get the list.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class RecordedBench(Protocol):
 
 
 class RunRecorder:
-    """Records one run: read its project into `reads`, enter the recorder, then make the bench on `seam`."""
+    """Records one run. Read its project into `reads`, enter the recorder, then make the bench on `seam`."""
 
     def __init__(
         self, sink: Callable[[], EntrySink], file: Path = Path(), waits: bool = True, secrets: bool = True
@@ -86,7 +86,7 @@ class RunRecorder:
         self.seam = SeamRecorder(self._entries.append)
 
     def add_sink(self, other: EntrySink) -> None:
-        """Also give all entries to another sink after each scan; `trouble` of that sink is not checked."""
+        """After each scan, also give all entries to a second sink, whose `trouble` is not checked."""
         self._other, self._least = other, 1
 
     def __enter__(self) -> RunRecorder:
@@ -219,7 +219,7 @@ class RunRecorder:
 
     @property
     def last_error(self) -> str:
-        """Return the last error of the run's file, or of the file of the `record` command; "" for none."""
+        """Return the last error of the run's file, or else of the `record` command's file, if any."""
         return self.trouble or (self.box.file_trouble if self.box is not None else "")
 
     def describe_status(self) -> str:
@@ -231,7 +231,7 @@ class RunRecorder:
 
 
 def attach_black_box(recorder: RunRecorder | None, reads: FilesRead) -> tuple[RunRecorder, BlackBox]:
-    """Return the recorder (None: a new one with `reads`), and a black box that gets all its entries."""
+    """Return `recorder`, or a new recorder with `reads`, and a black box that gets all of its entries."""
     from trcvtui.recording.black_box import BlackBox
 
     box = BlackBox()
@@ -244,7 +244,7 @@ def attach_black_box(recorder: RunRecorder | None, reads: FilesRead) -> tuple[Ru
 
 
 def make_recorder(record: RecordTarget, file: Path, waits: bool) -> RunRecorder:
-    """Return a recorder that writes a file: in this process if the run `waits`, else in another process."""
+    """Return a recorder of a file. If the run `waits`, this process writes the file, else another one."""
 
     def make_sink() -> EntrySink:
         if waits:

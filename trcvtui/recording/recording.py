@@ -1,9 +1,9 @@
-"""The recording file: the entries of a run as one pcapng that Wireshark opens, and back.
+"""The recording file: writes the entries of a run as one pcapng for Wireshark, and reads the entries back.
 
-Rule 1: each write is a whole block, first its packets, then its part of the journal. So a file that breaks
-off is good up to its last journal block.
-Rule 2: bytes in a packet are not written twice: the journal points to them (docs/recording-format.md).
-Rule 3: a file is data: no length in it is trusted, and only the packets of one block are in memory.
+Rule 1: each write is a whole block, first its packets, then its part of the journal. A file that breaks off
+is good up to its last journal block.
+Rule 2: bytes in a packet are not written twice. The journal points to them (docs/recording-format.md).
+Rule 3: no length in a file is trusted. Only the packets of one block are in memory.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ AT_DATA: Final = 28  # of a block with a packet
 
 
 class BlockPlace(NamedTuple):
-    """Where a block of the journal is; before it, `scans` scans had begun, and the run's time was `ns`."""
+    """The place of a journal block. Before it, `scans` scans had begun, and the run's time was `ns`."""
 
     packets_at: int
     journal_at: int
@@ -69,9 +69,9 @@ class BlockPlace(NamedTuple):
 
 
 class RecordingWriter:
-    """Writes one file, 0600; raises UserError if it cannot be made or written.
+    """Writes one file with mode 0600. Raises UserError if the file cannot be made or written.
 
-    An existing file is refused; `overwrite` replaces a recording, and no other file. `file`: already open.
+    An existing file is refused, unless it is a recording and `overwrite` is set. `file` is already open.
     """
 
     trouble = ""  # errors are raised
@@ -206,9 +206,9 @@ class RecordingWriter:
 
 
 class Recording:
-    """A recording to read; raises UserError if the file cannot be opened or is no recording.
+    """A recording to read. Raises UserError if the file cannot be opened or is no recording.
 
-    `stopped`: why reading ended before the end of the file, or "". Places in a .gz count unpacked bytes.
+    If reading ended before the end of the file, `stopped` says why. Places in a .gz count unpacked bytes.
     """
 
     def __init__(self, path: FileName) -> None:
@@ -259,7 +259,7 @@ class Recording:
             raise mistake(self.path, "no journal of trcvtui", expected)
 
     def _read_blocks(self, file: IO[bytes], at: int) -> Iterator[tuple[int, bytes, int]]:
-        """Yield type, body and place of each block from a byte on; say in `stopped` why there are no more."""
+        """Yield type, body and place of the blocks from byte `at` on. `stopped` says why no more follow."""
         file.seek(at)
         while head := file.read(8):
             if len(head) < 8:
@@ -406,7 +406,7 @@ class Recording:
         return rows
 
     def list_keyframes(self) -> list[BlockPlace]:
-        """Return where the keyframes are, in their order; `scans` counts from the beginning of the run."""
+        """Return the places of the keyframes, in order. `scans` counts from the beginning of the run."""
         self.read_index()
         return self._keyframes
 

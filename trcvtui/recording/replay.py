@@ -33,9 +33,9 @@ COMPARED_ARGS: Final = {"set_options": 1, "set_user_timeout": 1}  # so many; lat
 
 
 class ReplaySeam:
-    """Answers from entries that passed is_valid_answer; `write_note` writes recorded notes into the ledger.
+    """Answers from entries that passed is_valid_answer. `write_note` writes recorded notes into the ledger.
 
-    `begins`: the RunHeader of the journal, if it has one; `files`: the files known so far.
+    `begins` is the RunHeader of the journal, if there is one. `files` has the files known so far.
     """
 
     has_answers = True
@@ -83,7 +83,7 @@ class ReplaySeam:
     def bind_call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
     ) -> Callable[..., T]:
-        """Return a function for this call: it answers from the next entry if that fits, else by `ask`."""
+        """Return a function for this call. It answers from the next entry if that fits, else by `ask`."""
         nothing = cast(Callable[[], T], None)
 
         def answer_call(handle: Handle, *args: object) -> T:
@@ -102,9 +102,9 @@ class ReplaySeam:
         return answer_call
 
     def _find_entry(self, owner: str, call: str, args: tuple[object, ...]) -> CallRecord:
-        """Skip notes and gaps; return the entry of this call; raise UserError if another entry is next.
+        """Skip notes and gaps, and return the entry of this call. Raise UserError if another entry is next.
 
-        If the recorded run had an exception instead, raise RecordedException.
+        If the recorded run had an exception at this call, raise RecordedException.
         """
         entry = self.front
         while not isinstance(entry, CallRecord) or entry.call.startswith(IN_GAP):
@@ -156,7 +156,7 @@ class ReplaySeam:
         """Do nothing: a replay has no wire."""
 
     def peek_call(self) -> CallRecord | None:
-        """Return the next call that is not in a gap; None: the journal ends here, or lacks entries."""
+        """Return the next call that is not in a gap, or None if the journal ends or lacks entries here."""
         while (entry := self.front) is not None and not isinstance(entry, RunHeader | LostEntries):
             if isinstance(entry, CallRecord) and not entry.call.startswith(IN_GAP):
                 return entry
@@ -165,7 +165,7 @@ class ReplaySeam:
 
     @property
     def gap_text(self) -> str:
-        """Return which entries are missing here, "" if none are."""
+        """Return which entries are missing here; the text is empty if none are missing."""
         return str(self.front) if isinstance(self.front, LostEntries) else ""
 
     @property
@@ -179,7 +179,7 @@ class ReplaySeam:
         return isinstance(self.front, LostEntries) and self.front.why == ENDED_HERE
 
     def count_scans_left(self) -> int:
-        """Return how many scans come after a gap and cannot run; this reads all entries that are left."""
+        """Return how many scans after a gap cannot run. This reads all entries that are left."""
         return sum([type(entry) is CallRecord and entry.call == STEP for entry in self.entries])
 
     def check_end(self) -> None:
@@ -202,7 +202,7 @@ class ReplaySeam:
 
 
 def make_early_end_error(where: str, lost: str, scan: int, left: int = 0) -> UserError:
-    """Return the error of a journal that ends before its run, or has a gap; `left` scans follow the gap."""
+    """Return the error of a journal that ends before its run, or has a gap. `left` scans follow the gap."""
     # Keyframes are made from the journal: after a gap there are none.
     more = f" ({left} later scans cannot run again)" if left else ""
     return mistake(

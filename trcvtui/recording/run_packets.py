@@ -1,10 +1,10 @@
 """The packets of a run, made entry by entry: packets of the present block, pointers to them, and comments.
 
-Rule 1: an entry points to packets in its block that carry its bytes; else the entry keeps the bytes.
-Rule 2: the end of a job is a comment at the packet with the last byte of the job. If this block does not
-have that packet, the comment says so and is at the connection's newest packet here, or at the block.
-Rule 3: files of a run share one RunPackets, so that open connections keep their sequence numbers, ports
-and unread bytes in the next file.
+Rule 1: an entry points to packets in its block that carry its bytes. Else the entry keeps the bytes.
+Rule 2: a comment marks the end of a job at the packet with the last byte of the job. If this block lacks
+that packet, the comment says so. It is then at the connection's newest packet here, or at the block.
+Rule 3: files of a run share one RunPackets. So open connections keep their sequence numbers, ports and
+unread bytes in the next file.
 """
 
 from __future__ import annotations

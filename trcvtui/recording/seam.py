@@ -1,7 +1,7 @@
 """The seam: the calls that leave a bench, and a recorder that makes these calls and keeps the answers.
 
-Rule 1: a bench reaches kernel, serial ports, the bound of work and commands through its seam alone.
-Rule 2: if a layer calls the network inside a call, the inner call is not kept; its ledger notes are kept.
+Rule 1: a bench reaches kernel, serial ports, the bound of work and commands only through its seam.
+Rule 2: if a layer calls the network inside a call, only the ledger notes of the inner call are kept.
 Rule 3: calls at the PLC's wire are kept as well, for the packets of a recording (wire.py).
 """
 
@@ -54,7 +54,7 @@ _NEW_TUPLE: Final = tuple.__new__  # makes a NamedTuple faster than its own `__n
 
 
 class SeamRecorder:
-    """Makes each call and passes the call's entry to `keep`; a live run sets `clock`, which returns ns."""
+    """Makes each call and passes the call's entry to `keep`. A live run sets `clock`, which returns ns."""
 
     has_answers = False
     is_busy = True
@@ -436,7 +436,7 @@ WIRE_CALLS: Final = (  # calls of which packets are made
 
 
 class _WireKernel:
-    """A kernel around `inner`: it passes all calls to `inner`, and notes calls at the wire at the seam."""
+    """A kernel that passes all calls to `inner`. It notes the calls at the wire at the seam."""
 
     def __init__(self, seam: Seam, inner: Kernel, is_next: bool) -> None:
         self._seam, self._inner, self._is_next = seam, inner, is_next
@@ -485,5 +485,5 @@ class _WireKernel:
 
 
 def make_wire_kernel(seam: Seam, kernel: Kernel, is_next: bool) -> ReadyKernel:
-    """Return a kernel that notes calls at the wire; `is_next`: no layer is between kernel and seam."""
+    """Return a kernel that notes calls at the wire. If `is_next`, no layer is between kernel and seam."""
     return cast(ReadyKernel, _WireKernel(seam, kernel, is_next))

@@ -1,8 +1,8 @@
-"""The state of a run as bytes, and back: objects, contents, and which references mean the same object.
+"""Turns the state of a run into bytes and back: objects, contents, and references to the same object.
 
-Rule 1: objects of both sides (SharedObjects: project, beginning; constants of modules) are only named.
-Rule 2: nothing is unpickled. A class, function or constant comes from the modules of MAY_HOLD alone, by name.
-Rule 3: no length and no number of an object is trusted; what does not fit raises UserError.
+Rule 1: objects that both sides have are only named: SharedObjects of the run, and constants of modules.
+Rule 2: nothing is unpickled. Classes, functions and constants come only from MAY_HOLD modules, by name.
+Rule 3: no length and no number of an object is trusted. What does not fit raises UserError.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def is_allowed_module(module: str) -> bool:
 
 
 class SharedObjects:
-    """Numbered objects that writer and reader both have: all objects that `roots` hold at the beginning."""
+    """All objects that `roots` hold at the beginning, numbered. Writer and reader both have them."""
 
     def __init__(self, roots: Iterable[object]) -> None:
         self.objects: list[object] = []
@@ -238,7 +238,7 @@ def _get_viewed_object(view: memoryview) -> object:
 
 
 def encode_state(one: object, shared: SharedObjects) -> bytes:
-    """Return an object and all that it holds; raise TypeError if something cannot be kept."""
+    """Return the bytes of an object and all that it holds. Raise TypeError if something cannot be kept."""
     return _StateEncoder(shared, _find_constants()).encode(one)
 
 
@@ -402,9 +402,9 @@ class _StateDecoder:
 
 
 def decode_state(content: bytes, shared: SharedObjects, where: str, instead: StandIns = NO_STAND_INS) -> Any:
-    """Return the object of a state; if the bytes are no state, raise UserError that begins with `where`.
+    """Return the object of a state. If the bytes are no state, raise UserError that begins with `where`.
 
-    For a class in `instead`, the function there makes the object, which then gets the fields of the state.
+    For a class in `instead`, the function there makes the object. The object then gets the state's fields.
     """
     made = _StateDecoder(content, shared, where, instead)
     try:

@@ -1,7 +1,7 @@
-"""`trcvtui recording`: a copy to pass on, without payload, secrets or names; the Lua for Wireshark.
+"""`trcvtui recording`: a copy to pass on, without payload, secrets or names, and the Lua for Wireshark.
 
-Rule: a part that is left out is nowhere in the copy. So there is no journal: a journal has the project, the
-commands and every byte that blocks and peers received.
+Rule: a part that is left out is nowhere in the copy. So the copy has no journal: a journal has the project,
+the commands and every byte that blocks and peers received.
 """
 
 from __future__ import annotations

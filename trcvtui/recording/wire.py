@@ -1,8 +1,8 @@
-"""Calls of the PLC's kernel at the wire as valid packets: IPv4, serial lines.
+"""Makes valid packets of the calls of the PLC's kernel at the wire, for IPv4 and serial lines.
 
-Calls do not show acknowledgements: what a packet acknowledges, and when, is made up.
+Calls do not show acknowledgements. So what a packet acknowledges, and when, is made up.
 Segments have at most 1460 bytes; sequence numbers begin at 0 in each direction.
-Rule: the partner's FIN or RST follows all bytes that came before it, even if blocks read them later.
+Rule: the partner's FIN or RST follows all bytes that came before it, even if blocks read these bytes later.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _PACK_SERIAL: Final = struct.Struct(">IIBBH").pack
 
 
 class WirePacket(NamedTuple):
-    """One packet. `line`: the ComBuffer of a serial packet, "" for IP; `payload`: bytes at the end."""
+    """One packet. A serial packet has its ComBuffer in `line`. The last `payload` bytes are the payload."""
 
     owners: tuple[str, ...]
     line: str
@@ -77,7 +77,7 @@ class Flow:
         del self.tail[: max(0, len(self.tail) - MOST_TAIL_BYTES)]
 
     def find_job_end(self, scan: int, expected: int, is_sent: bool) -> int:
-        """Return the place where the job with DONE in `scan` ended; 0 if this place is not known."""
+        """Return the place where the job with DONE in `scan` ended, or 0 if this place is unknown."""
         places = [place for since, place in self.ends if since <= scan]
         if not places:
             return 0
@@ -85,7 +85,7 @@ class Flow:
         return self.job
 
     def find_failed_job_end(self, scan: int) -> int:
-        """Return the end of the bytes that a job with ERROR took in this or the last scan; 0: none."""
+        """Return the end of the bytes that a job with ERROR took in this or the last scan, or else 0."""
         since, place = self.ends[-1] if self.ends else (-9, self.job)
         self._end_job(place)
         return place if since >= scan - 1 else 0
@@ -277,7 +277,7 @@ class WirePackets:
             yield from self._note_partner_end(call, stream, ACK | (RST if call.args[0] == "rst" else FIN))
 
     def _add_partner_bytes(self, call: WireCall, stream: _TcpStream, at: int) -> Iterator[WirePacket]:
-        """Yield packets of the partner's new bytes, then a due FIN or RST; `call.data` begins at `at`."""
+        """Yield packets of the partner's new bytes, then a due FIN or RST. `call.data` begins at `at`."""
         flow = stream.flows[1]
         new = call.data[max(0, flow.in_packets - at) :] if call.data else b""
         if new:
@@ -376,7 +376,7 @@ class WirePackets:
         at: int = -1,
         remark: str = "",
     ) -> WirePacket:
-        """Return one segment that a side sends; side 0 is the PLC; the payload begins at place `at`."""
+        """Return one segment that a side sends. Side 0 is the PLC. The payload begins at place `at`."""
         source, target = stream.ends[side], stream.ends[1 - side]
         flow, other = stream.flows[side], stream.flows[1 - side]
         at = flow.in_packets if at < 0 else at
@@ -398,7 +398,7 @@ class WirePackets:
     # -- the next file ----------------------------------------------------------------------------------
 
     def list_open_streams(self) -> Iterator[tuple[str, int, Flow, int]]:
-        """Yield for each open stream: owner, handle, flow to the PLC, partner's FIN or RST (0: none)."""
+        """Yield each open stream's owner, handle, flow to the PLC, and the partner's FIN or RST, else 0."""
         for handle, stream in self._streams.items():
             if stream.is_open:
                 yield stream.owners[0], handle, stream.flows[1], stream.coming_end & (FIN | RST)
@@ -461,7 +461,7 @@ class WirePackets:
     def _make_ip_packet(
         self, protocol: int, source: Endpoint, target: Endpoint, head: bytes, sum_at: int, payload: bytes
     ) -> bytes:
-        """Return an IP packet; `sum_at`: the offset in `head` at which the checksum is put."""
+        """Return an IP packet. The checksum is put at offset `sum_at` in `head`."""
         ends = _pack_address(source.address) + _pack_address(target.address)
         size = len(head) + len(payload)
         inner = checksum(ends + bytes((0, protocol)) + size.to_bytes(2, "big") + head + payload)

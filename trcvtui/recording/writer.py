@@ -1,8 +1,8 @@
-"""The writer of a recording is another process. It gets entries by a pipe, between scans: no scan waits.
+"""The writer of a recording is another process. It gets entries by a pipe, between scans, so no scan waits.
 
-Rule 1: bytes that the pipe does not take wait. New entries are left out while more than MOST_WAITING_BYTES
-wait, whole blocks while more than twice MOST_WAITING_BYTES wait. `LostEntries` counts the lost entries.
-Rule 2: without the writer the bench continues; `trouble` says in one line why nothing is recorded any more.
+Rule 1: bytes that the pipe does not take wait. While more than MOST_WAITING_BYTES wait, new entries are
+left out, at more than twice that size whole blocks. `LostEntries` counts the lost entries.
+Rule 2: without the writer the bench continues. `trouble` says in one line why nothing more is recorded.
 Rule 3: when its pipe ends, even by a kill of the run, the writer writes what it has and ends the file.
 """
 
@@ -40,7 +40,7 @@ WRITER_MAIN, STATE_MAIN = ("follower", "writer_main"), ("follower", "state_main"
 
 
 class WriterProcess:
-    """The sink of a run that must not wait. `waits`: begin once the writer can write, else UserError."""
+    """The sink of a run that must not wait. If `waits`, it first awaits the writer, or raises UserError."""
 
     def __init__(
         self, path: Path, record: RecordTarget, waits: bool = True, main: tuple[str, str] = WRITER_MAIN
@@ -110,7 +110,7 @@ class WriterProcess:
         self._waiting_bytes += LENGTH_PREFIX.size + len(block)
 
     def finish(self) -> None:
-        """Let the file end as soon as all bytes are sent; `advance` notices that the file has ended."""
+        """Let the file end as soon as all bytes are sent. `advance` notices the end of the file."""
         self._is_finishing = True
 
     def advance(self) -> None:
@@ -228,7 +228,7 @@ class BlockSink(Protocol):
 
 
 def run_writer(settings: str, sink: Callable[[RecordTarget], BlockSink], path: str) -> None:
-    """Write the blocks from stdin until stdin ends; write to stdout what is wrong, or an empty line."""
+    """Write the blocks from stdin until it ends. Write an error, or an empty line, to stdout."""
     ignore_signals(GROUP_SIGNALS)  # Rule 3: they end the run, and its pipe ends us
     target, overwrite, has_secrets, limits = json.loads(settings)
     with suppress(AttributeError, OSError):

@@ -1,4 +1,4 @@
-"""The messages of a whole recording: the recording runs again, in slices, from first to last scan.
+"""The messages of a whole recording. It runs again, in slices, from the first to the last scan.
 
 Rule: rows that were read keep their values and numbers, whichever scan the replay shows.
 """
@@ -39,7 +39,7 @@ class AllMessages:
         return self._survey.is_over and self._current_scan >= self._survey.last_scan
 
     def advance(self, deadline_ns: int) -> None:
-        """Read until this moment of the clock; if the run cannot continue, end the replay at this scan."""
+        """Read until `deadline_ns`. If the run cannot continue, end the replay at this scan."""
         run, survey = self._run, self._survey
         run.limit = survey.last_scan
         while not self.is_over and clock.now_ns() < deadline_ns:

@@ -1,4 +1,4 @@
-"""`trcvtui replay`: runs a recording again, and compares it or prints what the run printed."""
+"""`trcvtui replay` runs a recording again. It compares both runs, or prints what the first run printed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EXIT_DIFFERS: Final = 1
 
 
 def check_replay(run: ReplayRun) -> str:
-    """Run to the end; return a text on the first difference from the recording, or ""."""
+    """Run to the end. Return a text on the first difference from the recording, or an empty text."""
     try:
         while run.scan():
             pass
@@ -31,7 +31,7 @@ def check_replay(run: ReplayRun) -> str:
 
 
 def print_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
-    """Write the lines that the run printed, or would have printed; return whether all expectations held."""
+    """Write the lines that the run printed, or would have printed. Return whether all expectations held."""
     bench, scenario = run.bench, run.scenario
     report = JsonLines(write, bench.runtime.interval_ns, bench)
     if scenario is None or bench.runtime.scans:  # in the middle of a run, nothing says which step is next
@@ -54,7 +54,7 @@ def print_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
 def run_what_if(
     path: Path, is_check: bool, form: str | None, sets: Sequence[str], dialect: str | None
 ) -> int:
-    """Run a recording unchanged and with other parameters; return 0, or 1 if the file is damaged."""
+    """Run a recording unchanged and with other parameters. Return 1 if the file is damaged, else 0."""
     from trcvtui.recording.recording import Recording
     from trcvtui.replay.what_if import WhatIf, print_both_runs
 
@@ -76,7 +76,7 @@ def run_what_if(
 
 
 def replay_file(path: Path, is_check: bool, form: str | None) -> int:
-    """Run a recording again; return 0: it is the same; 1: it differs, or its scenario has failed."""
+    """Run a recording again. Return 0 if it is the same, 1 if it differs or its scenario has failed."""
     from trcvtui.recording.recording import Recording
 
     if not is_check and form is None:

@@ -27,7 +27,7 @@ PLAY_POLL_S: Final = 0.02  # between two frames while it plays
 
 
 def make_replay_driver(path: Path, at: str | None) -> ProcessDriver:
-    """Return the replay of a recording; `at`: the place that it shows first, None: the first event."""
+    """Return the replay of a recording. It first shows the place `at`, or the first event for None."""
     if at is not None:
         parse_place(at, "--at")  # refused here, before there is a screen
     return ProcessDriver(replay_main, path, at)
@@ -60,7 +60,7 @@ def open_time_line(path: Path, at: str | None) -> TimeLine:
 
 
 def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:
-    """Serve the screen until it closes the channel; send it an error before the process ends."""
+    """Serve the screen until the screen closes the channel. Send an error before the process ends."""
 
     def run() -> None:
         with closing(begin()) as time_line:
@@ -71,7 +71,7 @@ def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:
 
 
 def serve_until_gone(channel: Channel, run: Callable[[], None]) -> None:
-    """Call `run`; if it fails with an error, send the error to the screen; return if the screen is gone."""
+    """Call `run`, and send its error, if any, to the screen. Return if the screen is gone."""
     gc.freeze()  # what was imported stays: no collection has to look at it
     ignore_signals(TERMINAL_SIGNALS)  # they belong to the screen
     try:
@@ -97,7 +97,7 @@ class ScreenChannel:
         self._request: UpdateRequest | None = None
 
     def handle_messages(self, take: Callable[[int, str], object], waits: float | None = 0.0) -> None:
-        """Take all messages; wait `waits` seconds for the first one; None: wait without a limit."""
+        """Take all messages. Wait `waits` seconds for the first message; None waits without a limit."""
         while self._channel.poll(waits):
             message, waits = decode_request(self._channel.recv_bytes()), 0.0
             if isinstance(message, UpdateRequest):

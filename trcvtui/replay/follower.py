@@ -1,7 +1,7 @@
-"""A run beside a writer: it replays the entries as they come, and its states are the keyframes.
+"""A run beside a writer replays the entries as they come. Its states are the keyframes.
 
-Rule 1: entries are written first. A run that cannot follow is ended: then only keyframes are missing.
-Rule 2: a keyframe is due each SPACING_NS of the run, and at the start of a file that begins in the middle.
+Rule 1: entries are written first. A run that cannot follow is ended, and then only keyframes are missing.
+Rule 2: a keyframe is due every SPACING_NS of the run, and at the start of a file that begins in the middle.
 Bound: at most MOST_WAITING_BYTES of blocks wait for the run.
 """
 
@@ -87,7 +87,7 @@ class _IncomingEntries(JournalPosition):
 
 
 class RecordedRunWriter:
-    """A sink, and a replay of its entries; `advance` continues the replay while entries and time allow."""
+    """A sink that also replays its entries. `advance` continues the replay while entries and time allow."""
 
     def __init__(self, sink: FileSink, where: str) -> None:
         self._sink, self._where = sink, where
@@ -127,7 +127,7 @@ class RecordedRunWriter:
                     self.advance(NO_DEADLINE)
 
     def close(self) -> None:
-        """End the file, after any due keyframe; raise UserError if a file lacks its first keyframe."""
+        """End the file after any due keyframe. Raise UserError if a file lacks its first keyframe."""
         self._has_all, until = True, clock.now_ns() + PATIENCE_NS
         while self._sink.first_scan != self._file and clock.now_ns() < until and self.advance(0):
             pass

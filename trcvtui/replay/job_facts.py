@@ -154,11 +154,11 @@ def _find_long_run(seconds: Sequence[int]) -> Iterator[tuple[int, int]]:
 def collect_recorded_facts(
     path: str, sets: Sequence[str] = (), is_running: bool = False, tell: ReportScan | None = None
 ) -> RecordedFacts | None:
-    """Return the facts of a recording; None: the file is no recording of trcvtui, or cannot run again.
+    """Return the facts of a recording, or None if the file is no recording of trcvtui or cannot run again.
 
-    `sets`: other parameters, as `instance.TRCV_C_1.LEN=20`; raise UserError for a wrong one. While the run
-    continues, the present pins are judged: a fault that was mended is not reported. `tell` is called for
-    each scan.
+    `sets` has other parameters, as `instance.TRCV_C_1.LEN=20`; raise UserError for a wrong one. While the
+    run continues, the present pins are judged, so a mended fault is not reported. `tell` is called for each
+    scan.
     """
     try:
         recording = Recording(Path(path))
@@ -219,8 +219,8 @@ def _collect(
 class _RunFacts:
     """Facts of a run that its packets do not show, collected while it runs again.
 
-    `by_ends`: CONNECTs by the ends of their sockets, as in KnownEnds. `harms`: for each CONNECT, the times
-    (UTC) at which a block of this CONNECT showed an ERROR or lost a job.
+    `by_ends` has CONNECTs by the ends of their sockets, as in KnownEnds. `harms` has, for each CONNECT, the
+    UTC times at which one of its blocks showed an ERROR or lost a job.
     """
 
     def __init__(self, run: ReplayRun, bench: Bench, project: Project) -> None:
@@ -293,7 +293,7 @@ class _RunFacts:
             self.harms.setdefault(event.connection, []).append(self.wall_ns + t_ns)
 
     def _add_ends(self, connect: str, local: str, peer: str) -> None:
-        """Take the two ends of a socket; an end that is not known is ""."""
+        """Take the two ends of a socket. An unknown end is an empty text."""
         port = int(local.rpartition(":")[2] or 0)
         for pair in ((port, peer), (port, ""), (0, peer)):
             if pair != (0, ""):

@@ -37,7 +37,7 @@ class Journal(Protocol):
 
 
 class JournalPosition:
-    """How many scans have begun, and how many entries came since then; a keyframe has such a position."""
+    """A position in a journal, as a keyframe has: the scans begun, and the entries since the last one."""
 
     def __init__(self) -> None:
         self.steps = self.beyond = 0
@@ -52,7 +52,7 @@ class JournalPosition:
 
 
 class PositionedEntries(JournalPosition):
-    """The entries of a journal from a position on; it raises StopIteration if there is no such position."""
+    """The entries of a journal from a position on. Raises StopIteration if there is no such position."""
 
     def __init__(self, journal: Journal, steps: int = 0, beyond: int = 0) -> None:
         super().__init__()
@@ -75,7 +75,7 @@ class PositionedEntries(JournalPosition):
 
 
 class Keyframes:
-    """The keyframes from which a run can continue: keyframes in the journal, and keyframes in memory."""
+    """The keyframes, in the journal and in memory, from which a run can continue."""
 
     def __init__(self, journal: Journal, where: str, project: Project | None = None) -> None:
         self._journal, self._where = journal, where
@@ -101,7 +101,7 @@ class Keyframes:
         return self.run_at(self.first)
 
     def start_other_run(self, kind: type[OtherRun], seam: ReplaySeam) -> OtherRun:
-        """Return the run at the first keyframe: an object of `kind` with this seam; raise UserError."""
+        """Return the run at the first keyframe, as an object of `kind` with this seam; raise UserError."""
         frame = self._journal.read_keyframe(self._places[0])
         instead: StandIns = {ReplayRun: lambda: kind.__new__(kind), ReplaySeam: lambda: seam}
         return cast(OtherRun, _decode_run(frame, self._shared, self._where, instead))
@@ -133,14 +133,14 @@ class Keyframes:
             self._size = sum([len(frame.content) for frame in self._kept])
 
     def find_keyframe_scan(self, scan: int) -> int:
-        """Return the last scan up to this one that has a keyframe, `first` if there is none."""
+        """Return the last scan up to `scan` that has a keyframe, or `first` if there is none."""
         kept = bisect_right(self._scans, scan)
         written = bisect_right(self._places, scan, key=lambda place: place.scans)
         near = self._scans[kept - 1] if kept else 0, self._places[written - 1].scans if written else 0
         return max(self.first, *near)
 
     def run_at(self, scan: int) -> ReplayRun:
-        """Return the run at a scan with a keyframe; if that keyframe does not fit, at an earlier scan.
+        """Return the run at a scan with a keyframe, or at an earlier scan if that keyframe does not fit.
 
         Raise UserError if no keyframe fits.
         """

@@ -15,7 +15,7 @@ READ_AHEAD_NS: Final = 1_000_000_000  # a packet follows its scan in the file by
 
 
 class PacketTimes:
-    """Packets of connections that begin in a file; `now_ns` returns the UTC that the run has reached."""
+    """Packets of connections that begin in a file. `now_ns` returns the UTC that the run has reached."""
 
     def __init__(self, path: str, wall_ns: int, now_ns: Callable[[], int]) -> None:
         self._packets = merge_packets([path], [])
@@ -26,7 +26,7 @@ class PacketTimes:
         self._reached_ns = 0
 
     def find_time(self, ends: tuple[str, str], turn: int, offset: int) -> int | None:
-        """Return when a byte came, in ns of the run; `turn`: which connection between `ends`, from 0."""
+        """Return when a byte came, in ns of the run. `turn` counts connections between `ends` from 0."""
         while True:
             directions = self._directions.get(ends, ())
             if turn < len(directions):

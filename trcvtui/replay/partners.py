@@ -1,8 +1,8 @@
-"""Partners of a recorded run: they repeat their acts for a bench whose calls differ from the recorded ones.
+"""The partners of a recorded run repeat their acts for a bench whose calls differ from the recorded calls.
 
-Rule 1: a partner does not react. If a partner would see other acts of the PLC, or see acts at another time,
-the answer is a guess from that scan on: `guess_from` (docs/recording.md, "What if").
-Rule 2: a scan gets the same as this scan of the recorded run: arrived bytes, an end, a client, a refusal.
+Rule 1: a partner does not react. If a partner would see the PLC act otherwise or at another time, the
+answer is a guess from scan `guess_from` on (docs/recording.md, "What if").
+Rule 2: a scan gets what came in the same scan of the recorded run: bytes, an end, a client, a refusal.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class GuessReason(StrEnum):
 
 
 class _Socket:
-    """One handle of the asking bench. `attempt`: only of an active CONNECT; `partner`: the other end."""
+    """One handle of the asking bench. Only an active CONNECT has an `attempt`. `partner` is the far end."""
 
     def __init__(self, owner: str) -> None:
         self.owner = owner
@@ -64,12 +64,12 @@ class _Socket:
 
 
 class ReplayedPartners(ReplaySeam):
-    """A seam on which partners repeat their acts; `peers`: the names of the bench's own peers.
+    """A seam on which partners repeat their acts. `peers` has the names of the bench's own peers.
 
-    `recorded` advances with the recorded run, which runs first. `intervals_ns`: the scan intervals of the
-    asking bench and of the recorded run, if they differ. Then each scan runs at a multiple of the asking
-    bench's interval, after the recorded run has done its scans up to that time and one more scan.
-    `guess_from`: from this scan of the recorded run on, the answer is a guess; None: it is no guess.
+    `recorded` advances with the recorded run, which runs first. If the scan intervals of the asking bench
+    and of the recorded run differ, `intervals_ns` has both. Then each scan runs at a multiple of the asking
+    bench's interval, after the recorded run has done its scans up to that time and one more scan. From scan
+    `guess_from` of the recorded run on, the answer is a guess. None means that it is no guess.
     """
 
     def __init__(self, recorded: RecordedRun, peers: Collection[str]) -> None:
@@ -220,7 +220,7 @@ class ReplayedPartners(ReplaySeam):
             self.note_guess(GuessReason.PARTNER)
 
     def _match(self, acts: deque[PlcAct], what: tuple[object, ...], is_deaf: bool = False) -> PlcAct | None:
-        """If the next recorded act is in this scan and equals `what`, remove and return it; else None."""
+        """Remove and return the next recorded act if it is `what` in this scan. Else return None."""
         if acts and acts[0].scan == self.scan and acts[0].what == what and self._is_on_time:
             return acts.popleft()
         if not is_deaf:

@@ -1,8 +1,8 @@
 """All that a recorded run received, read from its journal: acts of each partner, and other answers.
 
-Rule 1: a place is a scan and a call in it, so that a run that makes the same calls gets the same answers.
+Rule 1: a place is a scan and a call in that scan. So a run that makes the same calls gets the same answers.
 Rule 2: bytes and ends count from their arrival on, not from the call that read them (arrivals.py).
-Bound: MOST_PARTNER_BYTES of all partners wait for the asking run; further bytes are only counted.
+Bound: MOST_PARTNER_BYTES of all partners wait for the asking run. Further bytes are only counted.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ CLOSED, RESET, SHUT = "close", "abort", "shutdown"  # how this end of a connecti
 
 
 class CallPlace(NamedTuple):
-    """A scan, and the number of a call of the PLC in this scan; 0: from the beginning of the scan on."""
+    """A scan, and the number of a PLC call in this scan. Call 0 is from the beginning of the scan on."""
 
     scan: int
     call: int = 0
@@ -43,7 +43,7 @@ DatedMessage = tuple[CallPlace, Datagram | Fault, bytes]
 
 
 class PlcAct(NamedTuple):
-    """One act of the PLC that a partner sees: bytes sent, or an end; `what`: the part that is compared."""
+    """One act of the PLC that a partner sees: bytes sent, or an end. `what` is the part to compare."""
 
     scan: int
     what: tuple[object, ...]
@@ -108,7 +108,7 @@ class Partner:
 
 
 class DialledAttempt:
-    """One attempt of an active CONNECT. `answer`: None if it connected; `gone`: when it was given up."""
+    """One attempt of an active CONNECT. A success has the `answer` None. `gone` is when it was given up."""
 
     def __init__(self, began: int) -> None:
         self.began = began  # in which scan
@@ -125,7 +125,7 @@ class DialledAttempt:
 
 
 class InheritedSocket(NamedTuple):
-    """A socket that a CONNECT already has when a file begins in the middle; `use`: the socket's use."""
+    """A socket that a CONNECT already has when a file begins in the middle."""
 
     owner: str
     handle: int
@@ -135,7 +135,7 @@ class InheritedSocket(NamedTuple):
 class RecordedRun:
     """All that a recorded run received so far: partners, attempts, answers by owner and call.
 
-    `first`: the last scan before these entries; `standing`: the sockets that are open after that scan.
+    `first` is the last scan before these entries. `standing` has the sockets that are open after that scan.
     """
 
     def __init__(
@@ -206,7 +206,7 @@ class RecordedRun:
             known.append((self.scan, now))
 
     def listens(self, owner: str, scan: int) -> bool:
-        """Return whether a CONNECT listens at the end of `scan`; this must be one of the two newest."""
+        """Return whether a CONNECT listens at the end of `scan`, one of the two newest scans."""
         known = self.listening.get(owner, ())
         return bool(next((handles for since, handles in reversed(known) if since <= scan), ()))
 
@@ -304,7 +304,7 @@ class RecordedRun:
             partner.is_known = len(data) == unread  # the file repeats what was unread
 
     def _add_new_bytes(self, partner: Partner, start: int, data: bytes) -> None:
-        """Take bytes of a stream from `start` on; bytes between the known ones and `start` are lost."""
+        """Take bytes of a stream from `start` on. Bytes between the known bytes and `start` are lost."""
         if start < partner.hole:
             self._keep_bytes(partner, start, data[: partner.hole - start])
         new = data[max(0, partner.known - start) :]
@@ -319,7 +319,7 @@ class RecordedRun:
             self.kept += len(data)
 
     def forget_bytes(self, partner: Partner, position: int) -> None:
-        """Forget the bytes of a partner before a position: the run that asks has read them."""
+        """Forget a partner's bytes before a position, because the asking run has read them."""
         chunks = partner.chunks
         while chunks and chunks[0][0] + len(chunks[0][1]) <= position:
             self.kept -= len(chunks.popleft()[1])

@@ -1,6 +1,6 @@
-"""Repeats a recorded run: its journal gives project and bench, and its entries are followed one by one.
+"""Repeats a recorded run. The journal gives project and bench, and its entries are followed one by one.
 
-Rule: nothing is read from the disk here; a file that a journal names is in the journal.
+Rule: nothing is read from the disk here. A journal contains the files that it names.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def _do_nothing() -> None:
 
 
 def roots_of(begins: RunHeader, files: FilesRead, sets: Sequence[str] = ()) -> RunRoots:
-    """Return the header, the scenario (None: none) and the project of a recorded run; raise UserError."""
+    """Return the header, the scenario or None, and the project of a recorded run; raise UserError."""
     path, options = Path(begins.path), (*begins.options, *sets)
     with read_from(files):
         if not begins.is_scenario:
@@ -58,7 +58,7 @@ def guard_state(is_restored: bool, where: str) -> Iterator[None]:
 
 
 class ReplayRun:
-    """The bench of a recorded run. `scenario` None: the run had none; `is_whole`: the run is at its end."""
+    """The bench of a recorded run. `scenario` may be None. If `is_whole`, the run is at its end."""
 
     def __init__(
         self,
@@ -92,7 +92,7 @@ class ReplayRun:
         return lines
 
     def scan(self) -> bool:
-        """Run the commands before the next scan, then the scan; return False if there is no next scan.
+        """Run the commands before the next scan, then the scan. Return False if there is no next scan.
 
         Raise UserError at the first difference.
         """
@@ -125,7 +125,7 @@ class ReplayRun:
         return False
 
     def _skip(self, scans: int) -> bool:
-        """Count skipped scans up to scan `limit`; return whether all have passed before this scan."""
+        """Count skipped scans up to scan `limit`. Return whether all have passed before this scan."""
         runtime = self.bench.runtime
         room = self.limit - runtime.scans
         if room < scans - self._skipped:

@@ -1,4 +1,4 @@
-"""An index of a recording: its journal is read once, for the time of each scan, edges and ERRORs."""
+"""An index of a recording. It reads the journal once, for the time of each scan, edges and ERRORs."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ def parse_place(text: str, where: str) -> int | Search:
 
 
 class Survey:
-    """The journal read once, in slices: the time of each scan, where STATUS changes, where ERRORs come.
+    """Reads the journal once, in slices: the time of each scan, where STATUS changes, where ERRORs come.
 
-    `first`: the last scan that cannot run again, 0: none; `offset`: the last scan before the journal, or 0.
+    `first` is the last scan that cannot run again, or 0; `offset` the last scan before the journal, or 0.
     """
 
     def __init__(self, entries: Iterator[Entry], where: str, first: int = 0, offset: int = 0) -> None:
@@ -83,7 +83,7 @@ class Survey:
         return ns + (scan - before) * took // scans
 
     def scan_at(self, ns: int) -> int:
-        """Return the first scan at this time or later; if there is none, the number after the last scan."""
+        """Return the first scan at this time or later, or else the number after the last scan."""
         at = bisect_left(self.times, ns)
         if at == len(self.times):
             return self.last_scan + 1
@@ -158,7 +158,7 @@ class Survey:
         self.trouble, self.is_over = why, True
 
     def find_scan(self, search: Search, start: int) -> int | None:
-        """Return the scan that a search from `start` finds; END: no scan is found; None: not known yet."""
+        """Return the scan that a search from `start` finds, END for no scan, or None if not known yet."""
         kind, step, name = search
         if kind == "time":
             scan = self.scan_at(step)

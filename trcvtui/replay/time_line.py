@@ -1,8 +1,8 @@
 """A recording on the screen: a bench at a scan of the recording. Commands, not the clock, choose the scan.
 
-Rule 1: a shown scan is replayed from the recording: from a keyframe well before it, or from scan 1.
+Rule 1: a shown scan is replayed from a keyframe well before that scan, or from scan 1.
 Rule 2: all work is done in slices; between two slices the newest command line says where to go.
-Rule 3: nothing here changes a bench: a command that would change it is refused.
+Rule 3: a command that would change a bench is refused.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ LEAST_SCANS_BEFORE: Final = 500  # scans that run before the one that is shown: 
 
 
 class WhatIfRun:
-    """The run with another parameter, up to its last scan so far; `text`: what you typed after `if`."""
+    """The run with another parameter, up to its last scan so far. `text` is what you typed after `if`."""
 
     def __init__(self, run: WhatIf, text: str) -> None:
         self.run, self.is_over = run, False
@@ -161,7 +161,7 @@ class ReplayController(Controller):
 
 
 class CaptureRun(NamedTuple):
-    """A run made from a capture. `shadows`: instances that only observe; `first_ns`: UTC of packet 1."""
+    """A run made from a capture. The instances `shadows` only observe. `first_ns` is UTC of packet 1."""
 
     project: Project
     shadows: frozenset[str]

@@ -1,8 +1,8 @@
 """What-if: a recorded run, the same run with other parameters, their first difference, and their results.
 
-Rule 1: partners do what they did, when they did it (replay/partners.py).
-Rule 2: only keys that are declared replayable may change: for other keys a recording has no answer.
-Rule 3: commands act in their recorded scans; commands that write a held pin are left out and counted.
+Rule 1: partners repeat their recorded acts at the recorded times (replay/partners.py).
+Rule 2: only keys that are declared replayable may change. For other keys a recording has no answer.
+Rule 3: commands act in their recorded scans. Commands that write a held pin are left out and counted.
 Rule 4: with another interval both runs advance by time, and the recorded run is a scan ahead.
 """
 
@@ -51,7 +51,7 @@ class RunTotals(NamedTuple):
 
 
 class ValueDifference(NamedTuple):
-    """The first DONE at which a value differs between both runs: its scan, the member, both values."""
+    """The first DONE at which a value differs between both runs: the scan, the member, and both values."""
 
     scan: int
     member: str
@@ -60,7 +60,7 @@ class ValueDifference(NamedTuple):
 
 
 class _HeldPins:
-    """Pins that keep their values; `skipped` counts the commands that would have written such a pin."""
+    """Pins that keep their values. `skipped` counts the commands that would have written such a pin."""
 
     def __init__(self, pins: frozenset[tuple[str, str]]) -> None:
         self._pins = pins
@@ -130,9 +130,9 @@ class _ChangedRun(ReplayRun):
 
 
 class WhatIf:
-    """Both runs, scan by scan; the benches of the two runs are `recorded` and `what_if`.
+    """Both runs, scan by scan. `recorded` and `what_if` are the benches of the two runs.
 
-    `change` makes the project with other parameters, if the run was made from a capture.
+    If the run was made from a capture, `change` makes the project with other parameters.
     """
 
     def __init__(

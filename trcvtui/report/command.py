@@ -1,4 +1,4 @@
-"""`trcvtui report`: runs a recording again, or plays a capture to shadows, and writes one page."""
+"""`trcvtui report` runs a recording again, or plays a capture to shadows. It writes one page."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class _CommandNotes:
 def replay_with_notes(
     journal: Journal, where: str, has_payload: bool
 ) -> tuple[ReplayRun, RunNotes, Verdict | None, str]:
-    """Repeat a run; return it, its notes, the verdict of a scenario, and why it ended early or ""."""
+    """Repeat a run. Return the run, its notes, a scenario's verdict, and why the run ended early, if so."""
     keyframes = Keyframes(journal, where)
     with guard_state(keyframes.first > 0, where):
         if keyframes.first:
@@ -134,10 +134,10 @@ def _folders(files: FilesRead, path: str) -> list[str]:
 
 
 def write_report(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice) -> int:
-    """Write the page of a file; return 0, or 1 if a recording ends before its run does.
+    """Write the page of a file. Return 1 if a recording ends before its run does, else 0.
 
-    Any file but our own recordings is a capture; so is a recording if `shadows` (project, PLC end, dialect)
-    are given.
+    Any file but our own recordings is a capture. If any of `shadows` (project, PLC end, dialect) is given,
+    a recording is a capture, too.
     """
     where = f"--out {out}"
     _refuse_other(out, where)

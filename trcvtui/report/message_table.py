@@ -1,7 +1,7 @@
 """Messages as a table: its columns, and each row as a line of csv, jsonl or text.
 
-Rule: a value is written as by `udt decode`. A text in csv has no quotes; a `'` is put before it if a
-spreadsheet would run it. A member without bytes in a message is empty, never 0.
+Rule: a value is written as by `udt decode`. A text in csv has no quotes. If a spreadsheet would run the
+text, a `'` is put before it. A member without bytes in a message is empty, never 0.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class MessageType(NamedTuple):
 
 
 class MessageTable:
-    """Writes rows as they come. `left_out`: how many members have no column, if there are too many."""
+    """Writes rows as they come. If there are too many members, `left_out` of them have no column."""
 
     def __init__(
         self,
@@ -88,7 +88,7 @@ class MessageTable:
         self._second, self._date = -1, ""
 
     def write(self, labels: tuple[str, ...], row: MessageRow, of: str | None = None) -> None:
-        """Write a row; `of`: the instance or direction with the row's type, None: the first of `labels`."""
+        """Write a row. `of` is the instance or direction of its type; None is the first of `labels`."""
         if not self.rows and self._form != "jsonl":
             self._write_cells([*self._columns, *self._names])
         self.rows += 1
@@ -193,7 +193,7 @@ def _paths(layout: Layout) -> list[str]:
 
 
 class _Fields:
-    """The columns of one type; `first`: how many columns of other types come before them."""
+    """The columns of one type. `first` is the number of columns of other types before them."""
 
     def __init__(self, layout: Layout, numbers: Sequence[int], instance: str, first: int, form: str) -> None:
         self.layout, self.first = layout, first

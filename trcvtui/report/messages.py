@@ -1,4 +1,4 @@
-"""`trcvtui messages`: each message of a recording, a capture or a run as one row."""
+"""`trcvtui messages` writes each message of a recording, a capture or a run as one row."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ PACKETS_PER_READ: Final = 1000  # packets between two scans
 
 
 class MessagesQuestion(NamedTuple):
-    """The options of the command line. `time_ns`: how long a project runs."""
+    """The options of the command line. A project runs for `time_ns`."""
 
     files: Sequence[str]
     project: Path | None
@@ -64,7 +64,7 @@ class _NoRow(Exception):
 
 
 def write_messages(asked: MessagesQuestion) -> int:
-    """Write the messages; return 0, or 1 if there is none; raise UserError."""
+    """Write the messages. Return 1 if there are no messages, else 0; raise UserError."""
     first, is_project = asked.files[0], any(file.endswith(".toml") for file in asked.files)
     if is_project and (len(asked.files) > 1 or asked.time_ns is None):
         found = first if asked.time_ns is None else f"{first} and other files"
@@ -181,7 +181,7 @@ class _FilteredRows:
 
 
 class _BenchMessages:
-    """The rows of a bench, taken after each scan; `add_ns` is added to their times."""
+    """The rows of a bench, taken after each scan. `add_ns` is added to the times of the rows."""
 
     def __init__(self, bench: Bench, rows: _FilteredRows, add_ns: int = 0, after: int = 0) -> None:
         self.reader = LedgerReader(bench)
@@ -266,7 +266,7 @@ def _replay_recording(rows: _FilteredRows, path: str) -> None:
 
 
 def _zero_ns(paths: Sequence[str], first_ns: int) -> int:
-    """Return the time at which t_s is 0: the beginning of a recorded run, in a capture the first packet."""
+    """Return the time at which t_s is 0: the beginning of a recorded run, or a capture's first packet."""
     begins = read_run_header(paths[0])
     return first_ns if begins is None else begins.wall_ns
 
@@ -340,7 +340,7 @@ class _CaptureMessages:
         _warn_about_capture(found, troubles)
 
     def _make_cutter(self, direction: WireDirection) -> MessageCutter | None:
-        """Return the cutter of a direction; None: neither end of its conversation is the `--plc`."""
+        """Return the cutter of a direction, or None if neither end of its conversation is the `--plc`."""
         guess = guess_plc(direction.conversation, self._given, NO_KNOWN_ENDS)
         if self._given is not None and guess.why != "--plc":
             return None

@@ -1,7 +1,7 @@
 """The page of a report: one HTML document without scripts, external links or the present time.
 
-Rule 1: all text passes `finalize` and the escaping of jinja2: bytes of a wire and names of files are never
-markup.
+Rule 1: all text passes `finalize` and the escaping of jinja2. So bytes of a wire and names of files are
+never markup.
 Rule 2: the same recording gives the same bytes. Certificates and keys appear only by name and SHA-256.
 Rule 3: light, dark and paper are three sets of colours; a shape or a word repeats what a colour means.
 """
@@ -62,10 +62,10 @@ LANE_SHAPES: Final = (  # what a column has seen, its class, its top and height:
 
 
 class ReportSource(NamedTuple):
-    """The origin of a report. `seen`: how the whole run was replayed; `stopped`: why only a part, or "".
+    """The origin of a report. `seen` says how the whole run was replayed, or `stopped` why only a part was.
 
-    `files` (name, bytes, SHA-256) and `conversations` (columns as in the template) are rows of tables.
-    `findings`: what the doctor found, the surest finding first.
+    `files` and `conversations` are rows of tables. A row of `files` has name, bytes and SHA-256.
+    `findings` is what the doctor found, the surest finding first.
     """
 
     title: str
@@ -290,7 +290,7 @@ class _PageParts:
         return str(note.at.scan), stamp_text(note.at.t_ns), note.subject or "command", what, note.detail
 
     def _format_command(self, line: str) -> str:
-        """Return a command; in a report without payload, only its words before any bytes."""
+        """Return a command. In a report without payload, return only the words before any bytes."""
         words = line.split()
         if self._has_payload or not words or words[0] in PLAIN:
             return line

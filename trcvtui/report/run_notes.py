@@ -89,7 +89,7 @@ class EdgeNote(NamedTuple):
 
 
 class FrameNote(NamedTuple):
-    """The first bytes of a job or a frame; `reason`: why the bytes were not delivered or sent, or ""."""
+    """The first bytes of a job or a frame. If the bytes were not delivered or sent, `reason` says why."""
 
     at: ScanStamp
     is_sent: bool
@@ -100,7 +100,7 @@ class FrameNote(NamedTuple):
 
 
 class EventNote(NamedTuple):
-    """An event outside the blocks; if `subject` is "", the event is a command after this scan."""
+    """An event outside the blocks. If `subject` is empty, the event is a command after this scan."""
 
     at: ScanStamp
     subject: str
@@ -190,7 +190,7 @@ class RunNotes:
             lane.extend_to(self.seen.t_ns)
 
     def add_outputs(self, at: ScanStamp, instance: str, args: tuple[object, ...]) -> None:
-        """Note outputs that a journal has after the last repeated scan; their cause is not known."""
+        """Note outputs that a journal has after the last repeated scan. Their cause is not known."""
         decl = self.bench.project.instance(instance)
         if decl is None or len(args) != len(Outputs._fields) + 1 or not isinstance(args[1], int):
             return

@@ -1,1 +1,1 @@
-"""Scenarios: read, played, judged, reported; sessions kept as scenarios; a scenario in several dialects."""
+"""Reads, plays, judges and reports scenarios, also in several dialects. Keeps sessions as scenarios."""

@@ -1,4 +1,4 @@
-"""`trcvtui scenario`: runs files one after the other, and reports their results."""
+"""`trcvtui scenario` runs files one after the other, and reports their results."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class LivePace:
 
 
 class RecordedPace:
-    """Scans at the pace of `inner`; each scan is recorded."""
+    """Scans at the pace of `inner`, and records each scan."""
 
     def __init__(self, inner: Pace, recorder: RunRecorder) -> None:
         self._inner, self._recorder = inner, recorder
@@ -65,9 +65,9 @@ def run_files(
     record: RecordTarget | None = None,
     dialects: Sequence[str] = (),
 ) -> int:
-    """Run scenario files; return the worst result: 0 all held, 1 an expectation failed, 2 a file is wrong.
+    """Run scenario files. Return the worst result: 0 all held, 1 an expectation failed, 2 a file is wrong.
 
-    With `netns` each file runs in a new network of this process, with `dialects` in each of these dialects.
+    With `netns` each file runs in a new network of this process. With `dialects` it runs in each of them.
     """
     if dialects and record is not None:
         raise mistake("--record", "--dialect beside it", "one of the two")

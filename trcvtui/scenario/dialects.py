@@ -1,8 +1,8 @@
 """One scenario in several dialects: the STATUS walks side by side, and where the walks differ.
 
 Rule 1: each dialect runs the whole scenario alone, as `trcvtui scenario` does, with its own verdict.
-Rule 2: nothing is aligned. A row is one scan; if a dialect is later, its rows show that.
-Rule 3: a partner sends the same bytes as in the scenario's own dialect, also if the layout is another.
+Rule 2: nothing is aligned. A row is one scan, so the rows show if a dialect is later.
+Rule 3: a partner sends the same bytes as in the scenario's own dialect, even if the layout is another.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ TRAFFIC_COMMANDS: Final = (words.PeerSend, words.PeerPlaySequence, words.AddRepl
 
 
 def convert_scenario(names: Sequence[str], scenario: Scenario, path: Path) -> list[Scenario]:
-    """Return the scenario in each of these dialects; each line of `about` says what the dialect lacks.
+    """Return the scenario in each of these dialects. Each line of `about` says what the dialect lacks.
 
     Raises UserError if one of these dialects cannot describe a CONNECT.
     """
@@ -67,7 +67,7 @@ def _convert_steps(steps: Iterable[words.Step], project: Project, lacks: list[st
 
 
 class DialectRun:
-    """The run in one dialect; `changes`: outputs by instance and first scan; None marks the run's end."""
+    """The run in one dialect. `changes` has outputs by instance and first scan; None is the run's end."""
 
     def __init__(self, scenario: Scenario) -> None:
         self.dialect = scenario.project.dialect.name
@@ -89,7 +89,7 @@ class DialectRun:
 
 
 class DialectReport(JsonLines):
-    """The report of files that run in all dialects; after each file comes a comparison."""
+    """The report of files that run in all dialects. A comparison follows each file."""
 
     def __init__(self, write: Write, form: str, dialects: int) -> None:
         if form not in FORMAT_NAMES:
@@ -142,7 +142,7 @@ class DialectReport(JsonLines):
 
 
 class WalkComparison:
-    """One instance in all dialects: `rows` are (first scan, last scan, outputs by dialect)."""
+    """One instance in all dialects. Each of `rows` is first scan, last scan, and outputs by dialect."""
 
     def __init__(self, instance: str, block: str, runs: Sequence[DialectRun]) -> None:
         self._head = f"{instance} ({block})"

@@ -1,6 +1,6 @@
 """A scenario step by step for a screen: the state of each step, and which one is next.
 
-Rule: it uses the same StepRunner as `trcvtui scenario`; the caller lets a scan pass whenever `wants_scan`.
+Rule: the StepRunner is the same as in `trcvtui scenario`. If `wants_scan`, the caller lets a scan pass.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ JUDGED_COMMANDS: Final = (words.Wait, words.Expect, words.ExpectTrace, words.Try
 
 
 class Player:
-    """One scenario on one bench; `is_to_end`: after each step the next step begins by itself."""
+    """One scenario on one bench. If `is_to_end`, the next step begins by itself after each step."""
 
     def __init__(self, path: str, scenario: Scenario, bench: Bench) -> None:
         self.is_to_end = False
@@ -60,7 +60,7 @@ class Player:
         return self._under_way is not None
 
     def step(self) -> None:
-        """Begin the next step after the running one; a run to the end stops after the running step."""
+        """Begin the next step after the running step. A run to the end stops after the running step."""
         if not self.is_to_end and not self.is_finished:
             self._wanted += 1
         self.is_to_end = False

@@ -1,4 +1,4 @@
-"""`trcvtui record`: records a bench without a screen, until a signal or the duration ends it."""
+"""`trcvtui record` records a bench without a screen, until a signal or the end of the duration."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LEAST_SPLIT: Final = 1 << 16
 
 
 def read_size(text: str | None, where: str) -> int:
-    """Return the bytes of `32MiB`, 0 for None; raise UserError."""
+    """Return the bytes of a size such as `32MiB`, or 0 for None; raise UserError."""
     if text is None:
         return 0
     size = parse_size(text) or 0
@@ -68,9 +68,9 @@ def record(
     follow: Callable[[FileSink, str], EntrySink],
     is_kept: bool = True,
 ) -> int:
-    """Record until the duration is over, or a signal ends it; return 0, 1 if the disk refuses a write.
+    """Record until the duration is over or a signal comes. Return 1 if the disk refuses a write, else 0.
 
-    `is_kept` False: the folder is only temporary, so a report of an internal error is written elsewhere.
+    If `is_kept` is False, the folder is temporary. Then a report of an internal error is written elsewhere.
     """
     until = NEVER if duration is None else parse_time(duration, "--duration")
     target = RecordTarget(out, False, has_secrets, limits, follow)

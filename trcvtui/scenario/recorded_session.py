@@ -1,11 +1,11 @@
 """Keeps the commands and the STATUS of a session on a bench, and writes them as a scenario file that runs.
 
-Rule 1: only commands that were carried out are kept, each with the number of scans that had passed before it.
-Rule 2: a mark begins the expectations anew; earlier commands stay, as they led to the state at the mark.
+Rule 1: only commands that were carried out are kept, each with the number of scans that had passed before.
+Rule 2: a mark begins the expectations anew. Earlier commands stay, as they led to the state at the mark.
 Rule 3: commands before the first scan follow the commands of the project's `start`, which are not kept.
-Rule 4: on real sockets peers and scans act by two clocks: then a scenario expects that jobs end with DONE
+Rule 4: on real sockets peers and scans act by two clocks. Then a scenario expects that jobs end with DONE
 between two events, but does not count these jobs.
-Bounds: MOST_COMMANDS commands of MOST_CHARACTERS characters; each trace keeps its first and newest runs.
+Bounds: MOST_COMMANDS commands of MOST_CHARACTERS characters. Each trace keeps its first and newest runs.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ class StatusPattern:
         self._newest.append(scan)
 
     def format_pattern(self, by_turns: Collection[int] = (), done: Collection[int] = ()) -> str:
-        """Return the scans in the notation of a pattern, "" for none.
+        """Return the scans in the notation of a pattern; no scans give an empty text.
 
         After a scan with a STATUS in `done`, any number of scans with a STATUS in `by_turns` may follow.
         """
@@ -126,7 +126,7 @@ class StatusPattern:
 
 
 def _loosen_turns(atoms: list[Atom], by_turns: Collection[int], done: Collection[int]) -> Iterator[Atom]:
-    """Yield the atoms; after a STATUS in `done`, `...` replaces the scans with a STATUS in `by_turns`."""
+    """Yield the atoms. After a STATUS in `done`, `...` replaces the scans with a STATUS in `by_turns`."""
     is_open = False
     for atom in atoms:
         if is_open and (atom is ANY_SCANS or (atom.scan is not None and atom.scan[0] in by_turns)):
@@ -158,7 +158,7 @@ class ExternalPartners(Struct, frozen=True):
 
 
 class SessionEntry(Struct, frozen=True):
-    """A line, and how many scans passed before it. `traced`: the line expects the trace of this instance."""
+    """A line, and how many scans passed before it. It expects the trace of `traced`, if that is set."""
 
     scans: int
     line: str
@@ -167,9 +167,9 @@ class SessionEntry(Struct, frozen=True):
 
 
 class _Trace:
-    """The trace of one instance: `status` since its last edge, `next_call`: the scan of its next call.
+    """The trace of one instance. `status` holds since the last edge. `next_call` is the next call's scan.
 
-    `changes_read`: how many changes of the instance's pins are read.
+    `changes_read` counts the changes of the instance's pins that were read.
     """
 
     __slots__ = ("changes_read", "interval", "is_lost", "next_call", "pattern", "status")
@@ -317,7 +317,7 @@ class RecordedSession:
         return -(-due // each) + 1
 
     def _count_calls(self, trace: _Trace, until: int) -> None:
-        """Add the calls without a change up to scan `until`; at most two, as a pattern needs no more."""
+        """Add at most two calls without a change up to scan `until`. A pattern needs no more calls."""
         if trace.next_call <= until:
             trace.pattern.add(trace.status)
             if self._call_after(trace, trace.next_call) <= until:
@@ -339,7 +339,7 @@ class RecordedSession:
             trace.is_lost, trace.next_call = True, NEVER
 
     def _expect_frame(self, seq: int, scan: int, t_ns: int, edge: StatusEdge) -> None:
-        """Expect outputs and first bytes of a frame in this scan: called only if time is virtual (rule 4)."""
+        """Expect outputs and first bytes of a frame in this scan. Called only in virtual time (rule 4)."""
         if not edge.outputs.done or not block_row(edge.block).has_com_buffer or self._frames >= MOST_FRAMES:
             return
         decl = self._bench.project.instance(edge.instance)
@@ -426,8 +426,8 @@ FAR_FOLDER: Final = os.path.join(os.pardir, os.pardir, os.pardir)
 def scenario_text(session: RecordedSession, bench: Bench, path: Path, before: str | None = None) -> str:
     """Return the text of a scenario file for `path`.
 
-    `before`: the project's text at the start of the session, if its file has changed since. The scenario
-    has this text, or the text of a project of the installation: no file names a path of the installation.
+    `before` is the project's text at the start of the session, if its file has changed since. The scenario
+    has this text, or the text of an installed project. No file names a path of the installation.
     """
     old, new = bench.project.base, path.parent
     lines = [_rebase_step(line, old, new) for line in session.steps()]
@@ -442,7 +442,7 @@ def scenario_text(session: RecordedSession, bench: Bench, path: Path, before: st
 
 
 def _rebase_step(line: str, old: Path, new: Path) -> str:
-    """Return a step for a file in `new`: the path in an `add udt` line is then relative to this folder."""
+    """Return a step for a file in `new`. The path in an `add udt` line is then relative to this folder."""
     start, name = "add udt ", line.removeprefix("add udt ")
     return start + relocate(name, old, new) if line.startswith(start) else line
 
@@ -484,7 +484,7 @@ def parse_toml_path(name: str, where: str) -> Path:
 
 
 def write_new(path: Path, text: str, ours: Iterable[str], where: str) -> str:
-    """Write a new file, or overwrite one of `ours`; return the real path; raise UserError for any other."""
+    """Write a new file, or overwrite one of `ours`, else raise UserError. Return the real path."""
     whole = os.path.realpath(path)
     is_own = whole in ours
     write_file(path, text, where, is_own=is_own, is_new=not is_own)

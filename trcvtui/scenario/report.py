@@ -33,7 +33,7 @@ NOT_REACHED_TEXT: Final = "not reached: an earlier wait failed"
 
 
 class JunitCase(Struct, frozen=True):
-    """One test case. `outcome` is "", failure, error or skipped; `kind`, `message`, `text` describe it."""
+    """One test case. `outcome` is "", failure, error or skipped. `kind`, `message`, `text` describe it."""
 
     name: str
     ns: int = 0
@@ -77,7 +77,7 @@ class Report:
         """Write the result of a scenario."""
 
     def write_error(self, path: Path, error: UserError) -> None:
-        """Write that a file could not run, or could not run to its end; stderr shows the mistakes, too."""
+        """Write that a file could not run, or not run to its end. stderr also shows the mistakes."""
 
     def end(self) -> None:
         """End the report: no file follows."""
@@ -135,7 +135,7 @@ def _make_skipped_cases(steps: Iterable[Step]) -> Iterator[JunitCase]:
 
 
 def _add_rest_case(cases: tuple[JunitCase, ...], verdict: Verdict) -> tuple[JunitCase, ...]:
-    """Return the cases; add one more if some time is in no case, or if there is no case."""
+    """Return the cases. Add a case if there is none, or if some time is in no case."""
     whole = verdict.taken[-1].until_ns if verdict.taken else 0
     rest = whole - sum(case.ns for case in cases)
     return (*cases, JunitCase(WHOLE_CASE_NAME, rest)) if rest or not cases else cases
@@ -148,7 +148,7 @@ def _is_test_case(step: Step) -> bool:
 
 
 def _case_name(step: Step) -> str:
-    """Return `007 expect TRCV_C_1 STATUS=7004`: unique in the file, and in order when sorted."""
+    """Return `007 expect TRCV_C_1 STATUS=7004`, which is unique in the file, and in order when sorted."""
     number = "start" if step.number == START_STEP else f"{step.number:03}"
     line = one_line(step.line)
     return f"{number} {line if len(line) <= LONGEST_NAME else line[: LONGEST_NAME - 3] + '...'}"

@@ -1,6 +1,6 @@
 """Runs a script on a bench without a stop: its steps in order, every scan observed, one verdict.
 
-Bounds: MOST_ERRORS different ERRORs, the oldest are dropped first; NEWEST_ERRORS of them at a failed step.
+Bounds: MOST_ERRORS different ERRORs, without the oldest. A failed step has at most NEWEST_ERRORS of them.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class ErrorSummary(Struct, frozen=True):
     times: int = 1
 
     def __str__(self) -> str:
-        """Return `TRCV_C_1 80C5 in scan 12: the partner closed ...`."""
+        """Return a text such as `TRCV_C_1 80C5 in scan 12: the partner closed ...`."""
         when = f"in scan {self.scan}"
         if self.times > 1:
             when = f"{self.times} times in scans {self.scan} to {self.last}"
@@ -79,10 +79,10 @@ def cause_record(cause: Cause, block: str) -> dict[str, object]:
 
 
 class SentCounts(NamedTuple):
-    """Counts of bytes sent on a CONNECT's present connection since it began.
+    """Counts the bytes sent on a CONNECT's present connection since the connection began.
 
-    `accepted`: by the local stack; `unacknowledged`: accepted, but not acknowledged by the partner's stack
-    (None: not known); `read_by_peer`: by the partner's program (None: it is no peer of this bench).
+    The local stack took `accepted` bytes. The partner's stack has not acknowledged `unacknowledged` of
+    them; None is unknown. The partner's program has read `read_by_peer`; None means no peer of this bench.
     """
 
     accepted: int
@@ -130,7 +130,7 @@ class StepResult(Struct, frozen=True):
 class Verdict(Struct, frozen=True):
     """How one scenario ended. `traces` are the STATUS runs of each instance over the whole scenario.
 
-    `taken`: the steps that were carried out; after a failed `wait` no step follows. `errors`: oldest first.
+    `taken` has the steps that were carried out, none after a failed `wait`. `errors` has the oldest first.
     """
 
     scenario: str
@@ -160,7 +160,7 @@ class VirtualPace:
 
 
 class ScenarioRunner:
-    """One scenario on one bench; `on_scan` gets the changes of each scan, and the deliveries."""
+    """One scenario on one bench. `on_scan` gets the changes of each scan, and the deliveries."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""A scenario file: `[scenario]` and a project, in this file or in another one; the list of such files."""
+"""Reads a scenario file: `[scenario]`, and a project in this or another file. Lists such files."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ START_STEP: Final = 0  # the steps of a scenario count from 1
 
 
 class Scenario(Struct, frozen=True):
-    """One scenario: its project, the `start` steps that come before scan 1, and its own steps."""
+    """One scenario: its project, the `start` steps before scan 1, and its own steps."""
 
     name: str
     about: str
@@ -92,7 +92,7 @@ def check_bench(project: Project) -> None:
 
 
 def start_steps(project: Project) -> tuple[Step, ...]:
-    """Return the commands of `start`, all as step 0; they run before scan 1; none may let a scan pass."""
+    """Return the commands of `start`, all as step 0. They run before scan 1. None may let a scan pass."""
     where = f"{project.path}: start"
     steps = tuple(parse_script(project.start, project, where))
     waiting = [step for step in steps if _lets_scans_pass(step.command)]
@@ -131,9 +131,9 @@ class ScriptLine(Struct, frozen=True):
 
 
 class ScenarioFile(Struct, frozen=True):
-    """A scenario file as a list shows it; `problem` is its first mistake, in one line.
+    """A scenario file as a list shows it. `problem` is the first mistake in the file, in one line.
 
-    `blocks` (each once) and `dialect`: of the project in the file, "" or none if the file has a mistake.
+    `blocks` (each once) and `dialect` are of the project in the file. After a mistake they are empty.
     """
 
     path: Path
@@ -149,7 +149,7 @@ class ScenarioFile(Struct, frozen=True):
 
 
 class ScenarioFiles(Struct, frozen=True):
-    """TOML files in reading order, each once; `is_cut`: more files exist than are listed."""
+    """TOML files in reading order, each once. If `is_cut`, more files exist than are listed."""
 
     paths: tuple[Path, ...]
     is_cut: bool
@@ -165,7 +165,7 @@ def find_files(project: Path) -> ScenarioFiles:
 
 
 class _Search:
-    """A search for files; `found` is by real path."""
+    """A search for files. `found` has the files by real path."""
 
     def __init__(self) -> None:
         self.found: dict[str, Path] = {}
@@ -257,7 +257,7 @@ def _project_fields(path: Path) -> dict[str, Any]:
 
 
 def _script_lines(steps: str, file: list[str]) -> Iterator[ScriptLine]:
-    """Yield the steps with their line numbers in the file; steps that are not found count from 1."""
+    """Yield the steps with their line numbers in the file. If the steps are not found, count from 1."""
     lines = steps.rstrip().split("\n")
     head = next((at for at, line in enumerate(file) if _STEPS_PATTERN.fullmatch(line)), -1) + 1
     first = head + 1 if head and file[head : head + len(lines)] == lines else 1

@@ -19,10 +19,10 @@ ShownCode = tuple[int, str]  # a code, and the block that shows it
 def find_scenarios(
     folder: str, codes: Collection[int] | None = None, wanted: Callable[[str], bool] | None = None
 ) -> Mapping[ShownCode, tuple[str, ...]]:
-    """Return the files of a folder that show a code at a block; paths start at the source's root.
+    """Return the files of a folder that show a code at a block. Paths start at the source's root.
 
-    With `codes` only files that contain the digits of a code are parsed: to parse all would take 60 ms.
-    `wanted`: returns whether to read a file of this name.
+    With `codes`, only files that contain the digits of a code are parsed. To parse all would take 60 ms.
+    `wanted` returns whether to read a file of this name.
     """
     showing: dict[ShownCode, list[str]] = {}
     for path in sorted((SOURCE_ROOT / "configs" / "scenarios" / folder).glob("*.toml")):

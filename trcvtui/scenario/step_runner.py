@@ -1,9 +1,9 @@
-"""Runs a step on a bench: carries out its command or checks its expectation; keeps each scan's STATUS.
+"""Runs a step on a bench: carries out its command or checks its expectation. Keeps each scan's STATUS.
 
-Rule: a step lets no scan pass by itself. It asks for each scan: so a runner can let the scan pass at once
+Rule: a step lets no scan pass by itself, but asks for each scan. So a runner can let the scan pass at once
 or at the clock's pace, and an engine can serve its screen between two scans.
 Bounds of an instance's trace: MOST_NEWEST_RUNS runs of the newest scans (64 bytes each, 6.4 MB),
-MOST_FIRST_RUNS runs of the oldest. A run is any number of equal scans: an instance that waits needs one run.
+MOST_FIRST_RUNS runs of the oldest. A run is any number of equal scans, so a waiting instance needs one run.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class TraceSection(Struct, frozen=True):
     lost: int
 
     def fits(self, pattern: TracePattern) -> bool:
-        """Return whether the pattern describes all scans; only `...` can describe lost ones."""
+        """Return whether the pattern describes all scans. Only `...` can describe lost scans."""
         return (not self.lost or pattern.atoms[0] == ANY_SCANS) and matches(pattern, self.runs)
 
     def __str__(self) -> str:
@@ -102,7 +102,7 @@ class Failure(Struct, frozen=True):
 
 
 class StepRunner:
-    """Runs steps on a bench. `failure`, doctor's `answer`: of the last step; `is_over`: a `wait` failed."""
+    """Runs steps. The last step set `failure` and the doctor's `answer`. A failed `wait` sets `is_over`."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -116,7 +116,7 @@ class StepRunner:
             self.traces[decl.name] = Trace()
 
     def run_step(self, step: words.Step) -> Iterator[None]:
-        """Run one step; each time this yields, the caller lets one scan pass and calls `note_scan`."""
+        """Run one step. At each yield, the caller lets one scan pass and calls `note_scan`."""
         self.failure, self.answer = None, ""
         match step.command:
             case words.RunScans(scans):
@@ -174,7 +174,7 @@ class StepRunner:
             self._fail(step, wrong)
 
     def _ask_doctor(self, step: words.Step, command: words.Doctor) -> Iterator[None]:
-        """Ask the doctor; until it answers, scans pass on a live bench, but none in virtual time."""
+        """Ask the doctor. Until it answers, scans pass on a live bench, but none in virtual time."""
         from trcvtui.bench.doctor_requests import BenchDoctor
 
         if self.judge is None:

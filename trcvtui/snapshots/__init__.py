@@ -1,1 +1,1 @@
-"""Frozen states of everything around the PLC, for the screen; the PLC's state is in `plc/snapshot.py`."""
+"""Frozen states of everything around the PLC, for the screen. The PLC's state is in `plc/snapshot.py`."""

@@ -6,9 +6,9 @@ from msgspec import Struct
 
 
 class LineAnswer(Struct, frozen=True):
-    """The answer to one line: `error` is "" on success; `message` is a result beyond "done".
+    """The answer to one line. On success `error` is empty. `message` is a result beyond "done".
 
-    `edit`: the line with all its values, if the line has changed the program and not only inputs.
+    If the line has changed the program and not only inputs, `edit` is the line with all its values.
     """
 
     number: int
@@ -19,10 +19,10 @@ class LineAnswer(Struct, frozen=True):
 
 
 class EngineTiming(Struct, frozen=True):
-    """How punctual the scans are. Times in ns; `mode` names what the operating system granted.
+    """How punctual the scans are. Times are in ns. `mode` names what the operating system granted.
 
-    `overruns` and `late_ns`, the latest start, are 0 again after 10 good seconds.
-    `late_by_picture`: the number of scans that a picture has delayed.
+    `late_ns` is the latest start. After 10 good seconds, `overruns` and `late_ns` are 0 again.
+    `late_by_picture` is the number of scans that a picture has delayed.
     """
 
     scans: int = 0
@@ -43,7 +43,7 @@ class TriggerEvent(Struct, frozen=True):
 
 
 class ReplySnapshot(Struct, frozen=True):
-    """A reply rule as in `replies` of a project; `missed`: matches without room for a reply."""
+    """A reply rule as in `replies` of a project. `missed` counts matches without room for a reply."""
 
     rule: str
     hits: int
@@ -51,7 +51,7 @@ class ReplySnapshot(Struct, frozen=True):
 
 
 class TrafficTally(Struct, frozen=True):
-    """Counters of a receiver of checked frames; `shifts`: how often a frame did not start where expected."""
+    """Counters of a receiver of checked frames. `shifts` counts frames that began at an unexpected byte."""
 
     frames: int
     lost: int
@@ -65,7 +65,7 @@ class TrafficTally(Struct, frozen=True):
 
 
 class TrafficSnapshot(Struct, frozen=True):
-    """Self-checking traffic: frames sent; tallies of the frames in DATA (`data`) and returned (`echo`)."""
+    """Self-checking traffic: frames sent, and tallies of the frames in DATA and of the returned frames."""
 
     sent: int
     data: TrafficTally | None

@@ -1,4 +1,4 @@
-"""Conversations between other programs: watched, or through a tap."""
+"""Conversations between other programs, which are watched or go through a tap."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ TAP, ARMED_TAP = "tap", "armed tap"  # `kernel` of a tap's screen; armed: its ke
 
 
 class DirectionSnapshot(Struct, frozen=True):
-    """Counters of one direction; `rate` in bytes per second, of the last second.
+    """Counters of one direction. `rate` is in bytes per second, of the last second.
 
-    `held`: bytes that a tap holds back, None: it forwards them; `first`: the first of these bytes;
-    `held_ns`: how long the tap has been holding. `round_trip_ns` and `window` of the receiver, as the TCP
-    stack of a tap knows them; None: unknown.
+    `held` is the number of bytes that a tap holds back, or None while it forwards them. `first` has the
+    first of these bytes. The tap has been holding for `held_ns`. `round_trip_ns` and `window` of the
+    receiver are as the TCP stack of a tap knows them; None means unknown.
     """
 
     size: int
@@ -29,10 +29,10 @@ class DirectionSnapshot(Struct, frozen=True):
 
 
 class ConversationSnapshot(Struct, frozen=True):
-    """A conversation of other programs. `tap`: the tap that it goes through, "" if it is only watched.
+    """A conversation of other programs. `tap` is the tap that it goes through, or "" if it is only watched.
 
-    `seconds`: bytes of both directions in each of the newest seconds.
-    `handshake_ns`: from SYN to the ACK of the SYN-ACK.
+    `seconds` has the bytes of both directions in each of the newest seconds.
+    `handshake_ns` is the time from SYN to the ACK of the SYN-ACK.
     """
 
     number: int

@@ -8,9 +8,9 @@ from trcvtui.blocks.conditions import Condition
 
 
 class Remedy(Struct, frozen=True, forbid_unknown_fields=True):
-    """One remedy in words, as a bench `command`, and as `--set` of a what-if (`set`); None: no such form.
+    """One remedy in words, as a bench `command`, and as `set` for a what-if. None means no such form.
 
-    `tried`: a second check with the remedy found neither this cause nor a new one. If False: only advice.
+    If `tried`, a second check with the remedy found neither this cause nor a new one. Else: only advice.
     """
 
     text: str
@@ -34,12 +34,12 @@ class Ends(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Finding(Struct, frozen=True, forbid_unknown_fields=True):
-    """One cause: confidence (0 to 1), evidence, place; `mend`: remedies, empty: the usual ones of `cause`.
+    """One cause: confidence (0 to 1), evidence, place. An empty `mend` means the usual remedies of `cause`.
 
-    `way`: to-plc, from-plc, or "": both; `at`: UTC in ns, byte of the direction, size, packet; `instance`
-    and `connect`: "" if several or none are meant. `is_fact`: the protocol proves it. A remark is no fault.
-    `packets` are numbers in the capture, `filter` is for Wireshark; `status`: STATUS words in hex that the
-    cause leads to; `explains`: symptoms of blocks. `t_s` is in the capture, `t_ns` and `scan` in the run.
+    `way` is to-plc, from-plc, or "" for both. `at` is UTC in ns, byte of the direction, size, packet. An
+    empty `instance` or `connect` is several or none. If `is_fact`, the protocol proves it. A remark is no
+    fault. `packets` are numbers in the capture, `filter` is for Wireshark. The cause leads to `status`, in
+    hex; `explains` are symptoms of blocks. `t_s` is in the capture, `t_ns` and `scan` in the run.
     """
 
     confidence: float

@@ -11,11 +11,11 @@ WHAT_IF: Final = "what-if "  # before an instance's name: this instance in the r
 
 
 class ReplayPosition(Struct, frozen=True):
-    """The position of a replay. `last_scan` and `last_t_ns` may grow until the recording `is_read`.
+    """The position of a replay. Until the recording `is_read`, `last_scan` and `last_t_ns` may grow.
 
-    `wanted` is the scan that the replay goes to; times are ns of the run; `marks` has a byte for each piece
-    of the run: 1 with an ERROR, else 0. `what_if`: lines about a run with another parameter; `parts_at`:
-    from this scan on, that run differs from the recorded run; 0: no difference yet.
+    The replay goes to the scan `wanted`. Times are ns of the run. `marks` has a byte for each piece of the
+    run: 1 with an ERROR, else 0. `what_if` has lines about a run with another parameter. From scan
+    `parts_at` on, that run differs from the recorded run; 0 means no difference yet.
     """
 
     scan: int

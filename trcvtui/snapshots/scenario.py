@@ -8,7 +8,7 @@ TO_COME, NOW, DONE, HELD, FAILED = "to come", "now", "done", "held", "failed"
 
 
 class StepSnapshot(Struct, frozen=True):
-    """One step of a scenario; `number` 0: a command of `start`; `found`: what a failed step found."""
+    """One step of a scenario. Number 0 is a command of `start`. `found` is what a failed step found."""
 
     number: int
     line: str
@@ -19,8 +19,8 @@ class StepSnapshot(Struct, frozen=True):
 class PlayerSnapshot(Struct, frozen=True):
     """The progress of a scenario.
 
-    `current` is the index in `steps` of the step that runs or comes next, `scans_of_step` its scans so far.
-    `traces` are the newest STATUS runs of each instance.
+    `current` is the index of the step that runs or comes next. `scans_of_step` counts the scans of this
+    step. `traces` has the newest STATUS runs of each instance.
     """
 
     path: str
@@ -37,7 +37,7 @@ class PlayerSnapshot(Struct, frozen=True):
 
 
 class SplitRow(Struct, frozen=True):
-    """The result of cuts after byte `first` to `last` (0: no cut); `same`: the same frames as without cut.
+    """The result of cuts after byte `first` to `last` (0: no cut). If `same`, frames are as without cut.
 
     `walk` is the STATUS walk in the notation of a trace, `lengths` the RCVD_LEN of each DONE.
     """

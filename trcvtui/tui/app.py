@@ -53,7 +53,7 @@ DETACHED_EXIT: Final = 3  # the screen of a tap ends; the tap keeps forwarding
 
 
 def may_open(screen: object) -> bool:
-    """Return whether a read-only app may open this screen: one that only displays, and opens no file."""
+    """Return whether a read-only app may open this screen, which must only display and open no file."""
     from textual.command import CommandPalette
 
     from trcvtui.tui.curve import CurveScreen
@@ -276,7 +276,7 @@ class BenchApp(TerminalApp):
         self._resume_keys()
 
     def action_restart(self) -> None:
-        """Record the run, or stop recording; restart an engine that has ended."""
+        """If the engine has ended, restart the engine. Else record the run, or stop recording."""
         if self.screen is not self.main:
             return
         if self.only_looks:
@@ -455,7 +455,7 @@ class BenchApp(TerminalApp):
     async def action_quit(self) -> None:
         """End the bench, after a warning about unsaved edits and connections that are cut.
 
-        The warning about edits comes again after any other key. A tab of `serve` keeps edits: no warning.
+        After any other key, the warning about edits comes again. A `serve` tab keeps edits: no warning.
         """
         picture, unsaved = self.view_model.live, self.view_model.unsaved
         if unsaved and not self.last_words and not self._engine.is_shared:
@@ -541,7 +541,7 @@ def run_app(
     replay: bool = False,
     remembers: bool = False,
 ) -> int:
-    """Open the screen on a bench or a replay; return the exit code: 1 if the engine ended by itself."""
+    """Open the screen on a bench or a replay. Return the exit code, 1 if the engine ended by itself."""
     settings = load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme)
     if read_only:
         refuse_files("this screen is read-only")

@@ -1,6 +1,6 @@
 """Copies of what the screen shows: in a file of the user's state folder, and on the clipboard.
 
-Bounds: MOST_FILES files, the oldest is deleted; a clipboard program is killed after CLIPBOARD_TIMEOUT_S.
+Bounds: MOST_FILES files, without the oldest. A clipboard program is killed after CLIPBOARD_TIMEOUT_S.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def _clipboard_programs() -> Iterator[tuple[str, ...]]:
 
 
 def copy_by_program(text: str) -> str:
-    """Give a text to the first clipboard program that takes it; return its name, "" for none."""
+    """Give a text to the first clipboard program that takes the text. Return its name, if there is one."""
     encoding = "utf-16" if sys.platform == "win32" else "utf-8"
     for name, *arguments in _clipboard_programs():
         program = shutil.which(name)
@@ -96,7 +96,7 @@ Notify = Callable[[str], None]
 
 
 async def yank(app: App[None], form: CopyFormat, text: str, tell: Notify, complain: Notify) -> None:
-    """Copy a text to each clipboard that works, and always into a file; `tell` gets these places."""
+    """Copy a text to each clipboard that works, and always into a file. `tell` gets these places."""
     ways, trouble = [], ""
     if len(text) <= MOST_OSC52:
         App.copy_to_clipboard(app, text)  # not the app's own: that one runs a program, too

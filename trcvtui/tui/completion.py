@@ -72,5 +72,5 @@ class BenchSuggester(Suggester):
         return complete(value, self._project())
 
     def _get_suggestion(self, requester: DOMNode, value: str) -> Any:
-        """Return a function, not a coroutine: if the app ended, a coroutine would never be awaited."""
+        """Return a function, because a coroutine would never be awaited if the app ended."""
         return partial(super()._get_suggestion, requester, value)

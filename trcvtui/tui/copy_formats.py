@@ -41,9 +41,9 @@ class CopySource:
 def make_copy_source(
     view_model: ViewModel, of_job: bool, of_peer: bool, past: tuple[str, int, bytes] | None = None
 ) -> CopySource:
-    """Return the bytes of the job or of DATA; `of_peer`: the last bytes that the peer has received.
+    """Return the bytes of the job or of DATA. `of_peer` asks for the last bytes that the peer has received.
 
-    `past`: the instance, number and bytes of an earlier job; number 0: the bytes were thrown away.
+    `past` has the instance, number and bytes of an earlier job. With number 0, the bytes were thrown away.
     """
     content, declared, job, name = view_model.job_bytes, view_model.declaration, "running job", ""
     peer = view_model.peer_snapshot
@@ -68,7 +68,7 @@ def make_copy_source(
 
 @dataclass(frozen=True, slots=True)
 class CopyFormat:
-    """One format; `letter` chooses it in the menu, a file in this format gets `suffix`."""
+    """One format. `letter` chooses the format in the menu. A file in this format gets `suffix`."""
 
     letter: str
     name: str
@@ -134,7 +134,7 @@ FORMAT_LETTERS = tuple(form.letter for form in FORMATS)
 
 
 class YankList(LineView, inherit_bindings=False):
-    """One row per format, pale if it has no text. Letters choose formats, so `j` and `k` do not move."""
+    """One row per format, pale if it has no text. Letters choose formats, so `j` and `k` move no cursor."""
 
     BINDINGS: ClassVar = [Binding("enter", "screen.take_chosen", show=False), *ARROW_KEYS[:2]]
 
@@ -144,7 +144,7 @@ class YankList(LineView, inherit_bindings=False):
         self.cursor = FORMAT_LETTERS.index(first) if self.texts[first] else self._next_writable(-1, 1)
 
     def _next_writable(self, place: int, step: int) -> int:
-        """Return the next format that has a text, or the same place if none has."""
+        """Return the next format that has a text. If none has a text, return the same place."""
         for away in range(1, len(FORMATS) + 1):
             candidate = (place + step * away) % len(FORMATS)
             if self.texts[FORMAT_LETTERS[candidate]]:
@@ -176,7 +176,7 @@ class YankList(LineView, inherit_bindings=False):
 
 
 class YankScreen(ListDialog[tuple[CopyFormat, str] | None]):
-    """Answers with the chosen format and its text; a letter chooses at once, `y` the row under the cursor."""
+    """Answers with a format and its text. A letter chooses at once, `y` chooses the row at the cursor."""
 
     BINDINGS: ClassVar = [
         *[Binding(letter, f"take('{letter}')", show=False) for letter in FORMAT_LETTERS],

@@ -30,7 +30,7 @@ ERROR, CUT = "▲", "×"  # in one column the greater one wins (`max`)
 
 
 class TimeWindow:
-    """The part of the time in view, in ns; `span` None: all of it; `end` None: it follows new messages."""
+    """The time in view, in ns. If `span` is None, it is all. If `end` is None, it follows new messages."""
 
     def __init__(self) -> None:
         self.span: int | None = None
@@ -45,7 +45,7 @@ class TimeWindow:
         return end - span, end
 
     def zoom(self, by: float) -> None:
-        """Multiply the time in view; the middle stays, or the end if the view follows new messages."""
+        """Multiply the time in view. The middle stays, or the end if the view follows new messages."""
         begin, end = self.bounds
         span = max(SHORTEST_WINDOW_NS, int((end - begin) * by))
         is_whole = span >= self.whole[1] - self.whole[0]
@@ -58,7 +58,7 @@ class TimeWindow:
 
 
 class MemberTrace(NamedTuple):
-    """A drawn member; `now`: its value in the newest message; `curve` None: no value is in view."""
+    """A drawn member. `now` is its value in the newest message. If `curve` is None, no value is in view."""
 
     leaf: Leaf
     style: str
@@ -67,7 +67,7 @@ class MemberTrace(NamedTuple):
 
 
 class CurveView(TextView, inherit_bindings=False):
-    """`path`: the first member, `other`: the second. If the type has changed, both are looked up again."""
+    """`path` is the first member, `other` the second. If the type has changed, both are looked up again."""
 
     BINDINGS: ClassVar = hidden_keys({
         "plus": "zoom(0.5)", "minus": "zoom(2)", "left": "step(-1)", "right": "step(1)",
@@ -216,7 +216,7 @@ def _curve_rows(traces: Sequence[MemberTrace], width: int, height: int) -> Itera
 
 
 def _axis_label(trace: MemberTrace, y: int, height: int) -> str:
-    """Return the axis text of row `y`: an end of the axis, or in the middle row the only number."""
+    """Return the axis text of row `y`: an end of the axis, or the only number in the middle row."""
     low, high = trace.curve.axis if trace.curve is not None else (None, None)
     number = {0: high, height - 1: low}.get(y) if low != high else {height // 2: low}.get(y)
     text = f"{number:.6g}" if isinstance(number, float) else "" if number is None else str(int(number))

@@ -135,7 +135,7 @@ class FindingList(CardText):
         return next(iter(on_it), self._view_model.selected)
 
     def place(self, of_byte: bool = False) -> DoctorTarget | None:
-        """Return the chosen finding's scan, with `of_byte` the byte in the stream; None: unknown."""
+        """Return the chosen finding's scan, or with `of_byte` its byte in the stream. None is unknown."""
         one, snapshot = self.chosen_finding, self._view_model.snapshot
         if one is None or snapshot is None:
             return None
@@ -153,7 +153,7 @@ class FindingList(CardText):
         return None if scan is None else DoctorTarget(instance=self._finding_instance, scan=scan)
 
     def remedy_line(self) -> str:
-        """Return the line that applies the remedy: a bench command, or `if` in a recording; "" for none."""
+        """Return the line that applies the remedy, if any: a bench command, or `if` in a recording."""
         one, picture = self.chosen_finding, self._view_model.live
         if one is None or picture is None:
             return ""

@@ -20,12 +20,12 @@ ON_SIGN, OFF_SIGN, GLOW_SIGN = "■", "□", "◆"
 
 
 def status_word(status: int) -> str:
-    """Return a STATUS word as the field writes it: `16#7006`."""
+    """Return a STATUS word in the notation `16#7006`."""
     return f"16#{status:04X}"
 
 
 def lamp(on: bool, glowing: bool = False) -> str:
-    """Return the sign of a lamp; `glowing`: it was lit a moment ago."""
+    """Return the sign of a lamp. If `glowing`, the lamp was lit a moment ago."""
     return ON_SIGN if on else GLOW_SIGN if glowing else OFF_SIGN
 
 
@@ -57,7 +57,7 @@ def _cut_to_width(text: str, width: int) -> str:
 
 
 def clip_middle(text: str, width: int) -> str:
-    """Return a name in at most `width` columns; it keeps its end, because names often differ there."""
+    """Return a name in at most `width` columns. Its end stays, because names often differ at the end."""
     if measure(text) <= width or width < 5:
         return clip(text, width)
     tail = (width - 1) // 2

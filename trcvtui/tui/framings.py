@@ -1,4 +1,4 @@
-"""Framing advice: how to cut the bytes of a ComBuffer, with reasons and a preview; enter applies it."""
+"""Framing advice: how to cut the bytes of a ComBuffer, with reasons and a preview. Enter applies it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def buffer_for(view_model: ViewModel) -> str:
 
 
 def find_framed_block(buffer: str, view_model: ViewModel) -> str:
-    """Return the instance that cuts this ComBuffer's bytes: the selected one if it does, else the first."""
+    """Return the selected instance if it cuts this ComBuffer's bytes, else the first one that does."""
     readers = [
         i.name for i in view_model.project.instances if i.connect == buffer and block_row(i.block).affix_pins
     ]

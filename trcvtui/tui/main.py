@@ -47,7 +47,7 @@ REST_ROW: Final = 0  # in place of a height: the row of bytes and members gets t
 
 
 def size_classes(width: int, height: int, instances: int, block: int = ROWS) -> dict[str, bool]:
-    """Return each CSS class and whether it applies; `block` is the height that pane 2 needs."""
+    """Return whether each CSS class applies. `block` is the height that pane 2 needs."""
     below = height - min(MOST_LIST_ROWS, instances + 2)
     tabs = width < LEAST_WIDTH or height < LEAST_HEIGHT or below < LEAST_PANE_ROWS
     high = height >= HIGH and below >= HIGH_BELOW + block - ROWS
@@ -67,9 +67,9 @@ def size_classes(width: int, height: int, instances: int, block: int = ROWS) -> 
 def row_heights(
     holds: Mapping[str, bool], height: int, timing: bool, block: int = ROWS, peers: int = 1
 ) -> tuple[int, ...]:
-    """Return the heights of the rows of panes; they never depend on what the panes show.
+    """Return the heights of the rows of panes. The heights never depend on what the panes show.
 
-    `holds` is the result of `size_classes`; `timing`: the timing pane was opened after the history.
+    `holds` is the result of `size_classes`. If `timing`, the timing pane was opened after the history.
     """
     tall = holds["-tall"]
     peer = 8 + max(0, min(MOST_PEERS_SHOWN, peers) - 1) if holds["-roomy"] else 8
@@ -95,7 +95,7 @@ EXPORT_SYNTAX: Final = "export timing vcd, or export timing vcd FILE"
 
 
 def run_timing_line(line: str, pane: Timing) -> str:
-    """Carry out `find` or `export`; return a message, "" for none; raise UserError."""
+    """Carry out `find` or `export`. Return a message, or "" for none; raise UserError."""
     words = line.split(maxsplit=3)
     if words[0] == FIND:
         return _find_status(words[1:], pane)
@@ -288,7 +288,7 @@ class MainScreen(FullScreen[None]):
         return True
 
     def freeze(self, last_words: str) -> None:
-        """Show that the engine has ended and what you can do; keep the last picture, its lamps grey."""
+        """Show that the engine has ended and what you can do. Keep the last picture, with grey lamps."""
         self._set_running(False)
         self.prompt.show_error(last_words, stays=True)
 
@@ -398,7 +398,7 @@ class MainScreen(FullScreen[None]):
         self.set_focus(self._focus_target(digit))
 
     def watch_focused(self) -> None:
-        """Give the pane with the focus a class: `:focus-within` would style all of its parts again."""
+        """Give the pane with the focus a class. `:focus-within` would style all of its parts again."""
         for pane in (self.received, self.peer):
             if pane.has_class(WITHIN_CLASS) != pane.has_focus_within:
                 pane.set_class(pane.has_focus_within, WITHIN_CLASS, update=False)
@@ -486,7 +486,7 @@ class MainScreen(FullScreen[None]):
         self.table.show()
 
     def action_theirs(self) -> None:
-        """Show DATA in the layout that fits the received bytes; if none fits, in the PLC's own layout."""
+        """Show DATA in the layout that fits the received bytes, or in the PLC's own layout if none fits."""
         from trcvtui.diagnosis.data_view import make_view_command  # read when first asked for
 
         decl, offer = self._view_model.declaration, self.status.offer()
@@ -598,7 +598,7 @@ class MainScreen(FullScreen[None]):
             self._submit(line)
 
     def remove_part(self, part: ProjectPart) -> None:
-        """Open the prompt with the line that removes a part: you see the effect before sending it."""
+        """Open the prompt with the line that removes a part. You see the effect before sending the line."""
         if not self._is_refused():
             self.action_prompt(f"remove {part.kind} {part.name}")
 

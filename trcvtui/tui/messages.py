@@ -41,14 +41,14 @@ class PastSelected(Message):
 
 @dataclass
 class MessageChosen(Message):
-    """A row of the table of messages was chosen; `row` None: the table follows the newest message."""
+    """A row of the table of messages was chosen. If `row` is None, the table follows the newest message."""
 
     row: MessageRow | None
 
 
 @dataclass
 class FieldSelected(Message):
-    """A row of the UDT table was chosen; `field`: the bytes of its member."""
+    """A row of the UDT table was chosen. `field` is the range of its member's bytes."""
 
     field: range
 

@@ -18,7 +18,7 @@ PAYLOAD_MODES: Final = (HEX, TEXT, UDT)
 
 @dataclass(frozen=True, slots=True)
 class Button:
-    """One button: letter, label and bench command for a peer; with `edit` you complete the command."""
+    """One button with letter, label and bench command for a peer. With `edit` you complete the command."""
 
     letter: str
     label: Callable[[PeerSnapshot], str]
@@ -69,7 +69,7 @@ CLEAR_BUTTON: Final = Button("u", _always("Clear faults"), _always("fault clear"
 
 
 def buttons_for(faults: bool, peer: PeerSnapshot | None = None) -> tuple[Button, ...]:
-    """Return the buttons that make sense for a peer; while a fault is armed, `u` clears it."""
+    """Return the buttons that make sense for a peer. While a fault is armed, `u` clears the fault."""
     silence = (SILENCE_BUTTON,) if peer is not None and peer.link else ()
     is_udp = peer is not None and peer.udp
     always = tuple(button for button in BUTTONS if not (is_udp and button.letter in CONNECTED_LETTERS))
@@ -80,20 +80,20 @@ def buttons_for(faults: bool, peer: PeerSnapshot | None = None) -> tuple[Button,
 
 
 def make_try_line(peer: str, mode: str, payload: str, instance: str, gap: str) -> str:
-    """Return the bench command that tries every split of a payload, with the first pause of `gap` only."""
+    """Return the bench command that tries every split of a payload. Only `gap`'s first pause counts."""
     options = f" gap={gap.split(',')[0].strip()}" if gap.strip() else ""
     message = _quote(payload) if mode == TEXT else payload.strip()
     return f"peer {peer} try-splits {mode} {message} on {instance}{options} differ=any"
 
 
 def receiver_for(link: str, selected: str, project: Project) -> str:
-    """Return the receiving instance on a peer's CONNECT: the selected one if possible, else the first."""
+    """Return the receiving instance on a peer's CONNECT. Prefer the selected instance, then the first."""
     names = [i.name for i in project.instances if i.connect == link and block_row(i.block).receives_stream]
     return selected if selected in names else next(iter(names), "")
 
 
 def make_send_line(peer: str, mode: str, payload: str, options: tuple[tuple[str, str], ...]) -> str:
-    """Return the bench command that sends a payload; options are (name, text), empty ones are left out."""
+    """Return the bench command that sends a payload. Options without text are left out."""
     given = "".join(f" {name}={text.strip()}" for name, text in options if text.strip())
     return f"peer {peer} send {mode} {_quote(payload) if mode == TEXT else payload.strip()}{given}"
 

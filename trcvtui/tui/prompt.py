@@ -1,4 +1,4 @@
-"""The command line: `:` opens it; closed, it shows the last command and its answer."""
+"""The command line, which `:` opens. While closed, it shows the last command and its answer."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class EchoLine(LineView, can_focus=False):
     def show_answer(
         self, line: str, error: str = "", waits: bool = False, text: str = "", stays: bool = False
     ) -> None:
-        """Show a command and its answer for MESSAGE_TIME_S; with `waits` or `stays`, until the next."""
+        """Show a command and its answer for MESSAGE_TIME_S. With `waits` or `stays` there is no limit."""
         if self._end is not None:
             self._end.stop()
         expires = bool(line or error or text) and not (waits or stays)
@@ -48,7 +48,7 @@ class EchoLine(LineView, can_focus=False):
         self._fit_height()
 
     def show_preview(self, note: str) -> None:
-        """Show the effect of the line that you are typing; "" shows the last command again."""
+        """Show the effect of the line that you are typing. "" brings back the last command."""
         if note != self.note:
             self.note = note
             self._fit_height()
@@ -111,7 +111,7 @@ class PromptInput(TypedField):
 
 
 class Prompt(Vertical):
-    """The echo line, and the input while it is open; keeps the typed lines and the lines to send next."""
+    """The echo line and the input. The prompt keeps the typed lines and the lines to send next."""
 
     DEFAULT_CSS = "Prompt { height: auto; background: $background; }"
 
@@ -144,7 +144,7 @@ class Prompt(Vertical):
     # -- open and closed ----------------------------------------------------------------------------
 
     async def mount_input(self) -> None:
-        """Make the input; the app handles keys only after that."""
+        """Make the input. The app handles keys only after the input exists."""
         from trcvtui.tui.completion import BenchSuggester
 
         self._input.suggester = BenchSuggester(lambda: self._view_model.project)

@@ -1,11 +1,11 @@
-"""The same screen in a browser on this machine, through textual-serve; read-only unless `--write` is given.
+"""The same screen in a browser on this machine, by textual-serve. Without `--write` it is read-only.
 
-Rule 1: only on 127.0.0.1, and only for pages of this server: any other page in the same browser could
-command the bench. So the Host and the Origin of every request are checked.
-Rule 2: only with the printed address: other users of this machine can reach the port, too. The address
-holds a random token; the browser gets a cookie for it, and every later request must show the cookie.
-Rule 3: there is one engine, which ends with this process; each tab is a separate process that shows it.
-At most MOST_TABS run.
+Rule 1: the server is only on 127.0.0.1 and only for its own pages. Otherwise any other page in the same
+browser could command the bench. So the Host and the Origin of every request are checked.
+Rule 2: a request needs the printed address, as other users of this machine can reach the port. The address
+holds a random token. The browser gets a cookie for it, which every later request must show.
+Rule 3: there is one engine, which ends with this process. Each tab is a separate process that shows the
+engine. At most MOST_TABS tabs run.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def refuse_root(write: bool, as_root: bool) -> None:
 
 
 class AccessControl:
-    """Decides which requests are served: from our own pages (rule 1), with token or cookie (rule 2)."""
+    """Passes only requests from our own pages (rule 1) that show the token or the cookie (rule 2)."""
 
     def __init__(self, port: int) -> None:
         self.token = secrets.token_urlsafe(32)
@@ -82,9 +82,9 @@ class AccessControl:
         return f"{self.address}/?{TOKEN_PARAMETER}={self.token}"
 
     def find_refusal(self, host: str, origin: str | None, is_socket: bool) -> str:
-        """Return why a request is refused even with the right token; "" if it is not refused.
+        """Return why a request is refused even with the right token, or "" if it is served.
 
-        A browser always names the Origin of a websocket: a request without it is not from our page.
+        A browser always names the Origin of a websocket, so a socket without it is not from our page.
         """
         if host.lower() not in self._own or (origin is None and is_socket):
             return FOREIGN_REFUSAL
@@ -128,7 +128,7 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
 
 
 def restart_engine(engine: EngineDriver) -> str:
-    """Restart an engine that has ended, and print why it ended; return why the restart failed, or ""."""
+    """If the engine has ended, print why and restart it. Return why the restart failed, or ""."""
     try:
         engine.poll_picture()
     except EngineStopped as stopped:
@@ -145,7 +145,7 @@ def restart_engine(engine: EngineDriver) -> str:
 async def application(
     command: str, entrance: AccessControl, title: str, about: str, begin: Callable[[], str]
 ) -> web.Application:
-    """Return the web application, which prints its address first; a tab runs `begin`, then `command`."""
+    """Return the web application, which prints its address first. A tab runs `begin`, then `command`."""
     from aiohttp import web
     from textual_serve.server import Server
 

@@ -1,8 +1,8 @@
 """The user's settings in the config folder: theme and keys. Each mistake in them is one line in `problems`.
 
 config.toml: theme = "dark" | "light" | "ansi" | one of Textual's, such as "nord"
-(without it the terminal's colours decide). keys.toml: action = "key", or a list of keys. Lower-case
-letters belong to pins and panes: an action may only have a lower-case letter that is its default key.
+(without it the terminal's colours decide). keys.toml: action = "key", or a list of keys. Lower-case letters
+belong to pins and panes, so an action may have a lower-case letter only as its default key.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ EXPECTED_KEY: Final = "one character, or a key such as f5, ctrl+k or pageup"
 
 @dataclass(frozen=True, slots=True)
 class ScreenSettings:
-    """`keymap`: the keys of each changed action; `names`: the new name for each changed default key."""
+    """`keymap` has the keys of each changed action, `names` the new name of each changed default key."""
 
     theme: str = "dark"
     keymap: Mapping[str, str] = field(default_factory=dict)
@@ -50,7 +50,7 @@ def config_folder() -> Path:
 
 
 def load_settings(bindings: Iterable[BindingType], theme: str | None = None) -> ScreenSettings:
-    """Return the settings; NO_COLOR decides the theme, else `theme` of the command line, else the file."""
+    """Return the settings. The theme comes from NO_COLOR, else from `theme`, else from the file."""
     own = [binding for binding in bindings if isinstance(binding, Binding)]
     folder, problems = config_folder(), list[str]()
     config = _read_table(folder / CONFIG_FILE, problems)
@@ -74,7 +74,7 @@ def _read_table(path: Path, problems: list[str]) -> dict[str, Any]:
 
 
 def theme_for(environ: Mapping[str, str]) -> str:
-    """Return the theme from the terminal's variables; a terminal with 16 or fewer colours keeps its own."""
+    """Return the theme for the terminal's variables. A terminal with at most 16 colours keeps its own."""
     name = environ.get("TEXTUAL_COLOR_SYSTEM", "auto")  # Textual uses it, also in a browser
     system = name if name in COLOUR_SYSTEMS else "auto"
     console = Console(color_system=system, force_terminal=True, _environ=environ)

@@ -71,7 +71,7 @@ class TerminalApp(App[None]):
         """After the start, show the message that the user must see about this screen."""
 
     def end_children(self, is_dead: bool) -> None:
-        """End the child processes of this screen; with `is_dead` this process itself ends right after."""
+        """End the child processes of this screen. If `is_dead`, this process itself ends right after."""
 
     def get_css_variables(self) -> dict[str, str]:
         """Return the colours of the theme; unreadable ones are replaced."""
@@ -120,7 +120,7 @@ class TerminalApp(App[None]):
         self.exit(return_code=128 + number)  # as a shell reports a signal
 
     def _leave_a_dead_terminal(self) -> None:
-        """End when the terminal is gone: under `make` no SIGHUP comes, and reading would spin for ever."""
+        """End if the terminal is gone. Under `make` no SIGHUP comes, and reading would spin for ever."""
         if not os.isatty(sys.__stdin__.fileno() if sys.__stdin__ else -1):
             self.end_children(True)
             os._exit(HANG_UP_EXIT)  # no terminal to restore
@@ -128,7 +128,7 @@ class TerminalApp(App[None]):
     # -- keys ---------------------------------------------------------------------------------------
 
     async def on_event(self, event: events.Event) -> None:
-        """Handle a key at once, before the next one; keep keys for which the screen is not ready yet."""
+        """Handle a key before the next key is read. Keep the keys for which the screen is not ready."""
         if isinstance(event, events.Key | events.Paste) and not event.is_forwarded:
             self._keys += 1
             if (self._keeps_keys or self._kept_keys) and not self._is_quit_key(event):
@@ -181,7 +181,7 @@ def _normalize_enter(event: events.Key | events.Paste) -> events.Key | events.Pa
 
 
 def limit_garbage_collector() -> None:
-    """Let the collector visit young objects only, a few at a time; older objects wait until no key comes.
+    """Let the collector visit young objects only, a few at a time. Older objects wait until no key comes.
 
     A collection of 50,000 young objects took 37 to 181 ms.
     """

@@ -1,6 +1,6 @@
-"""What a source file declares, before names are looked up: each name keeps its place in the file.
+"""What a source file declares, before names are looked up. Each name keeps its place in the file.
 
-Every source format is read into these values; `type_set.py` turns them into types.
+Every source format is read into these values. `type_set.py` turns these values into types.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ PACK_MODES = (0, 1, 2, 4, 8)  # what a pack_mode may be
 
 
 class Formula(NamedTuple):
-    """A whole number written with names (`GVL.MAX + 1`); evaluated once constants are known."""
+    """A whole number written with names, as `GVL.MAX + 1`. It is evaluated once constants are known."""
 
     text: str
     where: str
@@ -36,7 +36,7 @@ class Reference(NamedTuple):
 
 
 class TextSpec(NamedTuple):
-    """STRING or WSTRING whose length is a formula; a plain length makes a `StringType` right away."""
+    """STRING or WSTRING whose length is a formula. A plain length makes a `StringType` right away."""
 
     length: Formula
     wide: bool
@@ -57,7 +57,7 @@ class ArraySpec(NamedTuple):
 
 
 class MemberSpec(NamedTuple):
-    """One member of a STRUCT or UNION; with a `width` it is a bit-field of C, which only takes room."""
+    """A member of a STRUCT or UNION. With a `width` it is a bit-field of C, which only takes room."""
 
     name: str
     spec: Spec
@@ -66,9 +66,9 @@ class MemberSpec(NamedTuple):
 
 
 class StructSpec(NamedTuple):
-    """STRUCT or UNION; `base` is the type after EXTENDS, `pack` the pack_mode attribute in bytes.
+    """STRUCT or UNION. `base` is the type after EXTENDS, `pack` the pack_mode attribute in bytes.
 
-    `is_class`: a class of C++; its members may begin in the padding at the end of its base.
+    If `is_class`, it is a class of C++, whose members may begin in the padding at the end of its base.
     """
 
     members: tuple[MemberSpec, ...]
@@ -79,9 +79,9 @@ class StructSpec(NamedTuple):
 
 
 class EnumSpec(NamedTuple):
-    """Enumeration; without a `base` the layout chooses it (INT for most).
+    """Enumeration. Without a `base` the layout chooses the base, which is INT for most layouts.
 
-    A number None means one more than the number before it, or 0 for the first. `is_scoped`: the names are
+    A number None is one more than the number before it, or 0 for the first. If `is_scoped`, the names are
     known only inside the enumeration.
     """
 
@@ -95,10 +95,10 @@ Spec = Reference | StringType | Pointer | Unplaced | TextSpec | RangeSpec | Arra
 
 
 class Declaration(NamedTuple):
-    """One declared type; `problems` are mistakes in its text, `spec` is None if the text is unreadable.
+    """One declared type. `problems` are mistakes in its text. `spec` is None if the text is unreadable.
 
-    `notes` are shown beside the type and are not mistakes (optimised access, another name).
-    `is_data`: a data block or variables, which cannot be the type of a member.
+    `notes` are shown beside the type and are not mistakes. An example is optimised access.
+    If `is_data`, it is a data block or variables, which cannot be the type of a member.
     """
 
     name: str
@@ -116,9 +116,9 @@ class Constant(NamedTuple):
 
 
 class SenderLayout(NamedTuple):
-    """The layout of most senders, if their types come from a `source` such as TwinCAT.
+    """The layout of most senders whose types come from a `source` such as TwinCAT.
 
-    Without a `source` the file itself decides the layout of its types (a TIA source: s7-standard).
+    Without a `source` the file itself decides the layout, as in a TIA source, which has s7-standard.
     """
 
     layout: str = ""
@@ -129,7 +129,7 @@ class Declarations(NamedTuple):
     """One file: its types in order, the mistakes that belong to no type, its constants.
 
     `others` are the keywords of blocks that declare no type, such as FUNCTION_BLOCK. `copies` are types of
-    other files, repeated in this one: each is used only if no given file declares it.
+    other files that this file repeats. A copy is used only if no given file declares that type.
     """
 
     types: tuple[Declaration, ...]

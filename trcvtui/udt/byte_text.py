@@ -1,6 +1,6 @@
 """Bytes as text: parses hex, writes the forms of other tools and a `hexdump -v -C`, searches bytes.
 
-Rule: the first character that is not hex is named with its place; nothing is guessed.
+Rule: nothing is guessed. The first character that is not hex is named with its place.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ _LONGEST_SHOWN: Final = 20
 
 
 def parse_hex(text: str, where: str = "hex") -> bytes:
-    """Return the bytes of hex text; raise UserError with the position of the first thing that is not hex.
+    """Return the bytes of hex text. Raise UserError with the position of the first thing that is not hex.
 
-    A group is whole bytes, two digits each; a lone digit (`0x1`, or `1` between blanks) is one byte.
+    A group is whole bytes, two digits each. A lone digit, as `0x1` or `1` between blanks, is one byte.
     """
     try:
         return bytes.fromhex(text)
@@ -137,7 +137,7 @@ _REAL_CODES: Final = (("REAL", "f"), ("LREAL", "d"))
 
 @dataclass(frozen=True, slots=True)
 class SearchPatterns:
-    """Any of `patterns` is a hit; `about` describes them."""
+    """Any of `patterns` is a hit. `about` describes the patterns."""
 
     patterns: tuple[bytes, ...]
     about: str
@@ -220,7 +220,7 @@ def find_first(content: bytes, patterns: tuple[bytes, ...], start: int = 0) -> i
 
 
 def find_last(content: bytes, patterns: tuple[bytes, ...], before: int) -> int | None:
-    """Return the last place before `before` at which a pattern begins, None if there is none."""
+    """Return the last place before `before` at which a pattern begins, or None."""
     if before <= 0:
         return None
     found = [place for p in patterns if (place := content.rfind(p, 0, before - 1 + len(p))) >= 0]
@@ -241,7 +241,7 @@ MOST_BYTES_COUNTED: Final = 1024 * 1024  # bytes times patterns; beyond it hits 
 
 
 def describe_hit(runs: Sequence[tuple[int, bytes]], patterns: tuple[bytes, ...], place: int) -> str:
-    """Return `hit 2 of 7` for a place; "" if there are too many bytes or hits to count."""
+    """Return `hit 2 of 7` for a place, or "" if there are too many bytes or hits to count."""
     if sum(len(content) for _, content in runs) * len(patterns) > MOST_BYTES_COUNTED:
         return ""
     found = (start + match.start for start, content in runs for match in find_all(content, patterns))

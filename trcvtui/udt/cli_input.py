@@ -1,6 +1,6 @@
 """The input of `trcvtui udt`: hex or JSON from an argument, a file or stdin.
 
-Rule: every mistake is one line with its place; binary or too large input is refused.
+Rule: every mistake is one line with its place. Binary or too large input is refused.
 """
 
 from __future__ import annotations

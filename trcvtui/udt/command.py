@@ -55,7 +55,7 @@ OPTION_NAMES: Final = {"layout": "layout", "byte_order": "byte order", "text": "
 
 
 def list_types(args: SimpleNamespace) -> tuple[str, bool]:
-    """Return the answer of `udt types`, and whether any type is good; a row has a layout or problems.
+    """Return the answer of `udt types`, and whether any type is good. A row has a layout or problems.
 
     `sender` is the layout of the type's sender, if the source suggests one.
     """
@@ -119,7 +119,7 @@ def encode(args: SimpleNamespace) -> str:
 
 
 def export(args: SimpleNamespace) -> str | None:
-    """Return the answer of `udt export`, None if it was written to a file."""
+    """Return the answer of `udt export`, or None if the answer was written to a file."""
     from trcvtui.udt import exports
 
     exports.check_arguments(args.to, args.port)  # mistakes in arguments before those in files
@@ -146,7 +146,7 @@ def compare(args: SimpleNamespace) -> tuple[str, bool]:
 
 
 def fit(args: SimpleNamespace) -> tuple[str, bool]:
-    """Return the answer of `udt fit`, and whether a layout fits best, even if ours cannot hold the type."""
+    """Return the answer of `udt fit`, and whether any layout fits best. Ours may not hold the type."""
     from trcvtui.udt.compare.fit import rank
     from trcvtui.udt.compare.fit_report import fit_json, fit_text
 
@@ -172,7 +172,7 @@ def fit(args: SimpleNamespace) -> tuple[str, bool]:
 
 
 def choose_cure_sides(args: SimpleNamespace) -> tuple[LayoutRules, Layout]:
-    """Return our rules and their layout for `udt cure`; a layout option given once is for their side."""
+    """Return our rules and their layout for `udt cure`. A layout option given once is for their side."""
     for option in ("layout", "byte_order", "text"):
         given: list[str | None] = getattr(args, option)
         if len(given) == 1:
@@ -315,7 +315,7 @@ def suggest_option(problem: Problem) -> Problem:
 
 
 def type_choices(args: SimpleNamespace, *sides: SimpleNamespace) -> list[TypeChoice]:
-    """Return the type of each side (default: the only one of FILE) with its layout options."""
+    """Return the type and layout options of each side. The default type is the only type of FILE."""
     choices = [parse_layout_choice(side) for side in sides]  # mistakes in arguments before those in files
     types, own = read_all_types(args, *[side.type for side in sides])
     try:
@@ -340,7 +340,7 @@ def _split_sides(args: SimpleNamespace) -> tuple[SimpleNamespace, SimpleNamespac
 
 
 def constants_of(given: Sequence[str]) -> dict[str, int]:
-    """Return the constants of `--constant NAME=VALUE`; raise UserError with every bad one."""
+    """Return the constants of `--constant NAME=VALUE`. Raise UserError with every bad option."""
     from trcvtui.udt.literals import parse_integer
 
     constants: dict[str, int] = {}

@@ -1,7 +1,7 @@
 """Formulas with names in them, and the constants of the user, of files and of enumerations.
 
 Rules: a formula is data of a file: bounded, and never evaluated as Python. A constant is found by its whole
-name, else by its end; the user's constants come before a file's. A name with two numbers has no value.
+name, else by its end. The user's constants come before a file's. A name with two numbers has no value.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _TOKEN_PATTERN = (
 
 
 def evaluate(number: Number, look_up: LookUp) -> int | None:
-    """Return the value of a formula, None if `look_up` does not know one of its names; raise UserError."""
+    """Return the value of a formula, or None if `look_up` lacks one of its names. Raise UserError."""
     if isinstance(number, int):
         return number
     return _Evaluation(number, look_up).result()
@@ -122,7 +122,7 @@ MOST_NAMES_SHOWN = 4  # values or names in one message
 
 
 class _Entry(NamedTuple):
-    """A number plus an offset; names in the number are looked up in `scope` first."""
+    """A number plus an offset. Names in the number are looked up in `scope` first."""
 
     name: str
     parts: tuple[str, ...]
@@ -142,7 +142,7 @@ class _LookUpResult(NamedTuple):
 
 
 class Constants:
-    """All constants of a set of types; the whole name or its end finds one: `Lib.GVL.MAX`, `GVL.MAX`."""
+    """All constants of a set of types. A name, as `Lib.GVL.MAX`, or its end, as `GVL.MAX`, finds one."""
 
     def __init__(self, given: Mapping[str, int] | None = None, declared: Iterable[Constant] = ()) -> None:
         self.whole: dict[str, list[_Entry]] = {}
@@ -165,7 +165,7 @@ class Constants:
             self._add(f"{enumeration}.{name}", 2, number, offset, enumeration)
 
     def value(self, number: Number, unknown: list[str], scope: str = "") -> int | None:
-        """Return the value of a number, or None: then `unknown` gets its unknown names. Raise UserError."""
+        """Return the value of a number. If None, `unknown` gets the unknown names. Raise UserError."""
 
         if self.is_first:  # once in the order of the files: a long chain then refers to known values only
             self.is_first = False

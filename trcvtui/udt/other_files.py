@@ -49,7 +49,7 @@ _OTHER_FILES: Final = (
 
 
 def refuse_other_file(name: str, head: bytes, expected: str = "") -> None:
-    """Raise UserError if a file matches a row; `expected` replaces the row's text, except for captures."""
+    """Raise UserError if a file matches a row. `expected` replaces the row's text, except for captures."""
     text, suffix = head[:HEAD_BYTES].replace(b"\0", b""), name.rpartition(".")[2]  # UTF-16, too
     is_xml = re.match(rb"[\xef\xbb\xbf\xfe\xff\s]*<", text)  # text that is not XML may quote such tags
     rows = [row for row in _OTHER_FILES if is_xml or row.content[:1] not in b"</"]

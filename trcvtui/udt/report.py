@@ -21,7 +21,7 @@ Row = tuple[str, ...]
 
 
 def show_json(layout: Layout) -> str:
-    """Return the object of `udt show`: members are leaves in offset order."""
+    """Return the object of `udt show`. Its members are the leaves in offset order."""
     members: list[dict[str, object]] = []
     for leaf in sorted(layout.leaves(), key=attrgetter("offset")):
         bit = {} if leaf.bit is None else {"bit": leaf.bit}
@@ -57,15 +57,15 @@ def _show_rows(layout: Layout) -> Iterator[Row]:
 
 
 def place_text(leaf: Leaf) -> str:
-    """Return the offset; for a bit with its number in the byte, `2.5`."""
+    """Return the offset. For a bit add its number in the byte, as `2.5`."""
     return str(leaf.offset) if leaf.bit is None else f"{leaf.offset}.{leaf.bit}"
 
 
 def decode_json(layout: Layout, data: Data, name: str = "", most: int | None = None) -> str:
-    """Return the object of `udt decode`: values by path, null past the end of the bytes, oddities as `marks`.
+    """Return the object of `udt decode`, with values by path, null past the end, and oddities as `marks`.
 
-    It has the first `most` members; `name` is the path of a lone value. `escaped` are the paths of texts with
-    code units that are not characters.
+    The object has the first `most` members. `name` is the path of a lone value. `escaped` are the paths of
+    texts with code units that are not characters.
     """
     leaves = layout.leaves(0, most)
     named = [(leaf.path or name, leaf) for leaf in leaves]
@@ -77,7 +77,7 @@ def decode_json(layout: Layout, data: Data, name: str = "", most: int | None = N
 def json_members(
     named: Sequence[tuple[str, Leaf]], values: LeafValues, data: Data
 ) -> tuple[dict[str, Value | None], dict[str, object]]:
-    """Return the values of leaves by name, and what is odd in them: `marks`, `escaped`."""
+    """Return the values of leaves by name, and what is odd in them as `marks` and `escaped`."""
     found = {name: value for (name, _), value in zip(named, values, strict=True)}
     marks = {name: mark for name, leaf in named if (mark := mark_text(leaf, own_bytes(leaf, data)))}
     escaped = [name for name, value in found.items() if isinstance(value, str) and SURROGATE.search(value)]
@@ -100,7 +100,7 @@ def decode_text(layout: Layout, data: Data) -> str:
 def member_rows(
     layout: Layout, data: Data, name: str, missing: str = NO_DATA, most: int | None = None
 ) -> Iterator[Row]:
-    """Yield offset, type, path and value of the first `most` members; `name` is the path of a lone value."""
+    """Yield offset, type, path and value of the first `most` members. A lone value has the path `name`."""
     leaves = layout.leaves(0, most)
     for leaf, value in zip(leaves, decode_leaves(layout, data, 0, len(leaves)), strict=True):
         shown = missing if value is None else value_text(leaf, value, own_bytes(leaf, data))
@@ -108,7 +108,7 @@ def member_rows(
 
 
 def encode_values(layout: Layout, values: Mapping[str, object]) -> bytes:
-    """Return the bytes of values by path; also reads the whole JSON object that `udt decode` prints."""
+    """Return the bytes of values by path. `values` may be the whole object that `udt decode` prints."""
     inner, paths = values.get("values"), values.get("escaped")
     escaped = set(map(str, paths)) if isinstance(paths, list) else ()
     inner = inner if isinstance(inner, Mapping) else values

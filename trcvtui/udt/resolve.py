@@ -1,6 +1,6 @@
-"""Specifications made into types: looks up names, evaluates formulas, and collects every problem.
+"""Makes types of specifications: looks up names, evaluates formulas, and collects every problem.
 
-Rule: a bad type never hides a good one; each bad type keeps all its problems.
+Rule: a bad type never hides a good type. Each bad type keeps all its problems.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ KNOWN_TYPE = f"{KNOWN}type"
 
 
 class Resolver:
-    """One set of files: its declarations, the types made of them, and the problems (ordered sets)."""
+    """One set of files with its declarations, the types made of them, and the problems in order."""
 
     def __init__(
         self,
@@ -95,7 +95,7 @@ class Resolver:
                 self.types[key], self.depths[key] = type_, depth
 
     def order_keys(self) -> list[str]:
-        """Return all declared keys, each after the keys that it uses; not recursive: chains may be long."""
+        """Return all declared keys, each after the keys that it uses. Long chains need no recursion."""
         order: list[str] = []
         seen: set[str] = set()
         path: dict[str, Iterator[str]] = {}
@@ -122,7 +122,7 @@ class Resolver:
         return (name for name in names if name in self.declared)
 
     def key_of(self, reference: ast.Reference) -> str:
-        """Return the key of a name: `Lib.T` whole if that is declared, else T."""
+        """Return the key of a name such as `Lib.T`. It is the whole name if declared, else T."""
         whole = reference.name.casefold()
         return whole if self.is_declared(whole) else whole.rpartition(".")[2]
 
@@ -132,7 +132,7 @@ class Resolver:
     # -- one specification -------------------------------------------------------------------------------
 
     def build(self, spec: ast.Spec, name: str, user: str) -> tuple[Type | None, int]:
-        """Return the type of a specification (None if a part is bad), and how deep the type nests."""
+        """Return the type of a specification, or None if a part is bad, and how deep the type nests."""
         match spec:
             case StringType() | Pointer() | Unplaced():
                 return spec, 0
@@ -305,7 +305,7 @@ class Resolver:
         return None
 
     def limits(self, low: ast.Number, high: ast.Number, user: str) -> tuple[int, int] | None:
-        """Return the numbers of `low..high`; None, with a problem, if one is unknown or `high` < `low`."""
+        """Return the numbers of `low..high`, or None with a problem if one is unknown or `high` < `low`."""
         first, last = self.evaluate_number(low, user), self.evaluate_number(high, user)
         if first is None or last is None:
             return None

@@ -1,6 +1,6 @@
 """Types as source text: IEC ST, the TYPE of a TIA source (SCL), and names that are legal in them.
 
-Rules: a legal name stays. The text is complete: every type that it uses is in it, before its first use.
+Rules: a legal name stays. The text contains every type that it uses, before the first use of the type.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ def ascii_word(name: str) -> str:
 
 
 class NameScope:
-    """The names given so far in one scope; a name that is taken gets a number.
+    """The names given so far in one scope. A name that is taken gets a number.
 
-    Names are compared as `fold` returns them: a language may ignore case.
+    Names are compared as `fold` returns them, because a language may ignore case.
     """
 
     def __init__(self, escaped: Callable[[str], str], fold: Callable[[str], str] = str) -> None:
@@ -74,7 +74,7 @@ ST_WORDS: Final = frozenset(KEYWORD_TEXT.upper().split()) | {name.upper() for na
 
 
 def st_word(name: str) -> str:
-    """Return a name that is legal in IEC ST: a keyword, in any case, gets `_` after it."""
+    """Return a name that is legal in IEC ST. A keyword, in any case, gets `_` after it."""
     word = ascii_word(name)
     if word != name:  # CODESYS refuses two underscores in a row
         word = re.sub("_+", "_", word)
@@ -132,7 +132,7 @@ _PLAIN_NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 def st_text(type_: Type, name: str = "") -> str:
-    """Return `TYPE ... END_TYPE` of a type and of every type in it; a type without a name gets `name`.
+    """Return `TYPE ... END_TYPE` of a type and of every type in it. A type without a name gets `name`.
 
     A name that is illegal in ST is changed: `struct` becomes `struct_`, `a b` becomes `a_b`.
     """
@@ -140,7 +140,7 @@ def st_text(type_: Type, name: str = "") -> str:
 
 
 def scl_text(type_: Type, name: str, rules: LayoutRules) -> str:
-    """Return TYPE blocks for TIA: names in quotes, no enumerations and subranges, a UNION as its bytes.
+    """Return TYPE blocks for TIA with quoted names, no enumerations or subranges, and a UNION as its bytes.
 
     Under `rules` the members have the same offsets, except where a UNION aligned them.
     """
@@ -229,7 +229,7 @@ def _scl_body(type_: Struct, indent: str, rules: LayoutRules) -> str:
 
 
 def join_arrays(type_: Array, rules: LayoutRules) -> Array:
-    """Return an ARRAY of ARRAYs as one ARRAY with all bounds, for SCL; unchanged if that moves elements."""
+    """Join an ARRAY of ARRAYs to one ARRAY with all bounds, for SCL, unless that moves elements."""
     if not isinstance(type_.element, Array):
         return type_
     inner = join_arrays(type_.element, rules)
@@ -263,7 +263,7 @@ def _ranges(bounds: tuple[tuple[int, int], ...], comma: str = ",") -> str:
 
 
 def named_types(type_: Type) -> list[Type]:
-    """Return the named types of a declaration, each once and before its first use; the type itself last."""
+    """Return the named types of a declaration, each once and before its first use, the type itself last."""
     found: dict[int, Type] = {}
     seen: set[int] = set()
 

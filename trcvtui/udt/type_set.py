@@ -22,11 +22,11 @@ from trcvtui.wording import count
 
 @dataclass(frozen=True, slots=True)
 class TypeSet:
-    """The types of one or more files; `types`, `broken`, `notes` and `senders` by casefolded name.
+    """The types of one or more files. `types`, `broken`, `notes`, `senders` are by casefolded name.
 
-    `problems` are those of all files in order. `unknown_constants` are the names to ask the user for, `notes`
-    are shown beside a type, `senders` are the layouts that the sources suggest. `used_system` are the system
-    types of Siemens in use; with `has_system_types` a new type may use all of them.
+    `problems` are the problems of all files in order. `unknown_constants` are the names to ask the user
+    for. `notes` are shown beside a type. `senders` are the layouts that the sources suggest. `used_system`
+    are the system types of Siemens in use. With `has_system_types` a new type may use all system types.
     """
 
     where: str
@@ -45,7 +45,7 @@ class TypeSet:
         return [name for name, _ in self.types.values()]
 
     def get_type(self, name: str, where: str = "type") -> Type:
-        """Return a type by name, in any case; raise UserError if it is unknown, or with all its problems."""
+        """Return a type by name, in any case. Raise UserError if it is unknown, or with its problems."""
         for known in _lookup_keys(name):
             if known in self.types:
                 return self.types[known][1]
@@ -94,9 +94,9 @@ def join_files(
     constants: Mapping[str, int] | None = None,
     has_system_types: bool = False,
 ) -> TypeSet:
-    """Return the types of all files together; they may use each other in any order.
+    """Return the types of all files together. The types may use each other in any order.
 
-    `constants` are the user's own. The types of a Siemens source may use the system types of Siemens, with
+    `constants` are the user's own. The types of a Siemens source may use the system types of Siemens. With
     `has_system_types` all types may. A type that a file declares replaces the system type of its name.
     """
     files = tuple(files)
@@ -168,7 +168,7 @@ def _note_differences(resolver: Resolver, copies: Iterable[Declaration]) -> None
 
 
 def _leaf_places(type_: Type) -> list[object]:
-    """Return the size of a type and the places of its leaves; nothing if it cannot be laid out."""
+    """Return the size of a type and the places of its leaves, or nothing if it cannot be laid out."""
     try:
         layout = lay_out(type_, S7)
     except UserError:

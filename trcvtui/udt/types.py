@@ -1,6 +1,6 @@
 """IEC types as frozen values: elementary types (one table row each), STRING, ARRAY, STRUCT, enumeration.
 
-Rule: a type knows no offsets: sizes, gaps and byte order come from its layout.
+Rule: a type knows no offsets. Sizes, gaps and byte order come from its layout.
 """
 
 from __future__ import annotations
@@ -111,9 +111,9 @@ ADDRESS = ELEMENTARY["PVOID"]  # how a pointer is stored
 
 @dataclass(frozen=True, slots=True)
 class StringType:
-    """STRING or WSTRING of `length` characters; None is the default length of the layout.
+    """STRING or WSTRING of `length` characters. If `length` is None, the layout has a default length.
 
-    `utf8` (TwinCAT's attribute TcEncoding): it has `length` bytes of UTF-8, not characters of Latin-1.
+    With `utf8`, TwinCAT's attribute TcEncoding, it has `length` bytes of UTF-8, not characters of Latin-1.
     """
 
     length: int | None = None
@@ -123,7 +123,7 @@ class StringType:
 
 @dataclass(frozen=True, slots=True)
 class Subrange:
-    """`INT(0..10)`: stored as its base type; a received value may be outside its limits."""
+    """A range such as `INT(0..10)`, stored as its base type. A received value may be outside its limits."""
 
     base: Elementary
     low: int
@@ -132,14 +132,14 @@ class Subrange:
 
 @dataclass(frozen=True, slots=True)
 class Pointer:
-    """POINTER TO, REFERENCE TO, REF_TO: an address; `text` is the declaration, such as `POINTER TO Axis`."""
+    """An address: POINTER TO, REFERENCE TO, REF_TO. `text` is the declaration, as `POINTER TO Axis`."""
 
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class Unplaced:
-    """A type of the source that has no layout (FB instance, interface, ANY): its name, and why."""
+    """A type of the source that has no layout, such as an FB instance, an interface or ANY."""
 
     name: str
     why: str
@@ -167,9 +167,9 @@ class Member:
 
 
 class BitField(NamedTuple):
-    """A bit-field of C before the member number `at`: it only takes room; its type has `size` bytes.
+    """A bit-field of C before member number `at`. It only takes room. Its type has `size` bytes.
 
-    With `element` it is an ARRAY without a length: it has no bytes, but aligns the end of the type.
+    With `element` it is an ARRAY without a length, which has no bytes but aligns the end of the type.
     """
 
     at: int
@@ -183,10 +183,10 @@ class BitField(NamedTuple):
 # by value would also walk a shared type once for each path to it.
 @dataclass(frozen=True, slots=True, eq=False)
 class Struct:
-    """STRUCT with its own members in declared order; `name` is empty if it is written in place.
+    """STRUCT with its own members in declared order. A STRUCT that is written in place has no `name`.
 
-    `base` is the STRUCT that it EXTENDS: its members come first. `pack` is the pack_mode attribute in bytes
-    (0 and 1: no gaps), None without one.
+    `base` is the STRUCT after EXTENDS, whose members come first. `pack` is the pack_mode attribute in
+    bytes, or None without the attribute. 0 and 1 leave no gaps.
     """
 
     name: str
@@ -198,7 +198,7 @@ class Struct:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Union:
-    """UNION: all members at offset 0; `base` and `pack` as in Struct."""
+    """UNION with all members at offset 0. `base` and `pack` are as in Struct."""
 
     name: str
     members: tuple[Member, ...]
@@ -209,9 +209,9 @@ class Union:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Enumeration:
-    """Enumeration: base type and (name, number) pairs; None is a number that could not be evaluated.
+    """Enumeration of (name, number) pairs. A number that could not be evaluated is None.
 
-    `is_named`: the declaration names the base; else the layout chooses it.
+    If `is_named`, the declaration names the base. Else the layout chooses the base.
     """
 
     name: str

@@ -24,9 +24,9 @@ MOST_SHOWN_BYTES: Final = 4096  # received bytes in a snapshot
 
 
 class Peer:
-    """One peer: its queues and its transport. Commands return "" or what is wrong.
+    """One peer, with its queues and its transport. Its commands return "" or what is wrong.
 
-    `policy`: the policy of the PLC's CONNECTs: the size of buffers, and whether broadcasts are possible.
+    `policy` is the policy of the PLC's CONNECTs. It sets the size of buffers and allows broadcasts or not.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Peer:
         return self.queues.outbox.unsent
 
     def has_received(self, payload: bytes) -> bool:
-        """Return whether `payload` is all that came on this connection, or all since the last match."""
+        """Return whether exactly `payload` came on this connection, in all or since the last match."""
         return self.queues.inbox.is_exactly(payload)
 
     def snapshot(self) -> PeerSnapshot:
@@ -114,7 +114,7 @@ class Peer:
     def send(self, send: PeerSend, now: int, number: int = 0) -> str:
         """Send as much of a message as the stack takes now; `step` sends the rest.
 
-        `number` is filled in if the message has a place for it.
+        If the message has a place for a number, `number` is filled in there.
         """
         wrong = self.transport.obstacle(send)
         if wrong:
@@ -132,7 +132,7 @@ class Peer:
         return self.transport.send_due(now)
 
     def step(self, now: int) -> None:
-        """Between scans: let the transport read, accept and send. `now`: ns of the run."""
+        """Let the transport read, accept and send between two scans. `now` is in ns of the run."""
         self.transport.step(now, self.stalled)
 
 
@@ -143,13 +143,13 @@ class Peer:
 
 
 def next_due(planned: int, every_ns: int, now: int) -> int:
-    """Return the planned time plus one period; if that time has passed, the time one period from now."""
+    """Return the planned time plus one period. If that time has passed, return one period from now."""
     due = planned + every_ns
     return due if due > now else now + every_ns
 
 
 class AutomaticPeer:
-    """A peer and its routine; `AutomaticPeer.step` is called before `Peer.step`."""
+    """A peer with its routine. `AutomaticPeer.step` is called before `Peer.step`."""
 
     def __init__(self, peer: Peer, routine: PeerRoutine) -> None:
         self._peer = peer

@@ -1,10 +1,10 @@
 """The queues of a peer: received bytes, bytes to send, and the rules by which it answers.
 
 Inbox: the last bytes that came on a connection, and how many bytes came in all.
-Outbox: times are planned from the first chunk on, so that pauses do not add up to a drift. A send waits for
-the send before it; messages of two sends never mix.
-Replies: rules over the received stream; the stream may come in any pieces. A rule keeps fewer bytes than
-its pattern, a rule on a field at most one UDT. A match without room for its answer is counted as missed.
+Outbox: chunks are planned from the first chunk on, so that pauses do not add up to a drift. A send waits
+until the send before it has ended, so messages of two sends never mix.
+Replies: a rule matches the received stream, in whatever pieces the stream comes. A rule keeps fewer bytes
+than its pattern. A rule on a field keeps at most one UDT. A match without room to answer counts as missed.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Inbox:
         return bytes(self._last[-KEPT_BYTES:])
 
     def is_exactly(self, payload: bytes) -> bool:
-        """Return whether `payload` is all that came on this connection, or all since the last match.
+        """Return whether exactly `payload` came on this connection, in all or since the last match.
 
         A match stays true until more bytes arrive.
         """
@@ -79,7 +79,7 @@ MOST_WAITING_ANSWERS: Final = 256  # bounds memory if a partner asks but does no
 
 
 class _SendProgress:
-    """One `send` in progress: the running message, its running chunk, and the rest of that chunk."""
+    """One `send` in progress, with its current message, its current chunk and the rest of that chunk."""
 
     def __init__(self, send: PeerSend, now: int, number: int, pause_ns: int) -> None:
         self.send = send
@@ -141,9 +141,9 @@ class Outbox:
         self._sendings: deque[_SendProgress] = deque()
 
     def put(self, send: PeerSend, now: int, number: int = 0, pause_ns: int = 0) -> None:
-        """Queue one send command; its first chunk is due `pause_ns` after now or the end of earlier sends.
+        """Queue a send. Its first chunk is due `pause_ns` after now, or after the end of earlier sends.
 
-        `number`: the number of the first message of this send; the fills use it.
+        `number` is the number of the first message of this send, for the fills.
         """
         self._sendings.append(_SendProgress(send, now, number, pause_ns))
 
@@ -153,7 +153,7 @@ class Outbox:
         return max(0, MOST_WAITING_ANSWERS - len(self._sendings))
 
     def next_due(self, now: int) -> int | None:
-        """Return when a chunk is due next; None: no chunk waits, or the due chunk waits for the stack."""
+        """Return when the next chunk is due, or None if no chunk waits or a chunk is due already."""
         return self._sendings[0].due if self._sendings and self._sendings[0].due > now else None
 
     def due_bytes(self, now: int) -> memoryview | None:
@@ -164,7 +164,7 @@ class Outbox:
 
     @property
     def message_start(self) -> tuple[int, bytes]:
-        """Return size and first bytes of the message that begins with the due bytes; size 0: none does."""
+        """If the due bytes begin a message, return its size and first bytes, else 0 and no bytes."""
         first = self._sendings[0]
         return (len(first.send.payload), first.first_bytes) if first.is_fresh else (0, b"")
 
@@ -284,7 +284,7 @@ class ReplyRules:
         self._rules: list[_ReplyRule] = []
 
     def add(self, command: AddReply) -> str:
-        """Add a rule for bytes that arrive from now on; return what is wrong, or ""."""
+        """Add a rule for bytes that arrive from now on. Return what is wrong, or ""."""
         if len(self._rules) == MOST_RULES:
             return f"{command.peer} has {MOST_RULES} rules already; `reply off` removes them"
         self._rules.append(_ReplyRule(command, _make_matcher(command.match), rule_text(command)))
@@ -305,7 +305,7 @@ class ReplyRules:
             rule.looking.reset()
 
     def find_answers(self, arrived: bytes, now: int, room: int) -> Iterator[tuple[PeerSend, int]]:
-        """Yield at most `room` answers to the arrived bytes: the message, and its number from 0."""
+        """Yield at most `room` answers to the arrived bytes, each as a message and its number from 0."""
         for rule in self._rules:
             hits = rule.looking.count_matches(arrived, now)
             answers = min(hits, room)
@@ -326,7 +326,7 @@ class ReplyRules:
 
 
 class PeerQueues:
-    """The queues of one peer over all of its connections, and how many messages and bytes it has sent."""
+    """The queues of one peer over all its connections, with counts of the messages and bytes sent."""
 
     def __init__(self, name: str, journal: Callable[[Event], None]) -> None:
         self.inbox = Inbox()
@@ -343,7 +343,7 @@ class PeerQueues:
         self.replies.reset()
 
     def handle_received(self, size: int, now: int, may_answer: bool = True) -> None:
-        """Take the first `size` bytes of `landing` as received; queue the answers to these bytes."""
+        """Take the first `size` bytes of `landing` as received. Queue the answers to these bytes."""
         self.inbox.add_bytes(self.landing[:size])
         if self.replies:
             room = self.outbox.room if may_answer else 0
@@ -351,7 +351,7 @@ class PeerQueues:
                 self.outbox.put(send, now, number)
 
     def note_sent(self, count: int, local: str, remote: str, offset: int) -> None:
-        """Count bytes of the due chunk as sent; record a message that begins with them, and `offset`."""
+        """Count bytes of the due chunk as sent. If a message begins with them, record it with `offset`."""
         size, begin = self.outbox.message_start
         if size:
             self.messages += 1
@@ -366,5 +366,5 @@ class PeerQueues:
             self.note("not sent", f"{unsent} bytes")
 
     def note(self, what: str, detail: str = "", end: str = "") -> None:
-        """Write an event into the journal; `end`: this peer's own address, "" if it does not matter."""
+        """Write an event into the journal. `end` is the peer's own address, or "" if unimportant."""
         self._journal(BenchNote(self._name, what, detail, end))

@@ -1,6 +1,6 @@
-"""A peer's transport: a stream (one TCP connection at a time) or datagrams (one UDP socket).
+"""The transports of a peer: one TCP connection at a time, or one UDP socket for datagrams.
 
-Both use only the Kernel, so a peer is the same device on real sockets and on the simulated network.
+Both use only the Kernel, so a peer acts alike on real sockets and on the simulated network.
 Commands return "" or what is wrong. Rule: work between scans is bounded, whatever partners do.
 """
 
@@ -64,9 +64,9 @@ class _Transport:
 
 
 class StreamTransport(_Transport):
-    """One TCP connection at a time, opened or accepted; the newest client replaces the one before it.
+    """One TCP connection at a time, opened or accepted. A new client replaces the earlier client.
 
-    When the partner ends the connection, the peer closes its end too; a passive peer still listens.
+    When the partner ends the connection, the peer closes it as well. A passive peer still listens.
     """
 
     remote: Endpoint | None = None
@@ -93,8 +93,8 @@ class StreamTransport(_Transport):
     def is_in_state(self, state: str) -> bool:
         """Return whether a state word of the bench commands is true of this peer.
 
-        `closed`, `reset` and `refused` say how the last connection or attempt ended; they stay true while a
-        passive peer listens again. After the peer's own RST, `reset` and `closed` are both true.
+        `closed`, `reset` and `refused` say how the last connection or attempt ended. These words stay true
+        while a passive peer listens again. After the peer's own RST, `reset` and `closed` are both true.
         """
         if state == self.state:
             return True
@@ -278,7 +278,7 @@ class StreamTransport(_Transport):
             self._handle_partner_end(handle)
 
     def _read(self, handle: Handle, lost: Fault | None = None) -> None:
-        """Read what has arrived. `lost`: an error of a send; it is handled after the arrived bytes."""
+        """Read what has arrived. `lost` is the error of a send, handled after the arrived bytes."""
         for _ in range(MOST_READS):
             got = self._kernel.recv(handle, self._queues.landing)
             if lost is not None and not (isinstance(got, int) and got):
@@ -331,7 +331,7 @@ class StreamTransport(_Transport):
 
 
 class DatagramTransport(_Transport):
-    """One UDP socket; each message is a datagram to its declared `remote`, else to the last sender."""
+    """One UDP socket. Each message is a datagram to the declared `remote`, or else to the last sender."""
 
     _handle: Handle | None = None
     _hearing: Handle | None = None  # a second socket, for broadcasts
@@ -382,7 +382,7 @@ class DatagramTransport(_Transport):
         return ""
 
     def close(self) -> str:
-        """Close the socket; its unread datagrams are lost, and so are the bytes to send."""
+        """Close the socket. Its unread datagrams and the bytes to send are lost."""
         if self._handle is not None:
             self.free_sockets()
             self._queues.note("stopped listening")
@@ -402,7 +402,7 @@ class DatagramTransport(_Transport):
         return f"{self._decl.name} speaks UDP: there is no connection to {verb}"
 
     def obstacle(self, send: PeerSend | None = None) -> str:
-        """Return why a message cannot be sent, or ""; `send` None: check only that the socket is open."""
+        """Return why a message cannot be sent, or "". If `send` is None, check only for an open socket."""
         if self._handle is None:
             return f"{self._decl.name} is closed"
         if send is None:
@@ -443,7 +443,7 @@ class DatagramTransport(_Transport):
             self._queues.handle_received(got.size, now)
 
     def send_due(self, now: int) -> str:
-        """Send what is due; return why a datagram was not sent, or "". It will not be sent later."""
+        """Send what is due. Return why a datagram failed, or "". A failed datagram is not sent later."""
         wrong, outbox = "", self._queues.outbox
         while self._handle is not None and (chunk := outbox.due_bytes(now)) is not None:
             target = self.remote

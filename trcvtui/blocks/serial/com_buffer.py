@@ -1,4 +1,4 @@
-"""A ComBuffer: the queue of bytes between a line and the blocks on it; received bytes are recorded."""
+"""A ComBuffer: the queue of bytes between a line and its blocks. It records the received bytes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST_RECORDED_CHUNKS: Final = 8192
 
 
 class LineChunk(NamedTuple):
-    """Bytes that came in one scan, at `t_ns` of the run. `begins`: a connection begins with these bytes."""
+    """Bytes that came in one scan, at `t_ns` of the run. If `begins`, these bytes begin a connection."""
 
     t_ns: int
     payload: bytes
@@ -34,8 +34,8 @@ class LineChunk(NamedTuple):
 class LineRecording:
     """The chunks of one line, oldest first, as of `until_ns`.
 
-    `source` is `sim`, `serial`, `tcp` or `cable`; `tick_ns` is the resolution of the times: the interval
-    of the scans; `dropped` counts older bytes that are no longer kept.
+    `source` is `sim`, `serial`, `tcp` or `cable`. `tick_ns` is the resolution of the times, which is the
+    interval of the scans. `dropped` counts the older bytes that were dropped.
     """
 
     source: str
@@ -49,7 +49,7 @@ class LineRecording:
         return sum([len(chunk.payload) for chunk in self.chunks])
 
     def first_part(self, most: int) -> LineRecording:
-        """Return a recording of its first `most` bytes; its last chunk may be cut."""
+        """Return a recording of at most the first `most` bytes. The last chunk may be cut."""
         kept: list[LineChunk] = []
         room = most
         for chunk in self.chunks:
@@ -91,7 +91,7 @@ class LineRecorder:
         return LineRecording(source, tuple(self._chunks), until, tick, self._dropped)
 
     def _drop_oldest(self) -> None:
-        """Drop the whole oldest chunk; if it is the only chunk, drop only its oldest bytes."""
+        """Drop the oldest chunk. If there is only one chunk, drop only its oldest bytes."""
         if len(self._chunks) == 1:
             (last,) = self._chunks
             over = self._size - MOST_RECORDED_BYTES
@@ -110,9 +110,9 @@ MOST_CONNECTION_ENDS: Final = 64  # a partner may connect and leave any number o
 
 
 class ComBuffer:
-    """One ComBuffer. `head`: how many bytes in all have left it; `tail`: how many have entered it.
+    """One ComBuffer. `head` counts all bytes that have left it, `tail` all bytes that have entered it.
 
-    `recorded`: the bytes of the line, with times by `now` (ns).
+    `recorded` has the bytes of the line, with times from `now` in ns.
     """
 
     def __init__(
@@ -192,7 +192,7 @@ class ComBuffer:
         return bytes(self._bytes[:size])
 
     def read(self, size: int) -> bytes:
-        """Take out `size` bytes, or as many as there are."""
+        """Take out and return at most `size` bytes."""
         taken = bytes(self._bytes[:size])
         del self._bytes[:size]
         self.head += len(taken)
@@ -204,7 +204,7 @@ class ComBuffer:
 
 
 class SerialBinding(Struct, frozen=True):
-    """None in `data`, `prefix` or `suffix`: that pointer is 0. `priority`: the priority of the task."""
+    """In `data`, `prefix` and `suffix`, None means that the pointer is 0. `priority` is the task's."""
 
     env: Environment
     buffer: ComBuffer

@@ -146,7 +146,7 @@ class FrameReceiveJob:
         return shown
 
     def _discard_spoilt(self, frame: Frame) -> Outcome:
-        """Drop a text that a byte 00 has ended: a STRING cannot hold that byte."""
+        """Drop a text that a byte 00 has ended, because a STRING cannot hold that byte."""
         size, reason = len(frame.content), str(frame.ending)
         self._note_dropped(frame.content, reason)
         self._idle = Outcome(
@@ -205,7 +205,7 @@ class ReceiveData(JobBlock):
         return None
 
     def _deliver(self, content: bytes) -> None:
-        """Write a frame into the data; the bytes after the frame keep their old values."""
+        """Write a frame into the data. The bytes after the frame keep their old values."""
         assert self._data is not None
         self._data.write(0, content)
 
@@ -251,7 +251,7 @@ class ReceiveString255(ReceiveString):
 
 
 def string_bytes(area: DataArea | None) -> bytes:
-    """Return the characters of a STRING, up to its byte 00; `area` None: no characters."""
+    """Return the characters of a STRING up to its byte 00, or no characters if `area` is None."""
     return bytes(area.content).partition(b"\0")[0] if area is not None else b""
 
 
@@ -260,7 +260,7 @@ BYTE_TAKEN_CAUSE: Final = Cause(CauseKind.BYTES, "a byte was taken", have=1, nee
 
 
 class ReceiveByte(JoblessBlock):
-    """One ReceiveByte instance; ReceivedByte keeps its value until the next byte."""
+    """One ReceiveByte instance. The output ReceivedByte keeps its value until the next byte."""
 
     def __init__(self, bound: SerialBinding) -> None:
         super().__init__()

@@ -18,7 +18,7 @@ EN_IS_0: Final = Cause(CauseKind.INPUT, "EN is 0", pin="EN", value=0)
 
 
 class SendBlock(NoJob):
-    """The base of the three send blocks; `have` of `need` bytes are in the ComBuffer."""
+    """The base of the three send blocks. Of `need` bytes, `have` bytes are in the ComBuffer."""
 
     def __init__(self, bound: SerialBinding) -> None:
         self._env = bound.env
@@ -122,7 +122,7 @@ class ClearComBuffer(JoblessBlock):
         self._buffer = bound.buffer
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Empty the buffer while EN is 1; bytes that a block has taken stay with the block."""
+        """Empty the buffer while EN is 1. Bytes that a block has taken stay with the block."""
         if not inputs.en:
             return EN_IS_0_OUTCOME
         self._buffer.discard_all(f"{type(self).__name__}")

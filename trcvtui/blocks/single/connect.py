@@ -41,12 +41,12 @@ def _cached_no_socket_outcome(fault: Fault | None, pin: str, asked: str) -> Outc
 
 @lru_cache(1024)
 def with_condition(condition: Condition, outcome: Outcome) -> Outcome:
-    """Return the same outcome under another condition; "started", which lasts one scan, is not stable."""
+    """Return the outcome with another condition. "started" is not stable, because it lasts one scan."""
     return replace(outcome, condition=condition, stable=outcome.stable and condition is not Condition.STARTED)
 
 
 def end_job(loss: ConnectionLoss, job: StoppableJob, course: StatusSequence, failed: Condition) -> Outcome:
-    """End a job that has lost its connection; if our side closed it, the job shows "not connected"."""
+    """End a job that has lost its connection. If our side closed the connection, show "not connected"."""
     is_ours = loss.kind is LossKind.OURS
     condition = Condition.NOT_CONNECTED if is_ours else course.job_loss.get(loss.kind, failed)
     cause = loss_cause(loss, job)
@@ -72,7 +72,7 @@ class SingleTcon:
         self._keeps = False  # established by this instance: the endpoint is there until TDISCON or T_RESET
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call: 7000, 7001, 7002, 0000 with DONE; an attempt that fails ends the job."""
+        """Answer one call with 7000, 7001, 7002, or 0000 and DONE. A failed attempt ends the job."""
         rose, self._req = inputs.req and not self._req, inputs.req
         if self._connection.state is State.CLOSED:
             self._keeps = False
@@ -137,7 +137,7 @@ class SingleTcon:
         self._connection.keeping.give_back(self._claim)
 
     def _maintain_connection(self) -> Outcome:
-        """Rebuild a lost connection; an attempt that the partner refuses shows its error."""
+        """Rebuild a lost connection. If the partner refuses an attempt, show the error of the attempt."""
         loss = self._connection.find_loss(self._incarnation) or self._connection.check_loss()
         course = self._env.rules.course
         if loss is not None and loss.fault and loss.kind is LossKind.REFUSED and not course.silent_connect:
@@ -185,7 +185,7 @@ class SingleScriptBlock(ScriptBlock):
 
 
 class SingleTdiscon(SingleScriptBlock):
-    """One TDISCON instance; 80A3 without a connection to close, 80C4 while a connection is being built."""
+    """One TDISCON instance. It shows 80A3 without a connection to close, 80C4 during the set-up."""
 
     def _advance(self) -> Outcome:
         shown = super()._advance()

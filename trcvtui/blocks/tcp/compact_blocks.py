@@ -1,4 +1,4 @@
-"""TRCV_C and TSEND_C: they build the connection that they work on (manual 7.15.1, 7.15.2)."""
+"""TRCV_C and TSEND_C, which build the connection that they use (manual 7.15.1, 7.15.2)."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ class TsendC(JobBlock):
         return not_connected("REQ", "REQ rose without a connection", self._connection)
 
     def _keep_request(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
-        """Keep an edge until the connection is up; without `request_connects`, only while REQ is 1."""
+        """Keep an edge of REQ until the connection is up. REQ must stay 1 unless `request_connects`."""
         if self._course.request_connects:
             self._edge = self._edge and not outcome.error
         else:

@@ -53,7 +53,7 @@ BY_EN_R: Final = ConnectionReasons(
 
 
 class ConnectionDemand:
-    """Whether one instance wants a connection. `reasons` None: wanted while CONT is 1 (cont_mode level)."""
+    """Whether one instance wants a connection. If `reasons` is None, CONT decides (cont_mode level)."""
 
     def __init__(self, reasons: ConnectionReasons | None) -> None:
         self.begins, self.ends_by = CONT_ROSE, CONT_FELL
@@ -66,7 +66,7 @@ class ConnectionDemand:
     def update(self, cont: bool, asks: bool, is_closing: bool) -> bool:
         """Return whether the connection is wanted.
 
-        `asks`: a request waits for the connection, or a job runs; `is_closing`: a close still shows codes.
+        If `asks`, a request waits for the connection or a job runs. If `is_closing`, a close shows codes.
         """
         if self._reasons is None:
             return cont
@@ -91,7 +91,7 @@ class ConnectionDemand:
             self.is_due, self.ends_by = True, self._reasons.ended
 
     def keep_connection(self) -> None:
-        """Keep the connection while it is rebuilt: the job that would have ended it no longer exists."""
+        """Keep the connection while it is rebuilt. The job that would have ended it no longer exists."""
         self.is_due = self._is_single = False
 
 
@@ -108,7 +108,7 @@ def disconnect(connection: Connection, cause: Cause) -> list[Outcome]:
 
 
 def reset(connection: Connection, cause: Cause, shown: Iterable[Condition]) -> list[Outcome]:
-    """Abort the connection with RST; return one outcome for each of `shown`. The listener stays."""
+    """Abort the connection with RST, but keep its listener. Return one outcome for each of `shown`."""
     peer = connection.partner
     fault = connection.reset()
     if fault is not None:
@@ -162,7 +162,7 @@ class Phase(Enum):
 
 
 class ConnectionControl:
-    """Shows the phases of a connection on STATUS; `call` returns None when the job decides what shows."""
+    """Shows the phases of a connection on STATUS. `call` returns None when the job decides what shows."""
 
     def __init__(
         self,
@@ -212,9 +212,9 @@ class ConnectionControl:
     def call(
         self, cont: bool, com_rst: bool, asks: bool = False, job_error: Condition | None = None
     ) -> Outcome | None:
-        """Return the outcome of this scan; None: the connection is up, and the job decides.
+        """Return the outcome of this scan, or None if the connection is up and the job decides.
 
-        `asks`: a job waits for the connection; `job_error`: what a reset shows first if a job runs.
+        If `asks`, a job waits for the connection. `job_error` is what a reset shows first if a job runs.
         """
         self._asks, self._job_error = asks, job_error
         rose, fell = cont and not self.cont, self.cont and not cont
@@ -330,7 +330,7 @@ class ConnectionControl:
         return Outcome(begins or Condition.CONNECTED, cause)
 
     def first_scan_outcome(self, begun: Outcome, reserved: bool) -> Outcome:
-        """Return a connection's first outcome: `begun`, but "established" if no job is `reserved`."""
+        """Return the first outcome of a connection: `begun` if a job is reserved, else "established"."""
         if reserved:
             return begun
         return replace(begun, condition=self._course.established or Condition.CONNECTED)
@@ -428,7 +428,7 @@ class ConnectionControl:
 
 
 def established_cause(connection: Connection) -> Cause:
-    """Return the cause of a connection: its partner, or for datagrams the open port."""
+    """Return the cause of an established connection: its partner, or the open port for datagrams."""
     if connection.config.is_datagram:
         return Cause(CauseKind.SEQUENCE, "the UDP port is open", detail=f"at {connection.local}")
     return Cause(CauseKind.PARTNER, "the partner is connected", peer=connection.partner)

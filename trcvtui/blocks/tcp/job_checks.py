@@ -21,10 +21,10 @@ from trcvtui.net.results import ANY_ADDRESS
 
 
 class JobRequest(NamedTuple):
-    """What a job asks for. `most`: the limit of its bytes, None: the rules' limit for a connection.
+    """A request for a job of at most `most` bytes. If `most` is None, the rules limit a connection's job.
 
-    `least`: the smallest LEN of a text, apart from 0. `rival`: a claim that keeps the job from starting.
-    `needs_len`: LEN = 0 does not mean all of DATA.
+    `least` is the smallest LEN of a text, apart from 0. A claim in `rival` keeps the job from starting.
+    If `needs_len`, LEN = 0 does not mean all of DATA.
     """
 
     length: int
@@ -55,14 +55,14 @@ def acquire(
 
 
 def can_start(env: Environment, data: DataArea | None, request: JobRequest) -> bool:
-    """Return whether DATA, LEN and `rival` let the requested job start; buffers are not checked."""
+    """Return whether DATA, LEN and `rival` let the requested job start. Do not check the buffers."""
     return request.rival is None and _find_length_misfit(env, data, request) is None
 
 
 def reserve(
     env: Environment, data: DataArea | None, request: JobRequest, direction: DirectionClaims, claim: Claim
 ) -> bool:
-    """Claim the direction for a job that starts in the next call; False: that call would refuse the job."""
+    """Claim the direction for a job of the next call. Return False if that call would refuse the job."""
     if not can_start(env, data, request) or env.resources.buffers.is_full:
         return False
     return direction.try_take(claim) is None
@@ -143,7 +143,7 @@ SOURCES: Final = ("TADDR_Param", "TADDR_RCV_IP")
 
 
 def find_misfit(bound: ConnectBinding, needs_datagrams: bool, receives: bool = False) -> Outcome | None:
-    """Return why this block can never work on this connection; `needs_datagrams`: it is TUSEND or TURCV."""
+    """Return why a block can never work on a connection. `needs_datagrams` is True for TUSEND and TURCV."""
     is_udp = isinstance(bound.connection, UdpEndpoint)
     if is_udp and bound.address is None:
         return _addr_error(Condition.OTHER_TRANSPORT, "the connection is UDP, but this block has no ADDR")
@@ -166,7 +166,7 @@ def check_target(address: RemoteAddress) -> Outcome | None:
 
 
 def find_structure_error(address: RemoteAddress, accepted: tuple[str, ...] = SOURCES) -> Outcome | None:
-    """Return why ADDR cannot be used: its structure or its size."""
+    """Return an error if the structure or the size of ADDR is wrong."""
     written = address.description
     if written is None:
         return None
@@ -189,7 +189,7 @@ FAULT_SHOWN: Final = Cause(
 
 
 class RepeatedFaultFilter:
-    """Shows the same error once (switch receive_faults), then the condition `quiet`."""
+    """If `is_once` (switch receive_faults), shows a repeated error once, then the condition `quiet`."""
 
     def __init__(self, is_once: bool, quiet: Condition) -> None:
         self._is_once = is_once

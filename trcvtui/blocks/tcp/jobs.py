@@ -41,7 +41,7 @@ class TransferJob:
         return self._instance, self.number, self._connect, self._incarnation, self.first_offset
 
     def _end_if_changed(self, length: int | None = None) -> Outcome | None:
-        """End the job if DATA has another type or size, or LEN (if given) another value."""
+        """End the job if the type or size of DATA has changed, or if a given LEN has another value."""
         assert self._latched is not None and self.data is not None
         same_len = length in (None, self._latched[0])
         if same_len and self._latched[1] == self.data.shape:
@@ -56,7 +56,7 @@ class TransferJob:
     def abandon(self, reason: str) -> None: ...
 
     def detach(self, reason: str) -> None:
-        """Detach the instance; the lock of a job may stay (rules) until disconnect, reset or close."""
+        """Detach the instance. If the rules say so, a job's lock stays until disconnect, reset or close."""
         self.claim.is_orphan = self.running and self._env.rules.lock_outlives  # 7.15.1, note
         if not self.claim.is_orphan:
             self.release_direction()  # also of a job that was to begin next

@@ -1,4 +1,4 @@
-"""What a block shows without a connection: a loss, 80A1, and a connection that another block builds."""
+"""What a block shows without a connection: a loss, 80A1, or that another block builds the connection."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ _LOSS_NAMES = {
 def show_loss(
     loss: ConnectionLoss, rules: VendorRules, job: Job, failed: Condition | None, short_frame: bool = False
 ) -> list[Outcome]:
-    """Return the outcomes of a loss, one a scan.
+    """Return the outcomes of a loss, one for each scan.
 
-    `failed`: the condition of a job that the loss ends; None: no job.
+    `failed` is the condition of a job that the loss ends, or None without a job.
     """
     cause = loss_cause(loss, job)
     conditions = _loss_conditions(loss, rules, failed)
@@ -57,7 +57,7 @@ def _loss_conditions(loss: ConnectionLoss, rules: VendorRules, failed: Condition
 
 
 def loss_cause(loss: ConnectionLoss, job: Job) -> Cause:
-    """Return the evidence of a loss: the call that reported it, and the progress of the job."""
+    """Return the evidence of a loss: the call that reported the loss, and the progress of the job."""
     fault = loss.fault
     return Cause(
         CauseKind.OTHER_BLOCK
@@ -86,7 +86,7 @@ def not_connected(pin: str, name: str, connection: Connection) -> Outcome:
 
 
 class StandingRequest:
-    """EN_R of a block that builds its connection: an edge of EN_R or CONT arms 80A1 for one scan."""
+    """EN_R of a block that builds its connection. An edge of EN_R or CONT arms 80A1 for one scan."""
 
     def __init__(self, rule: NotConnectedRule) -> None:
         self._rule = rule
@@ -116,7 +116,7 @@ class StandingRequest:
 
 
 class KnownIncarnation:
-    """The incarnation that one block knows of its connection, and outcomes of a loss for later scans."""
+    """The incarnation of its connection that a block knows, and outcomes of a loss for later scans."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -124,7 +124,7 @@ class KnownIncarnation:
         self._script: deque[Outcome] = deque()
 
     def next_outcome(self) -> Outcome | None:
-        """Take the outcome that an earlier loss shows in this scan; None: nothing is left to show."""
+        """Take the outcome that an earlier loss shows in this scan. Return None if none is left."""
         return self._script.popleft() if self._script else None
 
     def find_loss(self, claim: Claim | None = None) -> ConnectionLoss | None:
@@ -142,7 +142,7 @@ class KnownIncarnation:
         return self._incarnation != 0
 
     def end_incarnation(self, shown: list[Outcome]) -> Outcome:
-        """Forget the incarnation; return the first of `shown`, and keep the rest for later scans."""
+        """Forget the incarnation. Return the first of `shown` and keep the others for later scans."""
         self._incarnation = 0
         self._script = deque(shown)
         return self._script.popleft() if self._script else _GONE

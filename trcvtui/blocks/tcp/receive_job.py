@@ -1,8 +1,8 @@
 """The receive job: what TRCV does between EN_R and DONE.
 
-Rule 1: LEN and the size of DATA are latched when a job starts; a job reads at most its own length. ADHOC acts
-on the job that runs (7.15.1, ADHOC mode: "sets the current reception function"), or is latched too (rules).
-Rule 2: DATA changes only at DONE; until then the bytes stay in the job's buffer.
+Rule 1: a job latches LEN and the size of DATA when it starts, and reads at most its own length. ADHOC acts
+on the running job (7.15.1, ADHOC mode: "sets the current reception function"), or the rules latch ADHOC.
+Rule 2: until DONE the bytes stay in the job's buffer, so DATA changes only at DONE.
 Rule 3: at least one scan of "receiving" shows before each DONE.
 """
 
@@ -91,7 +91,7 @@ class ReceiveJob(IncomingJob):
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether EN_R asks for a job that can start, now or once another reader frees the lock.
 
-        With `waits` False, also return False if the last call of the lock's owner could start no job.
+        If `waits` is False, also return False if the lock's owner could start no job in its last call.
         """
         if not inputs.en_r or self._unfit is not None:
             return False
@@ -101,14 +101,14 @@ class ReceiveJob(IncomingJob):
         )
 
     def reserve(self, inputs: Inputs) -> bool:
-        """Keep the receive side for the job that the next call begins; False: the job would be refused."""
+        """Reserve the receive side for the next call's job. Return False if the job would be refused."""
         request, receiving = self._make_request(inputs.len, inputs.adhoc), self.connection.receiving
         taken = self._unfit is None and reserve(self._env, self.data, request, receiving, self.claim)
         self.claim.is_refused = not taken
         return taken
 
     def outlives_en_r(self, reserved: bool = False) -> bool:
-        """Return whether a job continues while EN_R is 0; `reserved`: the job begins in this call."""
+        """Return whether a job continues while EN_R is 0. If `reserved`, the job begins in this call."""
         has_data = self.have > 0 or self.complete
         return (self.running or reserved) and self._env.rules.course.outlives_en_r(has_data)
 
@@ -129,7 +129,7 @@ class ReceiveJob(IncomingJob):
         self.complete = self.claim.has_frame = self.have > 0 if adhoc else self.have == self.need
 
     def _collect(self) -> ConnectionLoss | None:
-        """Rule 2: read into the job's own buffer; return the loss that follows the last byte."""
+        """Read into the job's own buffer (rule 2). Return the loss that follows the last byte."""
         if self._is_message_oriented:
             return self._collect_message()
         have = self.have

@@ -1,9 +1,9 @@
 """The send job: what TSEND does between a rising edge of REQ and DONE.
 
-Rule 1: DATA is copied at the edge, at most LEN bytes; no edge is seen until the job has ended (7.15.2).
-Rule 2: the job checks for a loss before each send and before DONE: no DONE comes after a FIN.
-Rule 3: the REQ scan shows "sending" even when the stack took everything; DONE means that the local
-stack has every byte, not that the partner has.
+Rule 1: at the edge, at most LEN bytes of DATA are copied. No edge is seen until the job has ended (7.15.2).
+Rule 2: the job checks for a loss before each send and before DONE, so no DONE comes after a FIN.
+Rule 3: the scan of the REQ edge shows "sending" even if the stack took everything. DONE means that the
+local stack has every byte, not that the partner has every byte.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class SendJob(OutgoingJob):
         return JobRequest(length, most=self._limit, least=least, rival=rival, needs_len=self._needs_len)
 
     def reserve(self, inputs: Inputs) -> bool:
-        """Keep the send side for the job that begins in the next call; False: the job would be refused."""
+        """Reserve the send side for the next call's job. Return False if the job would be refused."""
         request = self._make_request(inputs.len)
         return self._find_target_error() is None and reserve(
             self._env, self.data, request, self._direction, self.claim
@@ -145,7 +145,7 @@ class SendJob(OutgoingJob):
         return self.connection.send(self._unsent, self._instance)
 
     def end_by_loss(self, loss: ConnectionLoss, asked: bool) -> list[Outcome]:
-        """End the job; return the outcomes of the loss, one a scan. `asked`: REQ rose in this scan."""
+        """End the job. Return the outcomes of the loss, one a scan. If `asked`, REQ rose in this scan."""
         failed = Condition.SEND_FAILED if self.running or asked else None
         outcomes = show_loss(loss, self._env.rules, self, failed)
         self.abandon(loss.reason)

@@ -25,7 +25,7 @@ from trcvtui.net.connection.connection import ConnectionLoss, State
 
 
 class Tcon(ScriptBlock):
-    """One TCON instance. Once triggered it reconnects after each loss until a disconnect (7.15.5)."""
+    """One TCON instance. Once triggered, it reconnects after each loss until a disconnect (7.15.5)."""
 
     def __init__(self, bound: ConnectBinding) -> None:
         super().__init__()
@@ -82,7 +82,7 @@ class Tdiscon(ScriptBlock):
         self._connection = bound.connection
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call: 7003, 7007 with DONE; a connection still waiting for its partner closes too."""
+        """Answer one call with 7003, or 7007 and DONE. A connection without a partner closes as well."""
         rose = inputs.req and not self._req
         self._req = inputs.req
         if self._script:
@@ -110,7 +110,7 @@ IDLE = Outcome(Condition.NOT_CALLED, Cause(CauseKind.WAITING, "REQ has not risen
 
 
 class TReset(ScriptBlock):
-    """One T_RESET instance. It rebuilds the connection that it has reset (7.15.7), as other blocks may."""
+    """One T_RESET instance. It rebuilds the connection after its reset (7.15.7). Other blocks may, too."""
 
     def __init__(self, bound: ConnectBinding) -> None:
         super().__init__()
@@ -215,7 +215,7 @@ class Trcv(JobBlock):
         return self.job.would_read(inputs, waits)
 
     def _not_connected_outcome(self) -> Outcome:
-        """Return the outcome 80A1; it is the same object until its cause changes."""
+        """Return the outcome 80A1. Return the same object until its cause changes."""
         now = not_connected("EN_R", "EN_R is 1 without a connection", self._connection)
         if self._complaint is None or self._complaint.cause != now.cause:
             self._complaint = replace(now, stable=True)

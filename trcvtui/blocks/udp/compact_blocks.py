@@ -1,4 +1,4 @@
-"""USEND_C and URECV_C: they create the UDP socket that they work on (manual 7.15.14, 7.15.15)."""
+"""USEND_C and URECV_C, which create the UDP socket that they use (manual 7.15.14, 7.15.15)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from trcvtui.net.connection.udp import UdpEndpoint
 
 
 class UdpControl:
-    """Shows the phases of a socket on STATUS; `call` returns None when the job decides what shows."""
+    """Shows the phases of a socket on STATUS. `call` returns None when the job decides what shows."""
 
     def __init__(self, env: Environment, port: UdpEndpoint) -> None:
         self.cont = False
@@ -31,7 +31,7 @@ class UdpControl:
         self._is_late = False  # CONT rose while a close still showed
 
     def call(self, cont: bool) -> Outcome | None:
-        """Return the outcome of this scan; None: the socket is there, and the job decides."""
+        """Return the outcome of this scan, or None if the socket is there and the job decides."""
         rose, fell = cont and not self.cont, self.cont and not cont
         self.cont = cont
         if fell and not self._is_late:

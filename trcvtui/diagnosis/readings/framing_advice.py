@@ -1,6 +1,6 @@
-"""Proposals for cutting recorded bytes into frames, each tried with the real framer; pure and bounded.
+"""Proposals for cutting recorded bytes into frames. The real framer tries each one. Work is bounded.
 
-`advise_framings` takes some 10 ms, for long recordings 50 or more: screens call it in a process of its own.
+`advise_framings` takes about 10 ms, or 50 ms and more for long recordings. Screens use a separate process.
 """
 
 from __future__ import annotations
@@ -245,12 +245,12 @@ def _is_flag_framing(made: Cut, flag: bytes) -> bool:
 
 
 def _known_start(start: bytes) -> bytes:
-    """Return the known mark with which bytes begin, b"" if there is none."""
+    """Return the known mark that the bytes begin with, or b"" if there is none."""
     return next((known for known in KNOWN_STARTS if start.startswith(known)), b"")
 
 
 def _cut(recording: LineRecording, plain: LineRecording, guess: Guess, most: int = 0) -> Cut:
-    """Cut a recording; `plain` is the same recording without times, for framings without a timeout."""
+    """Cut a recording. A framing without a timeout cuts `plain`, the same recording without times."""
     if guess.field is not None:
         return cut_by_length(plain, guess.field, LONGEST_FRAME, most)
     return cut(recording if guess.framing.timeout_ns else plain, guess.framing, most)
@@ -259,7 +259,7 @@ def _cut(recording: LineRecording, plain: LineRecording, guess: Guess, most: int
 def _try(
     recording: LineRecording, plain: LineRecording, guess: Guess, scale: Scale, *, is_noise: bool = False
 ) -> FramingTrial | None:
-    """Try a guess. `is_noise`: other evidence shows noise before a prefix; this noise costs nothing."""
+    """Try a guess. With `is_noise`, other evidence shows noise before a prefix. It then costs nothing."""
     made = _cut(recording, plain, guess, MOST_TRIED)
     good = made.good
     explained = sum([len(frame.content) for frame in good])

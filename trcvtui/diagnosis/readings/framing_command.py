@@ -1,6 +1,6 @@
-"""`framing RX`, `framing RD`, `framing RD apply 1`: the advice on what a ComBuffer has received.
+"""Advice on the bytes that a ComBuffer has received: `framing RX`, `framing RD`, `framing RD apply 1`.
 
-Rule: `apply` runs lines of other commands, one by one, so that a saved session has them.
+Rule: `apply` runs ordinary command lines one by one, so that a saved session contains the lines.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def framed_instance(name: str, project: Project, where: str) -> InstanceDecl:
 
 
 def make_commands(proposal: Proposal, project: Project, name: str, where: str = "framing") -> tuple[str, ...]:
-    """Return the lines that set an instance as proposed; raise UserError if it cannot."""
+    """Return the lines that set an instance as proposed. Raise UserError if its block cannot do that."""
     decl = framed_instance(name, project, where)
     framing = proposal.framing
     if framing is None:
@@ -113,7 +113,7 @@ def find_buffer(name: str, project: Project, where: str) -> str:
 
 
 def parse_framing(rest: str, project: Project, where: str) -> tuple[str, str, int]:
-    """Parse the words after `framing`: the name, its ComBuffer, the proposal to apply (0: none)."""
+    """Return the name, its ComBuffer and the number of the proposal to apply. The number 0 means none."""
     words = Words(rest, where)
     name = words.next("the name of a ComBuffer, or of an instance that reads one")
     buffer = find_buffer(name, project, where)
@@ -137,7 +137,7 @@ def describe_framings(recording: LineRecording) -> str:
 def make_proposal_commands(
     recording: LineRecording, project: Project, name: str, number: int, where: str
 ) -> tuple[str, ...]:
-    """Return the lines that apply a proposal; raise UserError if there is none of that number."""
+    """Return the lines that apply a proposal. Raise UserError if no proposal has this number."""
     advice = advise_framings(recording)
     numbers = [str(each) for each in range(1, len(advice.proposals) + 1)]
     if not numbers:

@@ -33,10 +33,10 @@ PAUSE_RATIO: Final = 3  # times the longest pause in a burst
 
 @dataclass(frozen=True, slots=True)
 class Bursts:
-    """A recording split at its pauses. `pauses`: places after a pause, or where a connection begins.
+    """A recording split at its pauses. Each of `pauses` follows a pause, or begins a connection.
 
     `within` is the longest pause inside a burst, `between` the shortest pause between two bursts, in ns.
-    `is_clear`: the two kinds of pauses differ clearly.
+    If `is_clear` is True, the two kinds of pauses differ clearly.
     """
 
     pauses: tuple[int, ...]
@@ -113,7 +113,7 @@ def grow_mark(mark: bytes, stream: bytes) -> bytes:
 
 
 def _constant_neighbour(beside: Counter[bytes]) -> bytes:
-    """Return the byte that is beside a mark nearly each time; b"": there is none."""
+    """Return the byte that is beside a mark nearly each time, or b"" if there is none."""
     beside.pop(b"", None)
     (byte, number) = beside.most_common(1)[0] if beside else (b"", 0)
     return byte if number >= LEAST_TIMES - 1 and number >= ALIKE_SHARE * beside.total() else b""
@@ -266,7 +266,7 @@ MOST_NOISE_FRAMES: Final = 40
 def start_after_noise(
     good: Sequence[LocatedFrame], suffix: bytes, marks: Sequence[bytes], *, is_text: bool
 ) -> bytes:
-    """Return the prefix of frames that were cut by a suffix alone; b"": none has noise before a prefix."""
+    """Return the prefix of frames cut by a suffix alone, or b"" if no frame has noise before a prefix."""
     bodies = [frame.content[: len(frame.content) - len(suffix)] for frame in good[:MOST_NOISE_FRAMES]]
     bodies = [body for body in bodies if body]
     found = []
@@ -281,7 +281,7 @@ def start_after_noise(
 
 
 def _candidates(bodies: Sequence[bytes], marks: Sequence[bytes]) -> Iterator[bytes]:
-    """Yield marks that may occur once in each body: known ones, those in `marks`, extended single bytes."""
+    """Yield known marks, then long `marks`, then marks grown from a byte that most bodies have once."""
     yield from dict.fromkeys((*KNOWN_STARTS, *[mark for mark in marks if len(mark) > 1]))
     if len(bodies) < FEW_FRAMES:
         return
@@ -342,14 +342,14 @@ def is_begin_and_end_mark(mark: bytes, stream: bytes) -> bool:
 
 
 def count_bytes_between(clean: Sequence[LocatedFrame]) -> int:
-    """Return how many bytes are between nearly all frames; 0: none, or their number differs."""
+    """If nearly all gaps between frames have the same number of bytes, return the number, else 0."""
     sizes = Counter(b.start - a.end for a, b in pairwise(clean))
     size, number = sizes.most_common(1)[0] if sizes else (0, 0)
     return size if number >= NEARLY_ALL * sizes.total() else 0
 
 
 def count_noisy_frames(frames: Sequence[LocatedFrame], clean: Sequence[LocatedFrame]) -> int:
-    """Return how many frames contain bytes that are between clean frames, or before the first of them."""
+    """Return how many frames contain bytes from before the first clean frame or between clean frames."""
     starts, ends = [frame.start for frame in clean], [frame.end for frame in clean]
     if not starts:
         return 0

@@ -1,6 +1,6 @@
-"""The members of messages of one size, from their bytes alone: counters, REALs, whole numbers, constants.
+"""Finds counters, REALs, whole numbers and constants in messages of one size, from their bytes alone.
 
-Rule: each member has a proof: how many of all messages agree with the member. Other bytes stay bytes.
+Rule: the proof of each member says how many of all messages agree with it. Other bytes stay bytes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _STRUCT_ORDERS: Final = {BIG: ">", LITTLE: "<"}
 
 
 class FoundMember(NamedTuple):
-    """A member. `order`: its byte order, "" if it has none or any order fits; `proof`: a sentence."""
+    """A member with its proof in a sentence. `order` is "" if it has no byte order or any order fits."""
 
     at: int
     size: int
@@ -41,7 +41,7 @@ class FoundType(NamedTuple):
     order: str
 
     def st(self, name: str) -> str:
-        """Return the type as ST; a counter at byte 4 is `counter_4`."""
+        """Return the type as ST. A counter at byte 4 has the name `counter_4`."""
         lines = [f"TYPE {name} :", "STRUCT"]
         for one in self.members:
             word = {"": "bytes", "REAL": "value", "INT": "number"}.get(one.type, "counter")
@@ -51,7 +51,7 @@ class FoundType(NamedTuple):
 
 
 def find_members(messages: Sequence[bytes]) -> FoundType | None:
-    """Return the members of messages of one size; None: too few, or nothing but bytes."""
+    """Return the members of messages of one size. Return None for too few messages or without members."""
     size = len(messages[0]) if messages else 0
     if len(messages) < FEW_MESSAGES or size > MOST_BYTES or any(len(one) != size for one in messages):
         return None

@@ -32,7 +32,7 @@ class CutKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class PreviewFrame:
-    """One frame of a preview: its first bytes, its size, its place in the recording, what ended it."""
+    """A frame of a preview: its first bytes, its size and its place in the recording, and what ended it."""
 
     content: bytes
     size: int
@@ -44,10 +44,10 @@ class PreviewFrame:
 class Proposal:
     """One way to cut the recording.
 
-    `rank` counts from 1; proposals that cut alike share a rank. `framing`: setting of ReceiveData; None:
-    it has none for this cut (`field` describes the length, `instead` another way). `frames` of `of_frames`
-    ended as they should and have `explained` of `total` bytes; `noise`, `left` and `broken` are the rest.
-    `longest` is the size of the longest frame.
+    `rank` counts from 1. Proposals that cut alike share a rank. `framing` is the setting of ReceiveData.
+    It is None if ReceiveData cannot cut so. Then `field` describes the length, `instead` another way.
+    Of `of_frames` frames, `frames` ended as they should. They have `explained` of `total` bytes.
+    The rest is `noise`, `left` and `broken`. `longest` is the size of the longest frame.
     """
 
     rank: int
@@ -71,7 +71,7 @@ class Proposal:
 
 @dataclass(frozen=True, slots=True)
 class FramingAdvice:
-    """The proposals, the best first, and a sentence: what they are based on, or why there are none."""
+    """The proposals, the best first. `said` says what they are based on, or why there are none."""
 
     proposals: tuple[Proposal, ...]
     said: str
@@ -177,7 +177,7 @@ def _else(mark: bytes, elsewhere: int) -> str:
 
 
 def _count_chunk_borders(made: Cut, recording: LineRecording) -> tuple[int, int] | None:
-    """Return how many chunks begin at a border of frames, and how many chunks there are; None: too few."""
+    """Return how many chunks begin at a border of frames, and how many there are, or None for too few."""
     starts, at = [], 0
     for chunk in recording.chunks:
         if at >= made.total:
@@ -234,7 +234,7 @@ def list_doubts(kind: CutKind, framing: Framing, made: Cut, recording: LineRecor
 
 
 def _is_delimiter(framing: Framing) -> bool:
-    """Return whether the prefix is a usual one; False for 01 without a suffix, which may be an address."""
+    """Return whether the prefix is usual. The prefix 01 without a suffix is not: it may be an address."""
     if framing.prefix == framing.suffix:
         return True
     return framing.prefix in KNOWN_STARTS and (framing.suffix != b"" or framing.prefix != b"\x01")

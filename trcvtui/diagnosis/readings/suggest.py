@@ -1,6 +1,6 @@
-"""A project that receives what a partner sends, from its bytes alone: `doctor --suggest project.toml`.
+"""`doctor --suggest project.toml` makes a project that receives the bytes of a partner, from these alone.
 
-Rule: each line has its proof beside it: how many of all messages it explains, and what it does not explain.
+Rule: the proof beside each line says how many of all messages the line explains, and what it does not.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ MOST_DATA: Final = 65_536
 
 
 class Suggestion(NamedTuple):
-    """A way to receive the messages of one conversation; `size` is the size of DATA.
+    """One way to receive the messages of a conversation. `size` is the size of DATA.
 
-    ReceiveData receives if there is a `framing`, URECV_C if `is_datagram`, else TRCV_C (ADHOC: `adhoc`).
+    With a `framing` ReceiveData receives, with `is_datagram` URECV_C, otherwise TRCV_C with ADHOC `adhoc`.
     """
 
     line: LineFacts
@@ -173,7 +173,7 @@ def _whole_messages(line: LineFacts, content: bytes) -> list[LineMessage]:
 
 
 def _contradiction(line: LineFacts, suffix: bytes) -> str:
-    """Return a text if bytes before pauses lack a suffix; "" if most have it, or pauses are too few."""
+    """Return a text if fewer than 80 % of the pauses follow the suffix. Return "" if pauses are too few."""
     content, messages = bytes(line.to_plc.content), line.messages
     ends = [
         before.at + before.size
@@ -258,7 +258,7 @@ def _format_line(n: int, one: Suggestion) -> Iterator[str]:
 
 
 def _choose_dialect(frames: bool) -> str:
-    """Return the first dialect; with `frames` the first with a block that cuts by any marks."""
+    """Return the first dialect. With `frames`, it must have a block that cuts by any marks."""
     return next(
         name
         for name, dialect in DIALECTS.items()

@@ -30,7 +30,7 @@ class LocatedFrame(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class LengthField:
-    """A length of `width` bytes at `position`; the frame has that number + `more` bytes."""
+    """A length field of `width` bytes at `position`. Its number plus `more` is the size of the frame."""
 
     position: int
     width: int
@@ -49,10 +49,10 @@ class LengthField:
 
 @dataclass(frozen=True)  # no slots: cached_property needs a dict
 class Cut:
-    """A recording cut by the framer; with `gaps` a frame that a gap ended is good.
+    """A recording that the framer has cut. With `gaps`, a frame that a gap ended is good.
 
-    `noise`: bytes before a prefix, in `noise_runs` pieces; `broken`: bytes in frames that a disconnect cut;
-    `left`: bytes in the frame without an end.
+    `noise` counts bytes before a prefix, in `noise_runs` pieces. `broken` counts bytes in frames that a
+    disconnect cut. `left` counts bytes in the frame without an end.
     """
 
     frames: tuple[LocatedFrame, ...]
@@ -65,7 +65,7 @@ class Cut:
 
     @cached_property
     def good(self) -> list[LocatedFrame]:
-        """Return the frames that ended as the framing says; with `gaps` also those that a gap ended."""
+        """Return the frames that ended as the framing says. With `gaps`, add frames that a gap ended."""
         endings = GOOD_ENDINGS | {FrameEnding.GAP} if self.gaps else GOOD_ENDINGS
         return [frame for frame in self.frames if frame.ending in endings]
 
@@ -76,7 +76,7 @@ class Cut:
 
 
 def cut(recording: LineRecording, framing: Framing, most: int = 0) -> Cut:
-    """Cut a recording into at most `most` frames (0: all); without a suffix a gap is a good end."""
+    """Cut a recording into at most `most` frames, 0 for all. Without a suffix, a gap is a good end."""
     return _TrialRun(recording, framing, most).run()
 
 
@@ -195,7 +195,7 @@ class Scale:
 
 
 def make_bit_scale(stream: bytes, pauses: Iterable[int], starts: Iterable[int]) -> Scale:
-    """Return the scale of a recording; `pauses` are the places before which the line was surely quiet."""
+    """Return the scale of a recording. Before each place in `pauses` the line was surely quiet."""
     counts = Counter(stream)
     total = max(1, len(stream))
     costs = tuple([-log2(counts[byte] / total) if counts[byte] else 0.0 for byte in range(256)])
@@ -203,7 +203,7 @@ def make_bit_scale(stream: bytes, pauses: Iterable[int], starts: Iterable[int]) 
 
 
 def saved_bits(cut: Cut, scale: Scale, prefix: bytes, suffix: bytes, *, told_lengths: bool = False) -> float:
-    """Return how many bits a cut saves. `told_lengths`: a field gives the lengths, so they cost no bits."""
+    """Return how many bits a cut saves. With `told_lengths`, a field gives the lengths at no cost."""
     good = cut.good
     if len(good) < 2:
         return 0.0
@@ -246,7 +246,7 @@ def _columns(good: Sequence[LocatedFrame], scale: Scale) -> dict[int, float]:
 
 
 def _bits_saved(column: Sequence[int], costs: Sequence[float]) -> float:
-    """Return the bits that a column saves if earlier bytes predict each byte; a new value saves nothing."""
+    """Return the bits that a column saves if earlier bytes predict each byte. A new value saves nothing."""
     seen = Counter(column)
     again = sum([costs[byte] * (number - 1) for byte, number in seen.items()])
     return again - _bits_of_order(seen.values())

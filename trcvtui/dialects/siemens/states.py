@@ -1,4 +1,4 @@
-"""The Siemens blocks in groups that share a row; STATUS without ERROR: 0000 to 7006."""
+"""The Siemens blocks in groups that share a row, and the STATUS words without ERROR, 0000 to 7006."""
 
 from __future__ import annotations
 

@@ -44,12 +44,12 @@ LONGEST_KEEP_ALIVE_S: Final = 32767  # what a stack takes (Linux, MAX_TCP_KEEPID
 
 
 class ConnectConfig(Struct, frozen=True):
-    """One CONNECT. Addresses are dotted IPv4 text; ports 0..65535, or `@NAME` for RemotePort.
+    """One CONNECT. Addresses are dotted IPv4 text. Ports are 0..65535. RemotePort may be `@NAME`.
 
-    `description`: the description's bytes, as an engineer wrote them; `flaw`: the flaw a CPU finds in them.
-    `remote_name`: the partner's name, resolved at each attempt; "": `remote_address` is used.
-    `any_local`: the system's routing chooses the local address of an active end.
-    `is_datagram`: UDP; the partner of each datagram is in an ADDR. `history`: bytes kept in each direction.
+    `description` has its bytes as an engineer wrote them. `flaw` is the flaw that a CPU finds in the bytes.
+    `remote_name` is resolved at each attempt. If it is "", `remote_address` is used.
+    With `any_local`, the system's routing chooses the local address of an active end.
+    `is_datagram` means UDP with each partner in an ADDR. `history` bytes are stored in each direction.
     """
 
     name: str
@@ -109,9 +109,9 @@ class UdpConfig(Struct, frozen=True):
 
 
 class AddrParam(Struct, frozen=True):
-    """One ADDR_PARAM as it is in the file; `@NAME` for RemotePort, resolved at each send.
+    """One ADDR_PARAM as it is in the file. A RemotePort `@NAME` is resolved at each send.
 
-    `description`: the bytes of a TADDR_Param or other structure; None: the file has only address and port.
+    `description` has the bytes of a structure such as TADDR_Param. It is None for only address and port.
     """
 
     name: str
@@ -147,7 +147,7 @@ class RemoteAddress:
             self.generation += 1
 
     def resolve_target(self, resolve: Callable[[str], int | None]) -> Endpoint | Fault:
-        """Return where a datagram goes; `resolve` returns the port where `@NAME` listens now."""
+        """Return where a datagram goes. `resolve` returns the port where `@NAME` listens now."""
         port = resolve(self.port) if isinstance(self.port, str) else self.port
         if port is None:
             return Fault("resolve", f"{self.port} does not listen")

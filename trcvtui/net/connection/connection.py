@@ -1,11 +1,11 @@
 """One connection: what TCON, TRCV, TDISCON and T_RESET do, at most one set-up step a scan.
 
-Rule 1: `step` takes at most one step a scan, for the first block that calls; other blocks get its result.
-Rule 2: a loss is found once and stored with its incarnation; every block that asks gets the loss (5.3 e).
-Rule 3: a FIN never overtakes bytes: while a block receives, or would receive (`readers`), the incarnation
-ends after the last byte. A sender that finds the loss first gets it at once; the loss is then pending until
+Rule 1: `step` takes at most one step a scan, for the first block that calls. Other blocks get its result.
+Rule 2: a loss is found once and stored with its incarnation. Every block that asks gets the loss (5.3 e).
+Rule 3: a FIN never overtakes bytes. While a block receives, or would receive (`readers`), the incarnation
+ends after the last byte. A sender that finds the loss first gets it at once. The loss is then pending until
 the receiver has read all bytes.
-Rule 4: a client that comes after the partner's FIN or RST is the next partner: it waits and is not reset.
+Rule 4: a client that comes after the partner's FIN or RST is the next partner. It waits and is not reset.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ LOSSES_KEPT: Final = 8  # of the newest incarnations: a block asks at its next c
 
 
 class ConnectionLoss(Struct, frozen=True):
-    """How one incarnation ended; `release_fault`: why its socket could not leave the poll set."""
+    """How one incarnation ended. `release_fault` says why its socket could not leave the poll set."""
 
     kind: LossKind
     peer: str
@@ -76,9 +76,9 @@ class ConnectionLoss(Struct, frozen=True):
 
 
 def classify_loss(fault: Fault | None, peer: str, may_refuse: bool = False) -> ConnectionLoss:
-    """Return the loss that follows from the Fault of a call; `fault` None: the partner sent FIN.
+    """Return the loss that follows from the Fault of a call. If `fault` is None, the partner sent FIN.
 
-    `may_refuse`: we are the active end and have received no data, so a TLS alert is a refusal.
+    With `may_refuse`, we are the active end and have received no data. A TLS alert is then a refusal.
     """
     if fault is not None and fault.error == OWN_END:
         return ConnectionLoss(LossKind.OURS, peer, is_played=True)
@@ -123,7 +123,7 @@ class SocketUse(Enum):
 
 
 class DeadLinkWatch:
-    """Watches one connection's sent bytes for a dead link; call `begin` with each TCP connection."""
+    """Watches the sent bytes of one connection for a dead link. Call `begin` with each TCP connection."""
 
     def __init__(self, config: ConnectConfig, kernel: Kernel, is_on: bool) -> None:
         self._limit_ms = config.dead_after_ms
@@ -213,7 +213,7 @@ class Connection:
                 yield handle, SocketUse.DATAGRAMS if self.config.is_datagram else use
 
     def is_up_for(self, claim: Claim) -> bool:
-        """Return whether the connection is up for a claim: for a reader, until the last byte (Rule 3)."""
+        """Return whether the connection is up for a claim. A reader has it until the last byte (Rule 3)."""
         return self.is_up or (self.state is State.CONNECTED and self._is_reader(claim))
 
     def _is_reader(self, claim: Claim | None) -> bool:
@@ -245,7 +245,7 @@ class Connection:
     # -- set-up: TCON ------------------------------------------------------------------------
 
     def open(self, now: int, has_addr: bool = True) -> Fault | None:
-        """Queue the set-up job; its steps follow, one a scan. `has_addr` (UDP): the block has an ADDR."""
+        """Queue the set-up job. Its steps follow, one a scan. If `has_addr`, the UDP block has an ADDR."""
         fault = self._resources.queue.put(self.config.name)
         if fault is not None:
             return fault
@@ -393,7 +393,7 @@ class Connection:
     # -- data: TRCV -----------------------------------------------------------------------------
 
     def receive(self, into: memoryview, instance: str = "") -> int | WouldBlock | ConnectionLoss:
-        """Read up to len(into) bytes; after the last byte release a lost connection and return its loss."""
+        """Read up to len(into) bytes. After the last byte release a lost connection and return its loss."""
         assert self.handle is not None
         got = self._kernel.recv(self.handle, into)
         if got is WOULD_BLOCK and self.pending_loss is not None:
@@ -434,7 +434,7 @@ class Connection:
         return WOULD_BLOCK if loss is None else self._end_after_last_byte(loss)
 
     def _note_received(self, content: memoryview, instance: str, cut: int = 0) -> None:
-        """Note the bytes of one receive call; `cut`: how many bytes of a datagram had no room."""
+        """Note the bytes of one receive call. `cut` bytes of a datagram had no room."""
         self.recvs += 1
         offset, size = self.bytes_received, len(content) + cut
         self.bytes_received = offset + size
@@ -469,7 +469,7 @@ class Connection:
         return True
 
     def find_loss(self, incarnation: int, asking: Claim | None = None) -> ConnectionLoss | None:
-        """Return how an incarnation ended, None while it is up (for a reader: until the last byte)."""
+        """Return how an incarnation ended, or None while it is up. Readers get None until the last byte."""
         if self.state is State.CONNECTED and self.incarnation == incarnation:
             if self.pending_loss is None or self._is_reader(asking):
                 return None
@@ -481,7 +481,7 @@ class Connection:
         return 0 if self.handle is None else self._kernel.unread(self.handle)
 
     def note_dropped(self, offset: int, size: int, reason: str, incarnation: int | None = None) -> None:
-        """Note bytes that never reach DATA; `incarnation` None: the newest; `offset` -1: in the stack."""
+        """Note bytes that never reach DATA. If `offset` is -1, the bytes were still in the stack."""
         if size:
             of = self.incarnation if incarnation is None else incarnation
             position = self.received.skip(size) if offset < 0 else -1  # -1: the ring has them already
@@ -553,9 +553,9 @@ class Connection:
         return self._resources.queue.put(self.config.name)
 
     def disconnect(self) -> Fault | None:
-        """Close and free connection and listener (TDISCON), also after a Fault; return the first Fault.
+        """Close and free connection and listener (TDISCON), even after a Fault. Return a Fault or None.
 
-        ENOTCONN of shutdown means that the partner's RST came first (80A2).
+        If shutdown fails with ENOTCONN, the partner's RST came first (80A2).
         """
         self._note_early_faults()
         fault = None
@@ -569,7 +569,7 @@ class Connection:
         return fault
 
     def reset(self) -> Fault | None:
-        """Abort the connection with RST (T_RESET); the listener stays; the next attempt starts at once."""
+        """Abort the connection with RST (T_RESET). The listener stays. The next attempt starts at once."""
         assert self.handle is not None
         removed = self._kernel.poll_del(self.handle)
         # On Linux SO_LINGER and close succeed on a dead socket, too: only this probe can fail (80A3).

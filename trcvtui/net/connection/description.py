@@ -1,6 +1,6 @@
 """Connection descriptions as bytes: TCON_IP_v4, TCON_IP_RFC, ... and TADDR_Param (STEP 7 help).
 
-Rule: the bytes are the description; values are read from them, and any bytes can be read.
+Rule: the bytes are the description. Values are read from the bytes, and any bytes can be read.
 All numbers are big-endian. The layouts of the structures are in `system_types.py`.
 """
 
@@ -42,11 +42,11 @@ class Description(Struct, frozen=True):
         return int(self.value(name)) if self.structure.field(name) is not None else 0
 
     def text(self, name: str) -> str:
-        """Return an address or a name; "" if the structure has no such field."""
+        """Return an address or a name, or "" if the structure has no such field."""
         return str(self.value(name)) if self.structure.field(name) is not None else ""
 
     def byte_field(self, name: str) -> bytes:
-        """Return bytes or a selector; b"" if the structure has no such field."""
+        """Return bytes or a selector, or b"" if the structure has no such field."""
         found = self.value(name) if self.structure.field(name) is not None else b""
         assert isinstance(found, bytes)
         return found
@@ -110,7 +110,7 @@ def find_structure(data: bytes) -> Structure | None:
 
 
 class DescriptionRow(NamedTuple):
-    """One line of the view; `remark`: what is wrong with the bytes."""
+    """One line of the view. `remark` is a comment on the bytes."""
 
     offset: int
     field: str
@@ -122,7 +122,7 @@ class DescriptionRow(NamedTuple):
 def rows(description: Description, remarks: Mapping[str, str]) -> tuple[DescriptionRow, ...]:
     """Return the description field by field, with the bytes between and after the fields.
 
-    `remarks`: the remark on each field, by the field's name; the name "": on the whole description.
+    `remarks` has a remark by the name of each field. The name "" stands for the whole description.
     """
     found: list[DescriptionRow] = []
     at = 0
@@ -143,7 +143,7 @@ def selector_hex(data: bytes) -> str:
 
 
 def format_selector(data: bytes) -> str:
-    """Return a T-selector in hex, after its text if it has one: `TCP-1 (54 43 50 2D 31)`, `E0 02`."""
+    """Return a T-selector in hex: `E0 02`. Put its text first if it has one: `TCP-1 (54 43 50 2D 31)`."""
     is_text = len(data) > 1 and all(0x20 < byte < 0x7F for byte in data)
     return f"{data.decode('ascii')} ({selector_hex(data)})" if is_text else selector_hex(data)
 

@@ -1,6 +1,6 @@
 """The meaning of a connection description, and the first flaw that a CPU would report (STEP 7 help, TCON).
 
-Rule: each check is a row of a table (`_CHECKS`); the checks run in its order; the first flaw is reported.
+Rule: each check is a row of the table `_CHECKS`. The first check that fails, in this order, is reported.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Flaw(StrEnum):
 
 
 class DescriptionFlaw(NamedTuple):
-    """One flaw: its kind, its field ("": the whole description), and a text: what was found and expected."""
+    """One flaw. `text` says what was found and expected. The `field` "" means the whole description."""
 
     flaw: Flaw
     field: str
@@ -164,9 +164,9 @@ def _read_param_meaning(description: Description) -> LinkSpec:
 class DescribedConnect(Struct, frozen=True):
     """A description, and the other facts in the project file about its CONNECT.
 
-    `own_address` is the address of InterfaceId. `takes_free_port`: LocalPort 0 is no flaw; `remote_is_known`:
-    `@NAME` in the file names the partner's port. `structures`: the structures that the instructions accept;
-    (): they accept all. `narrow_tsaps`: the CPU is an S7-1200.
+    `own_address` is the address of InterfaceId. With `takes_free_port`, LocalPort 0 is no flaw. With
+    `remote_is_known`, `@NAME` in the file names the partner's port. The instructions accept the
+    `structures`, or all structures if this is (). With `narrow_tsaps`, the CPU is an S7-1200.
     """
 
     description: Description
@@ -281,7 +281,7 @@ def _first_bytes(connect: DescribedConnect) -> bytes:
 
 
 def check_narrow_tsap(local: bytes) -> DescriptionFlaw | None:
-    """Return a flaw of the local T-selector; only an S7-1200 reports this flaw (S7-1200 System Manual)."""
+    """Return a flaw of the local T-selector that only an S7-1200 reports (S7-1200 System Manual)."""
     text = ""
     if len(local) >= 2 and local[0] in TSAP_FIRST_BYTES and local[1] > 1:
         text = f"after {local[0]:02X} comes 00 or 01, not {local[1]:02X}"
@@ -423,9 +423,9 @@ _PARAM_TYPES: Final = {Transport.TCP: 17, Transport.ISO: 18, Transport.UDP: 19}
 
 
 def to_tcon_param(spec: LinkSpec, has_interface: bool) -> Description | None:
-    """Return the TCON_Param with the same meaning, None if no TCON_Param can have this meaning.
+    """Return the TCON_Param with the same meaning, or None if no TCON_Param can have this meaning.
 
-    `has_interface`: the description names an interface; a TCON_Param then always names the first one.
+    With `has_interface`, the description names an interface. The TCON_Param then names the first interface.
     """
     if spec.protocol not in _PARAM_TYPES or spec.remote_name:
         return None

@@ -55,7 +55,7 @@ def ignore_wait(owner: str, what: EventKind, partner: str, why: str) -> None:
 
 
 class BudgetShare:
-    """The share of one party. `what`: the kind of the event that is reported when the party must wait."""
+    """The share of one party. `what` is the kind of event that is reported when the party must wait."""
 
     def __init__(self, work: ScanBudget, owner: str, what: EventKind) -> None:
         self.work, self.owner, self.what = work, owner, what
@@ -74,14 +74,14 @@ class BudgetShare:
         self.work.count_spent(self, units)
 
     def note_waiting(self, partner: str = "", what: EventKind | None = None) -> None:
-        """Note that something waits for the next scan: a share of that scan is reserved."""
+        """Note that the party waits. The next scan then reserves a share for the party."""
         self.work.note_waiting(self, partner, what or self.what)
 
 
 class ScanBudget:
-    """The work of one PLC's scans. `clock` returns ns; a simulated clock does not move within a scan.
+    """The work of one PLC's scans. `clock` returns ns. A simulated clock does not move within a scan.
 
-    `report_wait` is called at the first wait of each episode of waits. Call begin_scan() once a scan.
+    Call begin_scan() once a scan. `report_wait` is called at the first wait of each episode of waits.
     """
 
     def __init__(self, clock: Callable[[], int] = int, interval_ns: int = DEFAULT_INTERVAL_NS) -> None:
@@ -152,7 +152,7 @@ class ScanBudget:
         return not self._steps or until <= self._interval // HANDSHAKE_DIVISOR
 
     def handshake(self, party: BudgetShare, partner: str, step: Callable[[], int]) -> int:
-        """Call one step of a handshake and measure its time; return its units of work."""
+        """Call one step of a handshake, and measure its time. Return the step's units of work."""
         began = self.clock()
         units = step()
         took = self.clock() - began
@@ -175,10 +175,10 @@ class ScanBudget:
 
 
 class Claim:
-    """The claim of one instance; `priority`: its task's; None: claims of all tasks exclude each other.
+    """The claim of one instance, with its task's priority. If None, claims of all tasks exclude each other.
 
-    `has_frame`: the job has read a whole frame, and shows it in the next call. `is_refused`: the
-    instance's last call could start no job: the instance reads nothing, but keeps other instances out.
+    With `has_frame`, the job has read a whole frame, and shows it in the next call. With `is_refused`, the
+    last call could start no job. The instance then reads nothing, but keeps other instances out.
     """
 
     __slots__ = ("has_frame", "instance", "is_orphan", "is_refused", "priority")
@@ -190,7 +190,7 @@ class Claim:
 
 
 class DirectionClaims:
-    """The claims on one direction of one connection: `try_take` allows one claim of each priority."""
+    """The claims on one direction of one connection. `try_take` allows one claim of each priority."""
 
     def __init__(self) -> None:
         self._claims: list[Claim] = []
@@ -205,7 +205,7 @@ class DirectionClaims:
         return None
 
     def hold(self, claim: Claim) -> None:
-        """Add a claim, also beside other claims of its priority: several blocks may build a connection."""
+        """Add a claim, even beside a claim of the same priority. Several blocks may build a connection."""
         if claim not in self._claims:
             self._claims.append(claim)
 
@@ -239,7 +239,7 @@ class DirectionClaims:
         return any(held.has_frame for held in self._claims)
 
     def is_barred(self, claim: Claim, waits: bool) -> bool:
-        """Return whether an orphan (with `waits` False also a refused claim) keeps this claim out."""
+        """Return whether an orphan keeps this claim out. If `waits` is False, refused claims do so, too."""
         return any(
             held.priority == claim.priority
             and held is not claim
@@ -251,7 +251,7 @@ class DirectionClaims:
         return claim in self._claims
 
     def owners(self) -> tuple[str, ...]:
-        """Return the instances that hold a claim; an orphan's name has ` (gone)` after it."""
+        """Return the instances that hold a claim. ` (gone)` follows the name of an orphan."""
         return tuple([held.instance + " (gone)" * held.is_orphan for held in self._claims])
 
     def end_all(self) -> None:
@@ -270,7 +270,7 @@ class IdConflict(StrEnum):  # the connection that has the ID, compared with the 
 
 
 class IdHolder:
-    """One CONNECT with its ID; `has_been_up`: connected since it took the ID."""
+    """One CONNECT with its ID. `has_been_up` means that the CONNECT was connected since it took the ID."""
 
     def __init__(self, config: ConnectConfig) -> None:
         self.name = config.name
@@ -308,7 +308,7 @@ def no_faults(call: str, owner: str) -> Fault | None:
 
 
 class JobQueue:
-    """The queue of asynchronous functions (80AC): it takes `capacity` jobs a scan; each scan empties it."""
+    """The queue of asynchronous functions (80AC). It takes `capacity` jobs a scan. Each scan empties it."""
 
     def __init__(self, capacity: int, take: TakeFault = no_faults) -> None:
         self.capacity = capacity
@@ -379,7 +379,7 @@ class ConnectionBudget:
 
 
 class Resources:
-    """All resources of one PLC, its received bytes, and (`unsettled`) CONNECTs with unacknowledged bytes."""
+    """All resources of one PLC, and its received bytes. `unsettled` CONNECTs have unacknowledged bytes."""
 
     def __init__(
         self, queue: JobQueue, buffers: BufferPool, budget: ConnectionBudget, work: ScanBudget | None = None

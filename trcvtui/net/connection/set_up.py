@@ -26,9 +26,9 @@ from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Endpoint, Fault, Would
 
 
 def find_address_error(address: str, own: tuple[LocalAddress, ...], strict: bool) -> str:
-    """Return why the address cannot be used, "" if it can; `strict`: loopback is an error, too.
+    """Return why the address cannot be used, or "" if it can. With `strict`, loopback is an error.
 
-    An empty `own`: the system could not list its addresses; then bind decides.
+    If `own` is empty, the system could not list its addresses. Then bind decides.
     """
     if address == ANY_ADDRESS:
         return "0.0.0.0 names no port of the PLC"
@@ -228,7 +228,7 @@ class SetUp:
         return self._kernel.resolve(handle, name) if name else self.config.remote_address
 
     def _resolve_port(self) -> int | None:
-        """Return RemotePort; for `@NAME`, the port where NAME listens now, or listened last."""
+        """Return RemotePort. For `@NAME`, return the port where NAME listens now, or listened last."""
         port = self.config.remote_port
         if isinstance(port, int):
             return port

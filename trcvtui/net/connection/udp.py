@@ -1,8 +1,8 @@
-"""A UDP endpoint: its socket is up as soon as it is bound. An ADDR has the target or source of a datagram.
+"""A UDP endpoint. Its socket is up as soon as it is bound. An ADDR has the target or source of a datagram.
 
 Rule 1: no partner can end the socket. A failed receive call ends the socket of a CONNECT, which is then set
 up again. With a UDP_CONFIG the block gets the fault, and the socket stays.
-Rule 2: `incarnation` counts the sockets; so a block whose socket is gone sees another number.
+Rule 2: `incarnation` counts the sockets. A block whose socket is gone therefore sees another number.
 """
 
 from __future__ import annotations
@@ -85,10 +85,10 @@ class UdpSetUp(SetUp):
 
 
 class UdpEndpoint(Connection):
-    """One CONNECT of UDP, or one UDP_CONFIG, at run time; `peer` is the other end of the last datagram.
+    """One CONNECT of UDP, or one UDP_CONFIG, at run time. `peer` is the other end of the last datagram.
 
-    `is_config` (a UDP_CONFIG): the first block that needs the socket opens it, at once and without a job.
-    The first block that ends closes the socket. All bytes of a datagram count, also bytes without room.
+    The first block that needs the socket of a UDP_CONFIG opens it, at once and without a job. The first
+    block that ends closes this socket. All bytes of a datagram count, even bytes without room.
     """
 
     SET_UP = UdpSetUp

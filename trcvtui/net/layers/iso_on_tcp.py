@@ -1,11 +1,11 @@
 """One ISO-on-TCP connection over a stream of bytes: handshake, size, messages; no sockets (RFC 1006).
 
-Rule 1: bytes in, bytes out: `feed` takes received bytes, `take_output` returns bytes to send.
-Rule 2: at most one message is put together, up to `cap` bytes; its bytes beyond the cap are only counted.
-Complete messages wait; once MOST_WAITING_MESSAGES or `cap` bytes wait, no more may be fed (`wants_more`). A
-message longer than MOST_CAPS caps ends the connection; so does a message in more pieces than the cap
-has bytes, or with too many empty pieces.
-Rule 3: invalid input ends the connection, and the reason is kept; no exception is raised.
+Rule 1: bytes in, bytes out. `feed` takes received bytes. `take_output` returns bytes to send.
+Rule 2: at most one message is put together, up to `cap` bytes. Its bytes beyond the cap are only counted.
+Complete messages wait. Once MOST_WAITING_MESSAGES or `cap` bytes wait, no more may be fed (`wants_more`). A
+message longer than MOST_CAPS caps ends the connection. So does a message with more pieces than the cap has
+bytes, or with too many empty pieces.
+Rule 3: invalid input raises no exception. It ends the connection, and the session stores the reason.
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ class _Parameter(IntEnum):
 
 
 class ConnectTpdu(NamedTuple):
-    """A CR or CC. `calling` is the TSAP of the CR's sender; `size_code` n is 2**n bytes, None: not given.
+    """A CR or CC. `calling` is the TSAP of the CR's sender. `size_code` n means 2**n bytes.
 
-    `other_class`: the class that the TPDU asks for; 0: class 0, or a class that is taken as class 0.
+    `other_class` is the class that the TPDU asks for, or 0 if that class is taken as class 0.
     """
 
     code: Code
@@ -77,7 +77,7 @@ class ConnectTpdu(NamedTuple):
 
     @property
     def unfit(self) -> str:
-        """Return, as text, why class 0 cannot agree to this TPDU; "" if it can."""
+        """Return why class 0 cannot agree to this TPDU, or "" if class 0 can."""
         if self.other_class:
             return f"class {self.other_class} in a {self.code.name}"
         if self.size_code is not None and self.size_code < LEAST_SIZE_CODE:
@@ -121,7 +121,7 @@ Tpdu = ConnectTpdu | DataTpdu | DisconnectTpdu | ErrorTpdu | UnusedTpdu | Malfor
 
 
 class TpktReader:
-    """Puts TPDUs together from bytes that come in any pieces; after a `MalformedTpdu` it reads no more."""
+    """Puts TPDUs together from bytes that come in any pieces. A `MalformedTpdu` ends the reading."""
 
     def __init__(self) -> None:
         self.agreed: int | None = None  # the most bytes of a DT, if both ends have named a size
@@ -135,7 +135,7 @@ class TpktReader:
         return len(self._held)
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> list[Tpdu]:
-        """Take bytes and return the TPDUs that they complete, in order, at most `most`."""
+        """Take bytes. Return at most `most` of the TPDUs that the bytes complete, in order."""
         if self._is_lost:
             return []
         self._held += data
@@ -281,7 +281,7 @@ def _add_tpkt_header(tpdu: bytes) -> bytes:
 
 
 def encode_message(message: bytes | memoryview, most: int) -> bytes:
-    """Return the DTs of one message, with at most `most` bytes each; an empty message is one empty DT."""
+    """Return the DTs of one message, with at most `most` bytes each. An empty message is one empty DT."""
     pieces = [bytes(message[at : at + most]) for at in range(0, len(message), most)] or [b""]
     return b"".join(encode_tpdu(DataTpdu(piece, n == len(pieces))) for n, piece in enumerate(pieces, 1))
 
@@ -304,10 +304,10 @@ class IsoPhase(Enum):
 
 
 class IsoSettings(Struct, frozen=True):
-    """Settings of a CONNECT: both TSAPs and the longest message in bytes; empty `remote`: any TSAP.
+    """Settings of a CONNECT: both TSAPs and the longest message in bytes. An empty `remote` means any TSAP.
 
-    `size_code` n: TPDUs of at most 2**n bytes are proposed, and accepted. `default_dt_bytes`: the size of a
-    DT to a partner that names no size.
+    The CONNECT proposes and accepts TPDUs of at most 2**`size_code` bytes. If a partner names no size, a DT
+    to this partner has `default_dt_bytes` at most.
     """
 
     local: bytes
@@ -365,7 +365,7 @@ class IsoSession:
 
     @property
     def wants_more(self) -> bool:
-        """Return whether bytes may be fed: not while a CR has no answer, or enough messages wait."""
+        """Return whether bytes may be fed. While a CR has no answer, or enough messages wait, none may."""
         if self.phase is IsoPhase.ENDED or self.request is not None:
             return False  # bytes after a CR are not read before it is accepted
         return len(self._messages) < MOST_WAITING_MESSAGES and self._waiting_bytes() < self._settings.cap
@@ -378,7 +378,7 @@ class IsoSession:
         return self._reader.held_bytes + len(self._collected) + self._waiting_bytes()
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> int:
-        """Take bytes of the stream, and read at most `most` TPDUs; return how many were read."""
+        """Take bytes of the stream, and read at most `most` TPDUs. Return the number of these TPDUs."""
         tpdus = self._reader.feed(data, most)
         for tpdu in tpdus:
             if self.phase is not IsoPhase.ENDED:
@@ -398,7 +398,7 @@ class IsoSession:
             self._end("EPROTO", why)
 
     def take_remarks(self) -> list[str]:
-        """Return, once, which TPDUs were ignored: MOST_REMARKS of them, and a line if there are more."""
+        """Return the remarks on ignored TPDUs once: at most MOST_REMARKS, and a line if there are more."""
         remarks, self._remarks = self._remarks, []
         return remarks
 
@@ -406,7 +406,7 @@ class IsoSession:
         return False  # class 0 ends with its stream
 
     def note_partner_end(self) -> None:
-        """Note the end of the stream: a connection of class 0 ends; before the CC this is a refusal."""
+        """Note the end of the stream. A connection of class 0 ends with it; before the CC it is refused."""
         if self.phase is IsoPhase.WAITS_FOR_CC:
             self._end("ECONNREFUSED", "closed instead of a CC")
 

@@ -1,8 +1,8 @@
 """A kernel in front of an inner kernel: it runs the session (ISO-on-TCP, TLS) that a CONNECT asks for.
 
-For the callers a connection is up when its session is up: `connect_result` and `accept` wait for the
-handshake, `recv` and `recv_from` return what the session has unpacked. All other handles pass through.
-Rule 1: `poll` reads the stream, and so does a call that finds no data; each time a bounded number of bytes.
+For the callers, a connection is up when its session is up. `connect_result` and `accept` wait for the
+handshake. `recv` and `recv_from` return the session's unpacked data. All other handles pass through.
+Rule 1: `poll`, and each call that finds no data, reads a bounded number of bytes of the stream.
 Rule 2: a client that sends nothing, too much, or nonsense is dropped. The ledger has a note on each dropped
 client, on each session that ends by itself, and on ignored TPDUs.
 """
@@ -40,7 +40,7 @@ class ReadyKernel(Kernel, Protocol):
     """A kernel that can say which handles its last poll saw."""
 
     def ready_handles(self) -> Mapping[Handle, str] | None:
-        """Return the handles with their owners; None: every handle must be tried."""
+        """Return the handles with their owners, or None if every handle must be tried."""
 
 
 def unknown_ready_handles() -> Mapping[Handle, str] | None:
@@ -48,11 +48,11 @@ def unknown_ready_handles() -> Mapping[Handle, str] | None:
 
 
 class LayerKernel(KernelProxy):
-    """`clock` returns the time in ns; `report_note` gets the notes of dropped clients and ended sessions.
+    """`clock` returns the time in ns. `report_note` gets the notes of dropped clients and ended sessions.
 
-    `report_error` gets an exception that a CONNECT's session has raised; the session is ended.
-    `polls`: clients are put into the poll set before they are accepted; False: there is no poll set.
-    `work`: a work budget shared with others; None: a new work budget.
+    If a CONNECT's session raises, `report_error` gets the exception, and the session is ended. With
+    `polls`, clients are put into the poll set before they are accepted. Without `polls`, there is no poll
+    set. `work` is a shared work budget. None makes a new budget.
     """
 
     def __init__(
@@ -289,7 +289,7 @@ class LayerKernel(KernelProxy):
         return 0 if stream.is_over else WOULD_BLOCK
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
-        """Take one message; the end of the session is reported by `loss` alone."""
+        """Take one message. Only `loss` reports the end of the session."""
         stream = self._streams.get(handle)
         if stream is None:
             return self.inner.recv_from(handle, into)
@@ -316,14 +316,14 @@ class LayerKernel(KernelProxy):
         return self.inner.unread(handle) + (stream.session.held_bytes if stream else 0)
 
     def list_unread(self, handles: Collection[Handle]) -> list[Handle]:
-        """Of `handles` return those at which something is unread, and all that have a session."""
+        """Return each handle with a session, and each other handle at which something is unread."""
         plain = [
             handle for handle in handles if handle not in self._streams and handle not in self._listeners
         ]
         return self.inner.list_unread(plain) + [h for h in handles if h in self._streams]
 
     def peek(self, handle: Handle, skip: int) -> Unread:
-        """Return what is unread. With a session: what the session has unpacked, but no end (see `loss`)."""
+        """Return what is unread. For a session, return its unpacked data, but no end (see `loss`)."""
         stream = self._streams.get(handle)
         if stream is not None:
             return stream.session.unread(stream.peer, skip)
@@ -342,7 +342,7 @@ class LayerKernel(KernelProxy):
         return self.inner.shutdown(handle, both)
 
     def _send_goodbye(self, handle: Handle) -> bool:
-        """Let a session send its goodbye; an exception is reported, not raised, and ends the session."""
+        """Let a session send its goodbye. An exception is reported, not raised, and ends the session."""
         try:
             return handle in self._streams and self._streams[handle].send_goodbye()
         except Exception as error:
@@ -351,10 +351,10 @@ class LayerKernel(KernelProxy):
             return False
 
     def abort(self, handle: Handle) -> Fault | None:
-        """Send RST and free the handle; a client that waits for an answer to its CR gets a DR.
+        """Send RST and free the handle. A client that waits for an answer to its CR gets a DR.
 
         A session with a goodbye (close_notify) sends the goodbye and a FIN instead of the RST. At a fixed
-        local port the RST is sent all the same: a FIN would block the port for a minute (TIME_WAIT).
+        local port the RST is sent in any case. A FIN would block this port for a minute (TIME_WAIT).
         """
         stream = self._streams.get(handle)
         choice = None if stream is None else find_choice_session(stream.session)

@@ -1,9 +1,9 @@
-"""One TCP stream with a session on it: reads from the kernel into the session, and sends the session's bytes.
+"""One TCP stream with a session. The session gets the received bytes. The stream sends the session's bytes.
 
-Rule 1: a scan moves a bounded number of bytes, in a bounded number of steps (ScanBudget). Bytes that were
-read and not looked at are used before the bytes in the stack. Bytes that the stack does not take wait here:
-at most one message.
-Rule 2: a message that the partner has begun ends within MESSAGE_LIMIT_NS, or the session is ended.
+Rule 1: a scan moves a bounded number of bytes, in a bounded number of steps (ScanBudget). The session's
+backlog is used before the bytes in the stack. Bytes that the stack does not take wait here. They are at
+most one message.
+Rule 2: if the partner does not end a message within MESSAGE_LIMIT_NS, the session is ended.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ MESSAGE_LIMIT_NS: Final = 30_000_000_000  # ns; counted only while the session t
 
 
 class LayeredStream:
-    """A session at work. `fault`: the last Fault; None and `is_over`: the partner's FIN or close_notify.
+    """A session at work. If `is_over` and `fault` is None, the partner has sent FIN or close_notify.
 
-    The work on the partner's bytes is charged to `party`. `is_held_back`: some bytes were not looked at.
+    The work on the partner's bytes is charged to `party`. If `is_held_back`, some bytes were not looked at.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class LayeredStream:
             self.send_goodbye()
 
     def read_last_bytes(self) -> None:
-        """Take the last bytes of a partner that ended before we answered it; do no handshake step."""
+        """Take the last bytes of a partner whose stream ended before our answer. Do no handshake step."""
         got = self._kernel.recv(self.handle, memoryview(_SCRATCH))
         if isinstance(got, int) and got:
             self.has_spoken = True
@@ -155,7 +155,7 @@ class LayeredStream:
             self.time_out(f"a message that has not ended in {MESSAGE_LIMIT_NS // 1_000_000_000} s")
 
     def take_end_text(self) -> str:
-        """Return, once, why the session has ended by itself; "" while it has not ended."""
+        """Return why the session has ended by itself, but only once. Otherwise return ""."""
         if self.is_end_reported or self.session.ended is None:
             return ""
         self.is_end_reported = True
@@ -241,7 +241,7 @@ HANDSHAKE_LIMIT_NS: Final = 5_000_000_000  # ns
 
 
 class LayerNote(NamedTuple):
-    """What happened to a client of a CONNECT, and why; `for_all`: it concerns all CONNECTs at the port."""
+    """What happened to a client of a CONNECT, and why. `for_all` notes concern all CONNECTs at the port."""
 
     connect: str
     what: str
@@ -268,7 +268,7 @@ QUEUE_FULL_TEXT: Final = f"the queue is full: {MOST_WAITING_CLIENTS} clients wai
 
 
 class ChoiceSession(Protocol):
-    """A session whose partner asks for one of several CONNECTs; it waits for `accept_for` or `refuse`."""
+    """A session whose partner asks for one of several CONNECTs. It waits for `accept_for` or `refuse`."""
 
     has_asked: bool
 
@@ -276,16 +276,16 @@ class ChoiceSession(Protocol):
         """Return whether the partner asks for this CONNECT's name; several CONNECTs may have one name."""
 
     def find_mismatch(self, settings: LayerSettings) -> str:
-        """Return "" if this is the CONNECT that the partner asks for, else what differs."""
+        """Return "" if the partner asks for this CONNECT. Otherwise return what differs."""
 
     def accept_for(self, settings: LayerSettings) -> None: ...
 
     def refuse(self, is_known: bool) -> None:
-        """Refuse the partner. `is_known`: a CONNECT has the name, but not for this partner, or not now."""
+        """Refuse the partner. If `is_known`, a CONNECT has the name, but for another partner or not now."""
 
 
 def find_choice_session(session: object) -> ChoiceSession | None:
-    """Return the session if its partner has asked for a CONNECT; None: not yet, or no ChoiceSession."""
+    """Return a ChoiceSession whose partner has asked for a CONNECT. Return None for any other session."""
     found: ChoiceSession | None = session if getattr(session, "has_asked", False) else None  # type: ignore[assignment]
     return found
 
@@ -338,9 +338,9 @@ class SharedListener:
                 self._kernel.abort(got.handle)
 
     def _leaves_in_stack(self) -> bool:
-        """Return whether new clients stay in the stack: the only CONNECT at the port is full.
+        """Return whether new clients stay in the stack because the only CONNECT at the port is full.
 
-        If several share the port, each client is accepted, and is refused if the CONNECT it asks for is full.
+        If CONNECTs share the port, each client is accepted. It is refused if its CONNECT is full.
         """
         member = self._any_member()
         return not member.settings.shares_port and self._is_full(member)
@@ -424,7 +424,7 @@ class SharedListener:
     def _drop_client(
         self, client: LayeredStream, why: str, asked: PortMember | None = None, for_all: bool = False
     ) -> None:
-        """Close a client; `asked`: the CONNECT that it asked for; `for_all`: no CONNECT has that name."""
+        """Close a client. It may have asked for `asked`. With `for_all`, no CONNECT has the asked name."""
         self.clients.remove(client)
         owner = (asked or self._any_member()).owner
         self._report_note(LayerNote(owner, CLIENT_DROPPED, str(client.peer), why, for_all))

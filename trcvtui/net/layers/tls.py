@@ -1,8 +1,8 @@
 """One end of TLS over a stream of bytes, by the standard library's ssl; no sockets.
 
-Rule 1: bytes in, bytes out; no input raises an exception: a wrong input ends the session.
-Rule 2: at most MOST_HELD_BYTES wait here, read or unread; then no more may be fed (`wants_more`).
-One feed reads at most `most` records; the other records wait in front of the library (`has_backlog`).
+Rule 1: bytes in, bytes out. A wrong input raises no exception, but ends the session.
+Rule 2: at most MOST_HELD_BYTES wait here, read or unread. Then no more may be fed (`wants_more`).
+One feed reads at most `most` records. The other records wait in front of the library (`has_backlog`).
 Rule 3: a partner whose certificate was not verified is refused, unless the project allows it explicitly.
 """
 
@@ -98,7 +98,7 @@ _LIBRARY_ERRORS: Final = (ssl.SSLError, OSError, ValueError)
 
 
 class TlsSession:
-    """One end. `ended`: the reason of a failure; `partner_is_done`: the partner sent close_notify."""
+    """One end. `ended` is the reason of a failure. `partner_is_done` means that close_notify has come."""
 
     unfinished_message = 0  # no time limit: a record is no message, and an incomplete one is bounded in size
 
@@ -147,9 +147,9 @@ class TlsSession:
         return len(self._plain) + self._incoming.pending
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> int:
-        """Take bytes of the stream, and read at most `most` records; return the units of work (ScanBudget).
+        """Take bytes of the stream, and read at most `most` records. Return the units of work (ScanBudget).
 
-        most=0: only the first byte is looked at.
+        With most=0, only the first byte is looked at.
         """
         if self.ended is not None or self.partner_is_done:
             return 0
@@ -209,7 +209,7 @@ class TlsSession:
         return LayerMessage(data, size)
 
     def encode(self, data: bytes) -> bytes:
-        """Return the records that carry this data; b"" if the session is not up, or fails."""
+        """Return the records that carry this data, or b"" if the session is not up or fails."""
         if not self.is_up or self._engine is None:
             return b""
         try:
@@ -246,7 +246,7 @@ class TlsSession:
             self._end(session_end_of(problem))
 
     def _decrypt(self, most: int) -> int:
-        """Read records until none is left, `most` are read, or enough bytes wait; return how many."""
+        """Read at most `most` records, until none is left or enough bytes wait. Return the read count."""
         assert self._engine is not None
         count = 0
         while self.ended is None and not self.partner_is_done:
@@ -289,7 +289,7 @@ _key_log: Final[list[str]] = []
 
 
 def log_keys(name: str) -> None:
-    """Let sessions of contexts made from now on write their secrets into a file; "": into no file."""
+    """Let sessions of contexts made from now on write their secrets into a file. With "" they do not."""
     _key_log[:] = [name] if name else []
     _make_context.cache_clear()  # a context in the cache would not write them
 
@@ -329,7 +329,7 @@ def _no_password() -> str:
 
 
 def find_certificate_flaw(certificate: str, key: str) -> str:
-    """Return what is wrong with PEM files, "" for nothing; `key` "": a certificate to trust."""
+    """Return what is wrong with PEM files, or "". If `key` is "", the certificate is one to trust."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     try:
         check_readable(certificate)  # the library would wait for the other end of a FIFO

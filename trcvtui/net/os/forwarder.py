@@ -1,7 +1,7 @@
-"""The tap's loop: it forwards bytes, FINs and RSTs as they come, and reports them as events to one process.
+"""The tap's loop forwards bytes, FINs and RSTs as they come. It reports them as events to one process.
 
-Rule 1: nothing here waits for that process: if it does not read, it misses events, and gets their number.
-Rule 2: while that process does not run, no bytes are held, since nobody could order their release.
+Rule 1: nothing here waits for that process. If it does not read, it misses events, and gets their number.
+Rule 2: while that process does not run, no bytes are held. Nobody could order their release.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ MOST_WAITING_BYTES: Final = 64 << 20  # bytes of events that wait for the proces
 
 
 class Forwarder(TapLoop):
-    """The loop; `say` gets lines for the user."""
+    """The tap's loop. `say` gets lines for the user."""
 
     def __init__(self, say: Callable[[str], object], poll: Any = None) -> None:
         super().__init__(say, poll or new_poll_set())
@@ -59,7 +59,7 @@ class Forwarder(TapLoop):
         self._ticks = 0
 
     def add_route(self, route: Route) -> None:
-        """Listen, or open the ports; raise UserError if that fails."""
+        """Listen, or open the ports. Raise UserError if that fails."""
         kinds: dict[str, Callable[..., TcpRoute | UdpRoute | TapSerialConversation]] = {
             "tcp": TcpRoute,
             "udp": UdpRoute,
@@ -68,7 +68,7 @@ class Forwarder(TapLoop):
         self.routes.append(kinds[route.listen.kind](self, route, len(self.routes)))
 
     def attach_server(self, sock: socket.socket, end: Callable[[], object]) -> None:
-        """Report events to the observer server, and do its orders; if the server ends first, call `end`."""
+        """Report events to the observer server, and do its orders. If the server ends first, call `end`."""
 
         def drop_pipe() -> None:
             self.pipe = None
@@ -124,7 +124,7 @@ class Forwarder(TapLoop):
             lane.release_all()
 
     def describe_open(self) -> str:
-        """Return how many connections (with UDP or serial lines: conversations) are open, "" for none."""
+        """Return how many connections or conversations are open, or "" for none."""
         number = sum(len(route.talks) for route in self.routes)
         has_others = any(route.route.to.kind != "tcp" for route in self.routes)
         return count(number, "conversation" if has_others else "connection") if number else ""
@@ -191,7 +191,7 @@ class Forwarder(TapLoop):
     # -- the loop ------------------------------------------------------------------------------------------
 
     def run(self) -> None:
-        """Forward until SIGTERM or Ctrl+C, even if the terminal closes; then close all conversations."""
+        """Forward until SIGTERM or Ctrl+C, even if the terminal closes. Then close all conversations."""
         wakes, wakened = socket.socketpair()  # a signal alone would not wake the poll set
         for sock in (wakes, wakened):
             sock.setblocking(False)
@@ -231,7 +231,7 @@ class Forwarder(TapLoop):
 
 
 def write_or_drop_line(line: str) -> None:
-    """Write a line for the user to stderr, or drop it if stderr is not read: forwarding must not wait."""
+    """Write a line for the user to stderr, or drop it if stderr is not read. Forwarding must not wait."""
     with suppress(OSError, ValueError):
         if HAS_POLL and (stderr := sys.__stderr__) is not None and sys.stderr is stderr:
             poller = select.poll()

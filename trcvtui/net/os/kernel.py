@@ -1,7 +1,7 @@
 """The real network: non-blocking IPv4 sockets that answer as the Kernel seam says.
 
-A handle is the socket's descriptor. The result of `poll` holds for the whole scan: a handle of the set that
-was not ready costs no system call until the next poll; a handle outside the poll set is always tried.
+A handle is the socket's descriptor. The result of `poll` holds for the whole scan. Until the next poll, a
+handle of the set that was not ready costs no system call. A handle outside the set is always tried.
 Without RDHUP (not Linux) a FIN is seen only after the data before it has been read.
 """
 
@@ -85,9 +85,9 @@ class OsKernel:
         return tuple(f"{handle} {self.local_end(Handle(handle))}" for handle in self._sockets)
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
-        """Return the addresses of this machine; if no descriptor is free, return the last list.
+        """Return the addresses of this machine. If no descriptor is free, return the last list.
 
-        () if the C library has no list (Windows): then bind decides, and no name server is asked.
+        If the C library has no list (Windows), return (). Then bind decides, and no name server is asked.
         """
         own = None if self._addresses_are_new else interface_addresses()
         if own is not None:
@@ -200,14 +200,14 @@ class OsKernel:
         return self._questions.ask(handle, name) if handle in self._sockets else Fault("resolve", "EBADF")
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
-        """Start to connect; None = pending, also if the stack has connected at once."""
+        """Start to connect. None means pending, even if the stack has connected at once."""
         fault = self._call("connect", handle, lambda sock: sock.connect(sockaddr(end)))
         return None if fault and fault.error in ("EINPROGRESS", "EAGAIN") else fault
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
-        """Return the verdict: connected only when writable, without error and with a partner.
+        """Return the verdict. A connected socket is writable, has no error and has a partner.
 
-        If the partner sent bytes and then RST, return None too: the connection was up; recv gets the bytes.
+        If the partner sent bytes and then RST, the connection was up. Return None; recv gets the bytes.
         """
         sock = self._sockets.get(handle)
         if sock is None:

@@ -1,4 +1,4 @@
-"""A socket to a reader that may be slow: parts without room are left out, counted, and reported later."""
+"""A socket to a reader that may be slow. Parts without room are left out, counted, and reported later."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class LossyPipe:
     """Writes without waiting. While the reader is behind, whole parts are left out.
 
     `report_gap` gets the (events, bytes, ends) that were left out, as soon as all parts before the gap were
-    sent. `handle_line` gets each line of the reader; `handle_end` is called when the reader is gone, once.
+    sent. `handle_line` gets each line of the reader. `handle_end` is called once, when the pipe is closed.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class LossyPipe:
             self._handle_end()
 
     def finish(self, until_ns: int) -> None:
-        """Send what waits, but not after a time of the monotonic clock; then close."""
+        """Send the waiting parts until `until_ns` of the monotonic clock at the latest. Then close."""
         while self.waiting and (rest := until_ns - time.monotonic_ns()) > 0:
             self._loop.run_once(rest / 1e9)
         self.close()

@@ -45,7 +45,7 @@ _own_network = False
 
 
 def has_own_network() -> bool:
-    """Return whether this process has a network of its own, where `set_loopback` affects nothing else."""
+    """Return whether this process has its own network. There `set_loopback` affects nothing else."""
     return _own_network
 
 
@@ -202,9 +202,9 @@ LOOPBACK_ONLY: Final = (
 
 
 class _IfAddrs(ctypes.Structure):
-    """The first fields of `struct ifaddrs`, the same on Linux and the BSDs; the other fields are not read.
+    """The first fields of `struct ifaddrs`, the same on Linux and the BSDs. No other fields are read.
 
-    `broadcast` is the broadcast address; of a point-to-point interface it is the partner's address.
+    `broadcast` is the broadcast address. For a point-to-point interface it is the partner's address.
     """
 
 
@@ -230,9 +230,9 @@ def _c_library() -> ctypes.CDLL | None:
 
 
 def interface_addresses() -> tuple[LocalAddress, ...] | None:
-    """Return every IPv4 address with its interface, None if the system cannot list them now (EMFILE).
+    """Return every IPv4 address with its interface, or None if the system cannot list them now (EMFILE).
 
-    Without getifaddrs return (): the addresses are unknown. If no interface has an address: 127.0.0.1 only.
+    Without getifaddrs, return (). If no interface has an address, return 127.0.0.1 only.
     """
     library = _c_library()
     if library is None:
@@ -265,7 +265,7 @@ def _broadcast_address(address: str, item: _IfAddrs) -> str:
 
 
 def _read_ipv4(address: int | None) -> str | None:
-    """Return the dotted text of a `struct sockaddr`, None if it is of another family."""
+    """Return the dotted text of a `struct sockaddr`, or None if it is not of IPv4."""
     if not address:
         return None
     head = ctypes.string_at(address, 2)

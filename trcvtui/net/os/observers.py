@@ -1,6 +1,6 @@
-"""The observers of a tap: all read the same pcapng; guests connect to a Unix socket, mode 0600.
+"""The observers of a tap all read the same pcapng. Guests connect to a Unix socket with mode 0600.
 
-Rule: an observer that does not read misses blocks, which are counted; no other observer waits for it.
+Rule: an observer that does not read misses blocks, which are counted. No other observer waits for it.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class Encoder(Protocol):
         """Return the interface blocks of serial lines, except the first `since` blocks."""
 
     def encode_loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
-        """Return the block for a loss of one observer; `dropped`: its lost events since it connected."""
+        """Return the block for a loss of one observer. `dropped` events were lost since it connected."""
 
     def encode_open(self) -> bytes:
         """Return the blocks for the open conversations."""
@@ -123,7 +123,7 @@ class Encoder(Protocol):
 class ObserverKind(NamedTuple):
     """What an observer reads, and how many bytes may wait for it.
 
-    `holds`: for this kind a tap may hold all directions from the tap's start until the observer leaves.
+    With `holds`, a tap may hold all directions from the tap's start until the observer leaves.
     """
 
     events: frozenset[int]
@@ -197,7 +197,7 @@ class Observer:
 class ObserverServer:
     """Serves observers with a `capture` of the events that the tap reports on `events`.
 
-    The tap hands over sockets of its own observers on `channels`; guests connect to the socket at `path`.
+    The tap hands over sockets of its own observers on `channels`. Guests connect to the socket at `path`.
     """
 
     def __init__(

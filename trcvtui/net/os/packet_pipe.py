@@ -1,4 +1,4 @@
-"""Packets that another program pipes to us: read as they come; while none come, a callback is called."""
+"""Packets that another program pipes to us, read as they come. While none come, a callback is called."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _MOST_CHUNKS: Final = 4  # read ahead by a thread
 
 
 class PacketPipe:
-    """A descriptor of packets; `waits` gets the ns for which the running `read` has found nothing.
+    """A descriptor of packets. `waits` gets the ns for which the running `read` has found nothing.
 
-    `whole` gets what was read, b"" at the end, and returns the part that can be used now, or None.
+    `whole` gets the bytes that were read, or b"" at the end. It returns the bytes to use now, or None.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class PacketPipe:
 
 
 def _chunk_reader(fd: int) -> Callable[[float], bytes | None]:
-    """Return a function that returns the next bytes; None if it gets none within the given seconds."""
+    """Return a function that returns the next bytes, or None if none come within the given seconds."""
     if hasattr(select, "poll"):
         with suppress(ImportError, OSError):
             import fcntl
@@ -107,7 +107,7 @@ def _read_or_end(fd: int) -> bytes:
 
 
 def detach_stdin(with_keyboard: bool) -> int:
-    """Return a new descriptor of the piped stdin; `with_keyboard`: stdin is the terminal from now on."""
+    """Return a new descriptor of the piped stdin. With `with_keyboard`, stdin is then the terminal."""
     fd = os.dup(0)
     if with_keyboard:
         keyboard = os.open("CONIN$" if os.name == "nt" else "/dev/tty", os.O_RDWR)

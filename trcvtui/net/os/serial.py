@@ -1,7 +1,7 @@
 """Real serial ports, through pyserial (the extra `serial`): a device, or a URL that pyserial knows.
 
-Rule: no call waits. Threads open and close, one attempt at a time for each port: while a device hangs,
-there is no second attempt.
+Rule: no call waits. Threads open and close ports, with one attempt at a time for each port. While a device
+hangs, there is no second attempt.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from trcvtui.net.serial_line import OPENING, LineErrors, PortOpening, SerialSett
 
 
 class OpenAttempt:
-    """An attempt to open a port; once `is_over` is True, there is a `port` or a `problem`."""
+    """An attempt to open a port. Once `is_over` is True, there is a `port` or a `problem`."""
 
     def __init__(self, make_port: Callable[[], Any]) -> None:
         self.port: Any = None
@@ -50,7 +50,7 @@ class OpenAttempt:
 
 
 def close_in_background(port: Any) -> None:
-    """Close a port in a thread: closing waits (pyserial 3.5: a socket 0.3 s, drivers until all is sent)."""
+    """Close a port in a thread. With pyserial 3.5 a socket waits 0.3 s, and drivers until all is sent."""
     threading.Thread(target=_close, args=(port,), daemon=True).start()
 
 
@@ -179,7 +179,7 @@ class OsSerialPort:
         return False
 
     def line_errors(self) -> LineErrors | None:
-        """Return Linux's counts of line errors at a UART (TIOCGICOUNT); None on other systems and ports."""
+        """Return Linux's counts of line errors at a UART (TIOCGICOUNT). Elsewhere return None."""
         try:
             from fcntl import ioctl
 

@@ -66,7 +66,7 @@ def new_poll_set() -> PollSet:
 
 
 def poll_once(wanted: dict[int, int], timeout: float = 0) -> list[tuple[int, int]]:
-    """Return (descriptor, events) of each ready descriptor; wait at most `timeout` s (-1: no limit)."""
+    """Return (descriptor, events) of each ready descriptor. Wait at most `timeout` s; -1 means no limit."""
     if HAS_POLL:
         poller = select.poll()
         for fd, mask in wanted.items():
@@ -212,7 +212,7 @@ def count_unread(sock: socket.socket | None) -> int:
 
 
 def may_have_unread(sock: socket.socket) -> bool:
-    """Return whether something may be unread at a socket that the poll saw; True for a listener or UDP."""
+    """Return whether a socket that the poll saw may have unread data. For a listener or UDP it is True."""
     if not CAN_IOCTL:
         return True
     try:
@@ -223,9 +223,9 @@ def may_have_unread(sock: socket.socket) -> bool:
 
 
 def peek_at(sock: socket.socket, skip: int, is_gone: bool) -> Unread:
-    """Return what is unread at a socket that the poll saw; `is_gone`: the poll saw an end.
+    """Return what is unread at a socket that the poll saw. `is_gone` means that the poll saw an end.
 
-    If the system cannot count unread bytes (no FIONREAD), bytes are peeked only before an end was seen.
+    If the system has no FIONREAD, bytes are peeked only before an end was seen.
     """
     try:
         if sock.type == socket.SOCK_DGRAM:
@@ -261,7 +261,7 @@ def _peek_datagrams(sock: socket.socket, skip: int) -> Unread:
 
 
 def discard_unread(sock: socket.socket | None, most: int) -> int:
-    """Read and drop at most `most` queued bytes, in MOST_READS calls at most; return the number."""
+    """Read and drop at most `most` queued bytes, in MOST_READS calls at most. Return the bytes' number."""
     waste, gone = bytearray(min(most, PEEK_BYTES)), 0
     try:
         for _ in range(MOST_READS):
@@ -292,7 +292,7 @@ def tcp_info(sock: socket.socket | None) -> PathInfo | None:
 
 
 def read_path_figures(sock: socket.socket) -> tuple[int, int, int] | None:
-    """Return the round trip in us, the other end's window, bytes retransmitted to it; None if unknown."""
+    """Return the round trip in us, the partner's window, and the bytes retransmitted to it, or None."""
     if sys.platform != "linux":
         return None
     try:
@@ -332,7 +332,7 @@ SocketEnds = tuple[object, object]
 
 
 class CutLinks:
-    """The owners whose wires are cut; for each socket that gets no packets, the owners that cut it off."""
+    """The owners whose wires are cut. For each socket that gets no packets, the owners that cut it off."""
 
     def __init__(self, sockets: Mapping[int, socket.socket]) -> None:
         self._sockets = sockets
@@ -347,7 +347,7 @@ class CutLinks:
         return bool(self._down) and self.owner(handle) in self._down
 
     def add_handle(self, handle: int, owner: str) -> None:
-        """Add a new handle; if its wire is cut, its packets are dropped at once."""
+        """Add a new handle. If its wire is cut, its packets are dropped at once."""
         self._owners[handle] = owner
         if self._down:
             self._deafen_wires([handle])

@@ -18,7 +18,7 @@ class TabListener:
         self._listens.setblocking(False)
 
     def accept(self) -> int | None:
-        """Return the descriptor of a new tab; None: there is none, or it is another user's."""
+        """Return the descriptor of a new tab, or None if there is none or it is another user's."""
         try:
             tab, _ = self._listens.accept()
         except OSError:

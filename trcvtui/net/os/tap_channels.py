@@ -84,7 +84,7 @@ def ask_open_count(fd: int) -> str:
 
 
 class TapChannel:
-    """A child's end of a channel: whole blocks of pcapng come on `fd`, orders go back.
+    """A child's end of a channel. Whole blocks of pcapng come on `fd`, and orders go back.
 
     If the process that serves the channel ends, another process takes over and begins a new section.
     """
@@ -94,7 +94,7 @@ class TapChannel:
         self.fd = os.open(os.devnull, os.O_RDONLY)  # it is at its end, and `feed` then asks for a channel
 
     def feed(self, data: bytes) -> bytes | None:
-        """Return the whole blocks that were read, None if no block is whole, b"" if the tap has ended."""
+        """Return the whole blocks that were read, None if none is whole, or b"" if the tap has ended."""
         if not data:
             self._part = b""  # half a block of a server that has ended
             channels = _ask_tap(self._asks, ASK_CHANNEL)[1]

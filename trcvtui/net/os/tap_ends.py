@@ -1,4 +1,4 @@
-"""The pairs of ends that a tap joins: TCP, UDP, serial ports; a conversation is one such pair."""
+"""The pairs of ends that a tap joins: TCP, UDP or serial ports. A conversation is one such pair."""
 
 from __future__ import annotations
 
@@ -271,7 +271,7 @@ class TcpRoute:
 
 
 class UdpRoute:
-    """A tap between UDP ends: each client has its own far socket; datagrams from there go to the client."""
+    """A tap between UDP ends. Each client has its own far socket, whose datagrams go to the client."""
 
     has_stack = False
 

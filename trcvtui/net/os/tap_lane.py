@@ -1,9 +1,9 @@
 """One direction of a tapped conversation: the bytes that wait between its ends, and the orders on them.
 
-Rule 1: a direction is bounded: bytes that the target has not taken, held bytes, delayed bytes. When it is
-full, its source is not read any more, and the source's stack closes the window.
-Rule 2: an end (FIN, RST) passes after the bytes before it; an RST waits for them RESET_WAIT_NS at most.
-Rule 3: a held direction holds its end, too.
+Rule 1: a direction is bounded. Bytes that the target has not taken, held bytes and delayed bytes count. If
+the direction is full, the tap does not read its source, and the source's stack closes the window.
+Rule 2: a FIN or RST passes after the bytes before it. An RST waits at most RESET_WAIT_NS for these bytes.
+Rule 3: a held direction holds its FIN or RST, too.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class TapLoop:
         return next(self._numbers)
 
     def run_once(self, seconds: float) -> None:
-        """Call due timers and ready handlers; wait for them at most `seconds` (-1: no limit)."""
+        """Call due timers and ready handlers. Wait for them at most `seconds`; -1 means no limit."""
         while self._timers and self._timers[0][0] <= time.monotonic_ns():
             heappop(self._timers)[2]()
             seconds = 0  # the timer may have ended the loop
@@ -110,7 +110,7 @@ class TapConversation:
         """Handle the RST of a lane's source: nothing is left to read."""
 
     def handle_target_reset(self, lane: TapLane, failed: OSError) -> None:
-        """Handle the RST of a lane's target; bytes that the target sent before may be unread."""
+        """Handle the RST of a lane's target. Earlier bytes of the target may be unread."""
 
     def has_unacknowledged(self, end: TapEnd) -> bool:
         """Return whether the stack has bytes that the end has not acknowledged."""
@@ -263,7 +263,7 @@ class TapLane:
         self.late_size += len(data)
 
     def pass_late(self, is_due: bool = False) -> None:
-        """Forward the delayed bytes whose time has come; `is_due`: forward all delayed bytes."""
+        """Forward the delayed bytes whose time has come. With `is_due`, forward all delayed bytes."""
         now = time.monotonic_ns()
         while self.late and (is_due or self.late[0][0] <= now) and not self.is_over:
             _, data = self.late.popleft()
@@ -297,7 +297,7 @@ class TapLane:
             self.handle_data(memoryview(held))
 
     def insert(self, data: bytes) -> None:
-        """Put our bytes before the held bytes; in a direction that is not held, treat them as new bytes."""
+        """Put our bytes before the held bytes. If the direction is not held, treat them as new bytes."""
         if self.held is not None:
             self.held[:0] = data
         else:
@@ -343,7 +343,7 @@ class TapLane:
             self.pass_end()
 
     def handle_reset(self, is_read: bool) -> None:
-        """Handle an RST of the source; `is_read` False: bytes that the source sent before may be unread."""
+        """Handle an RST of the source. If `is_read` is False, earlier bytes of the source may be unread."""
         back = self.target.reads
         if back.end is TapEventKind.RST:  # both ends have reset it: there is no reader left
             self.talk.pass_reset(self)
@@ -424,7 +424,7 @@ class DatagramLane(TapLane):
         super().insert(data)
 
     def drop_held(self, size: int) -> None:
-        """Drop the first `size` held bytes; a datagram that has no bytes left is dropped, too."""
+        """Drop the first `size` held bytes, and each datagram that then has no bytes left."""
         super().drop_held(size)
         while size and self._sizes:
             first = self._sizes.popleft()
@@ -454,7 +454,7 @@ def find_refusal(lane: TapLane, order: TapOrder) -> str:
 
 
 def apply_order(lane: TapLane, order: TapOrder) -> None:
-    """Do an order; `find_refusal` has allowed it."""
+    """Do an order that `find_refusal` has allowed."""
     held = lane.held
     match order.verb:
         case "hold":

@@ -1,6 +1,6 @@
 """The simulated network: a Kernel with in-memory TCP, a virtual clock and seeded randomness.
 
-It answers as Linux does; tests/net/contract.py checks what they share. Its time moves only with `advance`.
+It behaves as Linux does; tests/net/contract.py checks the common behaviour. Time moves only with `advance`.
 As in the real kernel, the result of `poll` holds for the whole scan, for handles of the poll set.
 """
 
@@ -75,7 +75,7 @@ class DatagramWire:
         return [each for target in self._find_sockets(end) for each in target.withdraw()]
 
     def _find_sockets(self, end: Endpoint) -> list[SimDatagramSocket]:
-        """Return the sockets that get a datagram: one; a broadcast: all bound to its address or 0.0.0.0."""
+        """Return at most one socket. For a broadcast, return all bound to its address or to 0.0.0.0."""
         is_broadcast = self.wire.is_broadcast(end.address)
         holders = self._bound.get(end.port, []) if is_broadcast or self.wire.owns_address(end.address) else []
         heard = (end.address, ANY_ADDRESS)
@@ -142,7 +142,7 @@ class SimDatagramSocket(SimSocket):
         return Unread(messages=tuple(found), dropped=self._dropped)
 
     def queue_datagram(self, source: Endpoint, data: bytes) -> bool:
-        """Queue a datagram; return False if there is no room: then it is dropped."""
+        """Queue a datagram. If there is no room, drop the datagram and return False."""
         cost = _datagram_cost(data)
         # An empty queue takes a datagram of any size.
         if self._queue and self._used + cost > self.tuning.receive_room:
@@ -227,7 +227,7 @@ class SimKernel:
         return self.wire.agenda.next_due
 
     def advance(self, now_ns: int) -> None:
-        """Move the clock to now_ns; everything due until then happens at its own time."""
+        """Move the clock to now_ns. Everything that is due until then happens at its own time."""
         if now_ns < self.wire.now:
             raise ValueError(f"time runs forwards: {now_ns} is before {self.wire.now}")
         self.wire.agenda.run_until(now_ns)
@@ -364,7 +364,7 @@ class SimKernel:
         return NewClient(self._add_socket(SimSocket(self.wire, socket.owner, stream)), stream.remote)
 
     def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
-        """Return the address of a name; only the names in `names` and localhost are known."""
+        """Return the address of a name. Only the names in `names` and localhost are known."""
         if handle not in self._sockets:
             return Fault("resolve", "EBADF")
         if name in ("localhost", "localhost."):
@@ -391,7 +391,7 @@ class SimKernel:
     # -- data ----------------------------------------------------------------------------------------
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
-        """Read at most len(into) bytes, perhaps fewer if `fragment` is set; 0 = the partner's FIN."""
+        """Read at most len(into) bytes, perhaps fewer if `fragment` is set. 0 means the partner's FIN."""
         socket = self._sockets.get(handle)
         if socket is not None and socket.polled and handle not in self._seen:
             return WOULD_BLOCK

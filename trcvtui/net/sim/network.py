@@ -122,7 +122,7 @@ class SimListener:
 
 
 class SimWire:
-    """The only machine of the simulated network, for all handles: it has loopback and `addresses`."""
+    """The only machine of the simulated network, for all handles. It has loopback and `addresses`."""
 
     def __init__(self, addresses: tuple[str, ...], latency: int) -> None:
         self.addresses = addresses
@@ -148,7 +148,7 @@ class SimWire:
         self.agenda.cancel(ticket)
 
     def call_after_latency(self, act: Callable[[], None]) -> None:
-        """Call `act` after the latency, when something sent now arrives; with latency 0 call it at once."""
+        """Call `act` after the latency, or at once if the latency is 0."""
         if self._latency:
             self.call_at(self.now + self._latency, act)
         else:
@@ -248,7 +248,7 @@ class SimWire:
                 self.carry(server, server.make_syn_ack())
 
     def call_as_partner(self, local: Endpoint, target: Endpoint) -> SimStream | None:
-        """Let a played partner call a listener; return its end, None if they were connected before."""
+        """Let a played partner call a listener. Return the partner's end, or None if they are connected."""
         client = self._make_played_stream(local, target)
         if self.has_connection(client):
             return None
@@ -312,7 +312,7 @@ class SimWire:
     # -- the end -------------------------------------------------------------------------------------
 
     def remove_ended(self, stream: SimStream, linger: bool) -> None:
-        """Remove an ended connection from the tables, at once or (`linger`) after TIME_WAIT."""
+        """Remove an ended connection from the tables. With `linger`, remove it after TIME_WAIT."""
         stream.lingering = linger
         if linger:
             self.call_at(self.now + TIME_WAIT, lambda: self._remove_stream(stream))
@@ -450,7 +450,7 @@ class SimSocket:
         return ""
 
     def _route_error(self, remote: str) -> str:
-        """Return the errno name if the connect call itself refuses the target (80A0), "" if it does not."""
+        """Return the errno name if the connect call itself refuses the target (80A0), otherwise ""."""
         if is_group(remote):
             return "ENETUNREACH"
         if self._wire.owns_address(remote):

@@ -1,7 +1,7 @@
 """One end of a simulated TCP connection, as a program on Linux sees it: handshake, data, end and timers.
 
-Rule 1: change the state before a call of `carry`: without latency the answer comes inside that call.
-Rule 2: an error is reported to one call; afterwards `read` returns 0 and `write` returns EPIPE.
+Rule 1: change the state before a call of `carry`. Without latency the answer comes inside that call.
+Rule 2: an error is reported to one call. After that, `read` returns 0 and `write` returns EPIPE.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class SegmentFlag:
 
 
 class Segment(NamedTuple):
-    """A TCP segment: position of its data, acknowledged position (`ack`), end of the window (`edge`)."""
+    """A TCP segment: `seq` of its data, acknowledged position `ack`, and end `edge` of the window."""
 
     seq: int
     ack: int
@@ -95,7 +95,7 @@ class SendHalf:
         return wider
 
     def acknowledge(self, ack: int) -> bool:
-        """Drop the bytes before the position `ack`; return whether `ack` acknowledges anything new."""
+        """Drop the bytes before the position `ack`. Return whether `ack` acknowledges anything new."""
         taken = ack - self._first
         if taken <= 0:
             return False
@@ -122,7 +122,7 @@ class SendHalf:
         return (seq, data, SegmentFlag.NONE) if data else None
 
     def withdraw(self, size: int) -> int:
-        """Forget the newest bytes that wait for the window, `size` at most; return their number."""
+        """Forget at most `size` of the newest bytes that wait for the window. Return their number."""
         size = min(size, self.unsent)
         del self._queue[len(self._queue) - size :]
         return size
@@ -187,9 +187,9 @@ RTO_MAX: Final = 1 * SECOND  # as on a Linux that accepts TCP_RTO_MAX_MS
 
 
 class PortClaim(Struct, eq=False):
-    """A local end that a socket occupies; port 0 = none yet.
+    """A local end that a socket occupies. Port 0 means that the socket has no port yet.
 
-    `fixed`: the program chose this port; it is then occupied until the handle is freed.
+    With `fixed`, the program chose this port. The port is then occupied until the handle is freed.
     """
 
     address: str = ANY_ADDRESS
@@ -210,7 +210,7 @@ class StreamPhase(Enum):  # as its program sees it: FIN and TIME_WAIT are no pha
 
 
 class Tuning(Struct):
-    """The socket options that have an effect; a stream shares the Tuning of its socket. Times in ns."""
+    """The socket options that have an effect. Times are in ns. A stream shares the Tuning of its socket."""
 
     keep_alive: int = 0
     user_timeout: int = 0
@@ -235,7 +235,7 @@ def ignore_change() -> None:
 
 
 class SimStream:
-    """One end of a TCP connection. `partner`: the other end, None before the handshake."""
+    """One end of a TCP connection. `partner` is the other end, or None before the handshake."""
 
     __slots__ = (
         "_alive", "_alive_ticket", "_closed_first", "_end_ticket", "_in", "_out", "_retry",
@@ -279,7 +279,7 @@ class SimStream:
         return bool(self._in.inbox) or self.is_gone
 
     def peek(self, skip: int) -> Unread:
-        """Return the unread bytes (their number and a part), and whether the partner sent FIN or RST."""
+        """Return the number of unread bytes, a part of these bytes, and whether FIN or RST has come."""
         half, is_reset = self._in, self.phase is StreamPhase.OVER and self.error == "ECONNRESET"
         end = "rst" if is_reset else "fin" if half.fin else ""
         size = len(half.inbox)
@@ -306,7 +306,7 @@ class SimStream:
         self._start_keep_alive()
 
     def read(self, into: memoryview, most: int) -> int | WouldBlock | str:
-        """Move at most `most` bytes into the view; a str is an errno name."""
+        """Move at most `most` bytes into the view. A returned str is an errno name."""
         if self._in.inbox:  # bytes come before FIN, and FIN before an error, as on Linux
             return self._read_inbox(into, most)
         if self._in.fin:
@@ -324,7 +324,7 @@ class SimStream:
         return size
 
     def write(self, data: memoryview) -> int | WouldBlock | str:
-        """Queue the bytes that have room in the send buffer; return how many; a str is an errno name."""
+        """Queue the bytes that have room in the send buffer. Return how many. A str is an errno name."""
         if self.phase is StreamPhase.SYN_SENT:
             return WOULD_BLOCK
         if self.error:
@@ -360,7 +360,7 @@ class SimStream:
             self._send_queued()
 
     def close(self) -> None:
-        """Send RST if data is unread; else send queued data and FIN: the stream outlives its program."""
+        """Send RST if data is unread. If not, send queued data and FIN; the stream outlives its program."""
         if self.phase is not StreamPhase.OPEN or self._in.inbox:  # RFC 2525 2.17: RST if data is unread
             self.abort()
             return
@@ -379,7 +379,7 @@ class SimStream:
             self._wire.carry(self, RESET_SEGMENT)
 
     def withdraw(self, size: int) -> None:
-        """Take back the newest bytes that the partner's program has not read, `size` at most."""
+        """Take back at most `size` of the newest bytes that the partner's program has not read."""
         size -= self._out.withdraw(size)
         inbox = self.partner._in.inbox if self.partner is not None else bytearray()
         del inbox[max(len(inbox) - size, 0) :]

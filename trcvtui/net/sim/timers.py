@@ -58,7 +58,7 @@ class TimerQueue:
             self._cancelled = 0
 
     def run_until(self, now: int) -> None:
-        """Call each timer that is due up to `now`; in a call `self.now` is the due time of this timer."""
+        """Call each timer that is due up to `now`. During a call `self.now` is the timer's due time."""
         while self._heap and self._heap[0][0] <= now:
             due, _, ticket = heapq.heappop(self._heap)
             act, ticket.act = ticket.act, None
@@ -87,7 +87,7 @@ class TimerResult(Enum):
 
 
 class KeepAlive:
-    """Keep-alive, idle = interval = I, 2 probes: a connection is dead 3 x I after the last packet came."""
+    """Keep-alive, idle = interval = I, 2 probes. A connection is dead 3 x I after the last packet came."""
 
     __slots__ = ("_asked_at", "_probes", "due", "interval")
 
@@ -98,7 +98,7 @@ class KeepAlive:
         self._asked_at = 0
 
     def check_due(self, now: int, heard: int, busy: bool, user_timeout: int) -> TimerResult:
-        """Return what to do now, and set the next `due`; `busy`: data is unsent or not acknowledged."""
+        """Return what to do now, and set the next `due`. `busy` means unsent or unacknowledged data."""
         silent = now - heard
         if heard >= self._asked_at:  # the last probe was answered
             self._probes = 0
@@ -140,7 +140,7 @@ class Retry:
         self._unanswered = 0  # a zero window that is confirmed can last for ever (RFC 9293 3.8.6.1)
 
     def check_due(self, now: int, probing: bool, user_timeout: int, longest: int) -> TimerResult:
-        """Return what to do, and set the next `due`; `probing`: zero window, and nothing is in flight."""
+        """Return what to do, and set the next `due`. `probing` means zero window and nothing in flight."""
         if self._since is None and (probing or self._tries > 0):  # the tail probe does not start the limit
             self._since = now
         if self._is_exhausted(now, user_timeout):

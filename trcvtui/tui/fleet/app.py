@@ -1,4 +1,4 @@
-"""The screen of `trcvtui fleet`: it reads the broker 20 times a second and sorts the list twice a second."""
+"""The screen of `trcvtui fleet`: reads the broker 20 times a second and sorts the list twice a second."""
 
 from __future__ import annotations
 

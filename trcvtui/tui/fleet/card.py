@@ -20,7 +20,7 @@ DAY_FORMAT: Final = "%Y-%m-%d"
 
 
 def time_text(t: float, wall: float) -> str:
-    """Return the local time of day, with the date if that is not today; "?" if `t` is no valid time."""
+    """Return the local time of day, with the date if that is not today, or "?" if `t` is no valid time."""
     try:
         then, now = datetime.fromtimestamp(t), datetime.fromtimestamp(wall)
     except (OverflowError, OSError, ValueError):

@@ -51,14 +51,14 @@ def since_text(t: float | None, wall: float) -> str:
 
 
 def state_of(line: FleetLine) -> str:
-    """Return offline, no scan, finding or stuck; for any other line the state of its connection."""
+    """Return offline, no scan, finding or stuck. For any other line, return the state of its connection."""
     if line.shows in (ERROR, AWAY, HAD, GOOD):
         return line.figures.state if line.figures else "?"
     return STATES[line.shows]
 
 
 def describe_status(line: FleetLine) -> str:
-    """Return the text of the worst instance: finding, received of wanted bytes if stuck, else STATUS."""
+    """Return the worst instance's finding, or received of wanted bytes if it is stuck, or its STATUS."""
     status = line.worst_instance.status if line.worst_instance is not None else None
     if status is None:
         return ""

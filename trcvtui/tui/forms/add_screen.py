@@ -1,4 +1,4 @@
-"""The forms that add or change a part of the project: fields with choices, and the resulting command."""
+"""The forms that add or change a part of the project. A form has fields with choices and makes a line."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ FILE_HINT = "a file of types: tab completes its path, ↑↓ choose one beside t
 
 
 class ChoiceField(FormField):
-    """One field; if it has `choices`, up and down walk through them."""
+    """One field. If it has `choices`, up and down walk through them."""
 
     def __init__(self, key: str, choices: tuple[str, ...], value: str, proposed: str = "") -> None:
         super().__init__(value)
@@ -71,7 +71,7 @@ class ChoiceField(FormField):
 
 
 class AddScreen(FormDialog[str]):
-    """Returns the command, or "" if you leave the form."""
+    """A form that returns the command, or "" if you leave the form."""
 
     ENTER_VERB: ClassVar = "add"
     BINDINGS: ClassVar = [Binding("tab", "complete", show=False)]
@@ -150,7 +150,7 @@ class AddScreen(FormDialog[str]):
             field.choose(found.removeprefix(ADD_UDT))
 
     def keep_type(self, text: str) -> str:
-        """Keep a pasted type; return the name of the file that enter writes, "" for a bad type."""
+        """Keep a pasted type. Return the name of the file that enter writes, or "" for a bad type."""
         try:
             self._paste = prepare_pasted_type(text, self._project().base)
         except UserError as refused:
@@ -225,7 +225,7 @@ def _hint_text(field: AddField) -> str:
 
 
 class ChangeScreen(AddScreen):
-    """Returns the command, or "" if you leave the form or have changed nothing."""
+    """A form that returns the command, or "" if you leave the form or have changed nothing."""
 
     ENTER_VERB: ClassVar = "change"
 

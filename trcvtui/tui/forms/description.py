@@ -80,7 +80,7 @@ class DescriptionText(TextView):
         self._listens = ""
 
     def show_description(self, config: ConnectConfig, listens: str) -> None:
-        """Show another description from its start; `listens`: where the CONNECT listens now."""
+        """Show another description from its start. The CONNECT now listens at `listens`."""
         self.config, self._listens = config, listens
         self.scroll_to(y=0, animate=False)
         self.draw()

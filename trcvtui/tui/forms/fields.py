@@ -20,7 +20,7 @@ BENCH_KEYS: Final = frozenset(("LocalAddress", "ListenPort"))  # of the bench, n
 
 
 def kinds_of(project: Project) -> tuple[str, ...]:
-    """Return the kinds of parts that you can add; a ComBuffer only if the dialect has blocks for it."""
+    """Return the kinds of parts that you can add. A ComBuffer needs a dialect with blocks for it."""
     has_buffers = any(block_row(block).buffer_pin for block in project.dialect.blocks)
     return OFFERED_KINDS if has_buffers else tuple(kind for kind in OFFERED_KINDS if kind != "combuffer")
 
@@ -88,9 +88,9 @@ def format_value(value: KeyValue) -> str:
 def fields_to_change(
     part: ProjectPart, now: Mapping[str, KeyValue], project: Project, block: str
 ) -> list[AddField]:
-    """Return the fields of a part; a missing key's field is empty. `block` decides an instance's fields.
+    """Return the fields of a part. A missing key's field is empty. `block` decides an instance's fields.
 
-    A key with several texts, such as `replies`, has no field: only a `set` line changes it.
+    A key with several texts, such as `replies`, has no field. Only a `set` line changes such a key.
     """
     known = [_without_new(each) for each in fields_of(part.kind, project, block, to_change=True)]
     bare = keys_of_line(part.kind, project).bare
@@ -122,7 +122,7 @@ def _without_new(field: AddField) -> AddField:
 def make_set_line(
     part: ProjectPart, now: Mapping[str, KeyValue], texts: Mapping[str, str], project: Project
 ) -> str:
-    """Return the `set` line that gives each changed key the text of its field; "" if none has changed."""
+    """Return the `set` line that gives each changed key its field's text, or "" if no key has changed."""
     gone: dict[str, str] = {}
     if part.kind == "instance" and texts["block"] in project.dialect.blocks:
         pins = {pin.name for pin in project.pins(texts["block"])}

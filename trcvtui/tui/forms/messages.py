@@ -185,7 +185,7 @@ def make_udt_form(text: str, mode: str, view_model: ViewModel) -> UdtForm | None
 
 
 def _payload_values(text: str, view_model: ViewModel) -> dict[str, str]:
-    """Return the text of each member that a payload sets; {} if the payload has a mistake."""
+    """Return the text of each member that a payload sets, or {} if the payload has a mistake."""
     from trcvtui.commands.tokens import parse_members  # read when first asked for
 
     try:

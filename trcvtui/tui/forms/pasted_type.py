@@ -19,7 +19,7 @@ UNNAMED: Final = "Pasted"  # the name of a STRUCT without one, and of its file
 
 
 def prepare_pasted_type(text: str, base: Path) -> tuple[Path, str]:
-    """Return a free file name in a folder for a pasted text, and the file's content; raise UserError."""
+    """Return a free file name in a folder, and the file's content, for a pasted text; raise UserError."""
     from trcvtui.engine.project_edits import refuse_shipped_file  # read when first asked for
 
     lines = text[: MOST_CHARS + 1].expandtabs(4).splitlines()

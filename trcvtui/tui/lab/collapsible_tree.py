@@ -17,14 +17,14 @@ MOST_OPEN_ELEMENTS: Final = 16  # an array of more elements is closed at first
 
 
 class Place(NamedTuple):
-    """Offset and size in bytes; for a single bit, `bit` is its number in the byte."""
+    """An offset and a size in bytes. For a single bit, `bit` is its number in the byte."""
 
     offset: int
     size: int
     bit: int | None = None
 
     def __str__(self) -> str:
-        """Return the offset; for a single bit, add the bit number: `2.5`."""
+        """Return the offset. For a single bit, add the bit number, as in `2.5`."""
         return str(self.offset) if self.bit is None else f"{self.offset}.{self.bit}"
 
 
@@ -33,10 +33,10 @@ Key = tuple[int, ...]  # the number of the member or element at each level; the 
 
 
 class TreeRow(NamedTuple):
-    """One row: `is_open` is None if the row cannot be folded; `leaf` is the number of the row's first leaf.
+    """One row. `is_open` is None if the row cannot be folded. `leaf` is the number of the row's first leaf.
 
-    A gap has no type; its size is 0 on a side without this gap. `moved`: the place of the row,
-    or of a part of the row, differs between the sides.
+    A gap has no type. Its size is 0 on a side without this gap. If `moved`, the place of the row, or of a
+    part of the row, differs between the sides.
     """
 
     key: Key
@@ -81,7 +81,7 @@ class FoldTree:
         self._build_rows()
 
     def row_of_leaf(self, leaf: int, opens: bool = False) -> int:
-        """Return the row of a leaf, or of the closed branch that hides it; `opens`: open such branches."""
+        """Return the row of a leaf, or of the closed branch that hides it. `opens` opens such branches."""
         y = self._row_before(leaf)
         while opens and not self.rows[y].is_leaf:
             self.toggle(self.rows[y].key)

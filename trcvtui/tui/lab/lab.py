@@ -1,6 +1,6 @@
 """The model of the lab: types from files, one type laid out in two profiles, and the bytes to decode.
 
-Rule: nothing here commands the PLC: if a type changes in its file, the lab changes, but DATA does not.
+Rule: nothing here commands the PLC. If a type changes in its file, the lab changes, but DATA does not.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ FileStamp = tuple[int, int] | None  # time of the last change in ns, and size; N
 
 
 class TypeFiles:
-    """Types of one or more files; `trouble`: the error in the files as they are on the disk now."""
+    """Types of one or more files. `trouble` is the error in the files as they are on the disk now."""
 
     def __init__(
         self, paths: Iterable[Path], constants: Mapping[str, int], types: TypeSet | None = None
@@ -119,7 +119,7 @@ class LabBytes:
         self._last: JobSpan | None = None
 
     def choose_source(self) -> str:
-        """Choose DATA, or the job if DATA was never written; keep the user's choice. Return a remark."""
+        """Choose DATA, or the job if DATA was never written. Keep the user's choice. Return a remark."""
         if self.is_chosen or self.source not in (DATA, JOB):
             return ""
         declared, is_empty = self._view_model.declaration, not any(self._view_model.data)
@@ -135,7 +135,7 @@ class LabBytes:
         return any(one.jobs_done for one in snapshot.instances if one.data == instance.data and not one.sends)
 
     def request(self) -> HistoryRequest | None:
-        """Return the request for the stream: its messages rank the profiles, even while DATA is shown."""
+        """Return the request for the stream. Its messages rank the profiles, even while DATA is shown."""
         instance = self._view_model.instance
         if instance is None:
             return None
@@ -299,7 +299,7 @@ class Lab:
         return known[0] if known else name
 
     def choose_type(self, name: str) -> None:
-        """Show a type; for "", the type of DATA, or else the first type. Raise UserError for a bad type."""
+        """Show a type; for "", the type of DATA, else the first type. Raise UserError for a bad type."""
         names = self.type_names()
         name = name or next(iter(names), "")
         self.type_name, self.type = name, self._find_type(name) if name else None
@@ -389,7 +389,7 @@ class Lab:
         self.fits, self.fitted_by = (), ""
 
     def layout(self, side: str) -> Layout | None:
-        """Return the type laid out on one side; None without a type, or if the layout is impossible."""
+        """Return the type laid out on one side, or None if there is no type or no possible layout."""
         if side not in self._layouts:
             self._layouts[side] = self._lay_out(side)
         return self._layouts[side]
@@ -460,7 +460,7 @@ class Lab:
         return comparison.summary(comparison.rows(self.bytes.content)) if comparison else None
 
     def next_difference(self, leaf: int, step: int) -> int | None:
-        """Return the nearest differing leaf after `leaf`, or before `leaf` if `step` < 0; None for none."""
+        """Return the nearest differing leaf after `leaf`, or before it if `step` < 0, or else None."""
         comparison = self.comparison()
         if comparison is None:
             return None
@@ -491,7 +491,7 @@ def profile_of(rules: LayoutRules) -> Profile:
 
 
 def profile_from(words: Sequence[str], before: Profile, where: str) -> Profile:
-    """Return a profile with some of its words replaced: `natural8 big nul`; raise UserError."""
+    """Return a profile with some of its words replaced, as by `natural8 big nul`; raise UserError."""
     profile = before
     for word in words:
         if word in LAYOUTS or word in LAYOUT_ALIASES:

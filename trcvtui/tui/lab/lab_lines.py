@@ -1,6 +1,6 @@
 """The lines that the lab carries out itself: `udt open FILE`, `udt theirs natural8 big`, `udt hex 01 02` …
 
-They also work on the prompt of the bench; `lab` alone opens the lab.
+These lines also work on the prompt of the bench. `lab` alone opens the lab.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ LINE_SYNTAX: Final = (
 
 
 def run_lab_line(line: str, lab: Lab) -> str:
-    """Carry out a line; return the pane to open, "" for none; raise UserError."""
+    """Carry out a line. Return the pane to open, or "" for none; raise UserError."""
     verb, _, rest = line.strip().partition(" ")
     if verb == LAB and not rest.strip():
         return ""
@@ -41,7 +41,7 @@ def run_lab_line(line: str, lab: Lab) -> str:
 
 
 def goes_to_engine_too(line: str) -> bool:
-    """Return whether the engine needs the line, too: to save constants, or to read types again."""
+    """Return whether the engine also needs the line, to save constants or to read types again."""
     return line.split()[1:2] in ([CONSTANT], [RELOAD])
 
 

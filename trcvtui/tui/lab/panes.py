@@ -98,7 +98,7 @@ MOST_CURED_LEAVES: Final = 20_000  # the cure of a larger type is written only w
 
 
 class LabHex(HexView):
-    """Bytes; signs in the text column mark our padding, and padding that only their layout has."""
+    """Bytes. Signs in the text column mark our padding, and padding that only their layout has."""
 
     KEYS: ClassVar = (("hjkl", "byte"), ("b", "which bytes"), ("[ ]", "message"))
 

@@ -80,7 +80,7 @@ NARROW_WIDTH: Final = 90  # in fewer columns than this, offset and type get less
 
 
 class LeafCell(NamedTuple):
-    """One side of a leaf: its stored type and value as text; `is_there`: all bytes of the leaf exist."""
+    """One side of a leaf: its stored type and value as text. If `is_there`, all bytes of the leaf exist."""
 
     type: str
     value: str
@@ -96,7 +96,7 @@ class TreeColumns(NamedTuple):
 
 
 def columns(width: int, lab: Lab) -> TreeColumns:
-    """Return the width of each column in a pane `width` wide: offset and size get what the type needs."""
+    """Return the width of each column in a pane `width` wide. Offset and size get what the type needs."""
     layouts = [layout for side in (OURS, THEIRS) if (layout := lab.layout(side)) is not None]
     digits = len(str(max((layout.size for layout in layouts), default=0)))
     bits = 2 if any(layout.rules.bits & {"BOOL"} or layout.rules.takes_pack for layout in layouts) else 0
@@ -255,7 +255,7 @@ class LabTree(LineView):
             self.post_message(RowSelected())
 
     def show_leaf(self, leaf: int, opens: bool = False) -> None:
-        """Move the cursor to a leaf, or to the closed branch that hides it; `opens`: open such branches."""
+        """Move the cursor to a leaf, or to the closed branch that hides it. `opens` opens such branches."""
         tree = self._lab.tree
         if tree is not None:
             y = tree.row_of_leaf(leaf, opens)
@@ -263,7 +263,7 @@ class LabTree(LineView):
             self.go_to(y, tells=opens)
 
     def action_fold(self, wanted: bool | None) -> None:
-        """Open (True), close (False), toggle (None) a branch; False if none is open: go to the parent."""
+        """Open (True), close (False), toggle (None) a branch. Closing a closed row goes to its parent."""
         tree, found = self._lab.tree, self.chosen_row
         if tree is None or found is None:
             return

@@ -20,7 +20,7 @@ NO_GAP_TIMER: Final = "Timeout is 0: no gap ends a frame"
 
 
 class GapTimer(NamedTuple):
-    """Time since the last byte, and its limit; `reason` says why the timer does not run, "" if it runs."""
+    """Time since the last byte, and its limit. If the timer does not run, `reason` says why."""
 
     elapsed_ns: int
     limit_ns: int
@@ -259,7 +259,7 @@ class SerialLineList(LineView):
         self._feed(payload, len(payload))
 
     def action_piece(self) -> None:
-        """Feed the next byte of the message; after its last byte, feed the first one again."""
+        """Feed the next byte of the message. After its last byte, feed the first byte again."""
         payload, fed = self._fed.get(self.choice, (b"", 0))
         place = fed % len(payload) if payload else 0
         self._feed(payload, place + 1, place)

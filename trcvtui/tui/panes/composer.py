@@ -32,7 +32,7 @@ FIRST_PAUSE_NS: Final = 20 * MS
 
 @dataclass(frozen=True, slots=True)
 class Splits:
-    """The cuts of a message, each with its pause in ns: a cut at 3 is before the byte at offset 3."""
+    """The cuts of a message, each with its pause in ns. A cut at 3 is before the byte at offset 3."""
 
     pauses: Mapping[int, int] = field(default_factory=dict)
 
@@ -61,7 +61,7 @@ class Splits:
 
     @property
     def gap(self) -> str:
-        """Return the value of `gap=`, "" without pauses."""
+        """Return the value of `gap=`, or "" if there are no pauses."""
         pauses = [self.pauses[at] for at in self.places]
         if not any(pauses):
             return ""

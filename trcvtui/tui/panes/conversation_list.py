@@ -19,7 +19,7 @@ MOST_EDITED_BYTES: Final = 64  # held bytes that the prompt is filled with
 
 
 class Intervention(NamedTuple):
-    """A key and its command words; `is_asked`: you type the rest in the prompt."""
+    """A key and its command words. If `is_asked` is True, you type the rest in the prompt."""
 
     key: str
     verb: str
@@ -139,7 +139,7 @@ class ConversationList(LineView):
 
 
 def _prompt_text(line: str, way: DirectionSnapshot) -> str:
-    """Return the text to put into the prompt; after `drop` comes the number of held bytes."""
+    """Return the text to put into the prompt. A `drop` line ends with the number of held bytes."""
     if line.endswith(" drop"):
         return f"{line} {way.held or 0}"
     return line if line.endswith("#") else f"{line} "

@@ -1,6 +1,6 @@
-"""DATA now as a face of pane 5, and below it the progress of the job.
+"""DATA now as a face of pane 5, with the progress of the job below DATA.
 
-A receive job shows its bytes that are not delivered yet; a send job shows how far its bytes are.
+A receive job shows its bytes that are not delivered yet. A send job shows how far its bytes have come.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ class DetailLine(LineView, can_focus=False):
 
 
 class ReceivedFace(Vertical):
-    """One view of the received bytes; `first` gets the keys, `subtitle` is drawn in the frame."""
+    """One view of the received bytes. `first` gets the keys. `subtitle` is drawn in the frame."""
 
     def __init__(self, view_model: ViewModel, below: DetailLine, first: LineView) -> None:
         super().__init__()

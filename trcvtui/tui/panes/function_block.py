@@ -1,4 +1,4 @@
-"""Pane 2: the function block as it is drawn in a program; its input pins are the toggles."""
+"""Pane 2: the function block as it is drawn in a program. Its input pins are the toggles."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from trcvtui.wording import count
 
 
 class DrawnPin(NamedTuple):
-    """A pin of the drawing; `letter` toggles it, and is "" for an output. `label` is the drawn name."""
+    """A pin of the drawing. `letter` toggles the pin, but an output has none. `label` is the drawn name."""
 
     name: str
     text: str
@@ -80,7 +80,7 @@ def wired_pins(block: str) -> dict[str, DrawnPin]:
 
 
 def order_inputs(block: str, pins: list[DrawnPin], wired: dict[str, DrawnPin]) -> tuple[DrawnPin, ...]:
-    """Return the inputs as the manual draws them: a pointer before its length, the ComBuffer at the end."""
+    """Return the inputs in the manual's order. A pointer comes before its length, the ComBuffer last."""
     of_block = block_row(block)
     pointer_of = dict(zip(of_block.mark_lengths, of_block.pointers, strict=False))
     pointer_of |= {of_block.data_length: of_block.data_pin} if of_block.data_length else {}
@@ -94,7 +94,7 @@ def order_inputs(block: str, pins: list[DrawnPin], wired: dict[str, DrawnPin]) -
 
 
 def make_drawing(project: Project, block: str, connect: str) -> BlockDrawing:
-    """Return the drawing of a block on a CONNECT; the ID of the CONNECT, if any, is after the first pin."""
+    """Return the drawing of a block on a CONNECT. If the CONNECT has an ID, the ID is the second input."""
     pins = [pin for pin in project.pins(block) if pin.name not in PINS_BELOW_BOX]
     wired = wired_pins(block)
     names = [pin.name for pin in pins if pin.direction != "out"]
@@ -121,7 +121,7 @@ def output_text(pin: DrawnPin, instance: InstanceSnapshot | None, glowing: bool)
 
 
 def glow_text(pin: DrawnPin, instance: InstanceSnapshot | None, afterglow: Afterglow, t_ns: int) -> str:
-    """Return the text beside an output after a DONE or ERROR that has ended: scan, RCVD_LEN or STATUS."""
+    """Return the scan, RCVD_LEN or STATUS to draw beside an output after a DONE or ERROR has ended."""
     if instance is None:
         return ""
     done = None if instance.outputs.done else afterglow.glow(instance.name, DONE, t_ns)
@@ -172,7 +172,7 @@ def find_mark(pin: str, framer: FramerSnapshot | None) -> bytes | None:
 
 
 def make_pin_line(pin: str, instance: InstanceSnapshot, view_model: ViewModel) -> str:
-    """Return the beginning of the command that changes a wired pin, "" if no command does."""
+    """Return the beginning of the command that changes a wired pin, or "" if no command does."""
     if pin in com_buffer_pins():
         decl = next((b for b in view_model.project.combuffers if b.name == instance.connect), None)
         return f"feed {instance.connect} hex " if decl is not None and decl.source in FEEDABLE_SOURCES else ""
@@ -253,7 +253,7 @@ class FunctionBlock(LineView):
         super().show()
 
     def _describe_task(self, instance: InstanceSnapshot) -> str:
-        """Return the task of an instance if there are several: ` · SLOW T#40ms priority 2`."""
+        """Return the task of an instance if there are several, such as ` · SLOW T#40ms priority 2`."""
         task = self._view_model.project.task(instance.task)
         if task is None or len(self._view_model.project.tasks) < 2:
             return ""
@@ -386,7 +386,7 @@ class FunctionBlock(LineView):
         return row((" wire    ", "dim"), (self._dead_link(), "dim"))
 
     def _dead_link(self) -> str:
-        """Return when a dead link is detected: 2 to 3 intervals after the partner's last packet (7.15.4)."""
+        """Return when a dead link is detected. Keep-alive needs 2 to 3 silent intervals (7.15.4)."""
         connection = self._view_model.connection
         if connection is None:
             return ""
@@ -434,7 +434,7 @@ class FunctionBlock(LineView):
         return (instance.pin(pin.name) or 0, False) if waiting is None else (waiting[0], True)
 
     def press(self, letter: str) -> str:
-        """Toggle the pin of this letter; return why there is no such pin, "" if there is one."""
+        """Toggle the pin of this letter. If the block has no such pin, return the reason."""
         pin = next((p for p in self.drawing().inputs if p.letter == letter), None)
         if pin is not None:
             self.toggle(pin)
@@ -444,7 +444,7 @@ class FunctionBlock(LineView):
         return f"{instance.block} has no {missing}" if instance is not None else "there is no instance"
 
     def place_of_pin(self, letter: str) -> str:
-        """Return a hint that names the panes where a pin's letter works; "" if no pin has this letter."""
+        """If a pin has this letter, return a hint that names the panes where the letter works."""
         pin = next((pin.name for pin in self.drawing().inputs if pin.letter == letter), "")
         return pin and f"{pin} is a key of panes 1 to 3: press 2, then {letter}"
 
@@ -452,7 +452,7 @@ class FunctionBlock(LineView):
         return next((pin.letter for pin in self.drawing().inputs if pin.name == name), "")
 
     def toggle(self, pin: DrawnPin) -> None:
-        """Send a command that toggles a level or pulses an edge; number or wired pin: open the prompt."""
+        """Send the command that toggles or pulses a pin. For a number or a wired pin open the prompt."""
         instance, snapshot = self._view_model.instance, self._view_model.snapshot
         if instance is None or snapshot is None:
             return

@@ -1,4 +1,4 @@
-"""Pane 1: a line for each instance: partner, STATUS, lamps, bytes of the job, age of the last byte."""
+"""Pane 1: a line for each instance, with partner, STATUS, lamps, bytes of the job, age of the last byte."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ EMPTY_HINTS: Final = (
 
 
 class ListColumns(NamedTuple):
-    """Widths of columns; `both`: show both ends, not only the partner; `bar` 0: no bar, numbers or age."""
+    """Widths of columns. With `both` a line shows both ends. With `bar` 0 it has no bar, number or age."""
 
     name: int
     partner: int
@@ -50,7 +50,7 @@ class InstanceList(LineView):
     ]
 
     def __init__(self, view_model: ViewModel, selected: Callable[[], None], digit: int = 1) -> None:
-        """`selected` is called at once when you choose an instance: all panes are painted together."""
+        """When you choose an instance, `selected` is called at once, to paint all panes together."""
         super().__init__(id="instances")
         self._selected, self._digit, self._view_model = selected, digit, view_model
         self.words: list[str] = []  # of the filter: a listed instance has all of them
@@ -74,7 +74,7 @@ class InstanceList(LineView):
         return len(self._view_model.instances) or len(self._view_model.project.instances) or len(EMPTY_HINTS)
 
     def show(self) -> None:
-        """Repaint changed rows; the title counts instances that pass the filter, and those with ERROR."""
+        """Repaint changed rows. The title counts the filtered instances and the instances with ERROR."""
         instances = self._view_model.instances
         self._listed = [each for each in instances if self._has_words(each)] if self.words else instances
         details = [f"{len(self._listed)} of {len(instances)} with {' '.join(self.words)}, esc: all"]
@@ -163,7 +163,7 @@ class InstanceList(LineView):
         return row(*parts, style=style)
 
     def _security_part(self, connect: str) -> Part:
-        """Return the mark of a secure connection: ` TLS`, or ` TLS!` without a checked certificate."""
+        """Return ` TLS` for a secure connection, or ` TLS!` if it accepts any certificate."""
         found = security_of(self._view_model.project.connect(connect))
         if found is None:
             return "", ""
@@ -271,7 +271,7 @@ def _status(instance: InstanceSnapshot, condition: str, columns: ListColumns) ->
 
 
 def _partner(connection: ConnectionSnapshot | None, both: bool) -> str:
-    """Return both ends, `passive 127.0.0.1:2000 ← 127.0.0.1:51322`, or one: `← 127.0.0.1:51322`."""
+    """Return both ends, as `passive 127.0.0.1:2000 ← 127.0.0.1:51322`, or one, as `← 127.0.0.1:51322`."""
     if connection is None:
         return ""
     if connection.udp:

@@ -1,6 +1,6 @@
 """The messages of the selected instance, one a row, newest last.
 
-Rule: a row is drawn from its bytes while it is in view; 10,000 rows take no more time than one page.
+Rule: a row is drawn from its bytes only while in view, so 10,000 rows take no more time than one page.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class MessageColumn(NamedTuple):
-    """A column before the members; it gets wider if the newest message needs more room."""
+    """A column before the members. It gets wider if the newest message needs more room."""
 
     name: str
     width: int
@@ -86,7 +86,7 @@ class MessageLines(LineView):
         return known if known.instance == self._view_model.selected else KnownMessages()
 
     def _row(self, number: int) -> MessageRow | None:
-        """Return a row, None if it was dropped since `show`."""
+        """Return a row, or None if the row was dropped since `show`."""
         known = self._known_messages
         return known.rows[number - known.first] if known.first <= number < known.stop else None
 
@@ -102,7 +102,7 @@ class MessageLines(LineView):
 
     @property
     def _chosen_place(self) -> int:
-        """Return the index of the chosen row among filtered rows; -1: all rows are after the shown scan."""
+        """Return the index of the chosen filtered row, or -1 if all rows are after the shown scan."""
         last = len(self._listed) - 1
         if self._at is not None:
             return min(last, bisect_left(self._listed, self._at))
@@ -280,5 +280,5 @@ class MessageHead(OneLine):
 
 
 def fit_text(text: str, width: int) -> str:
-    """Return a text padded for a member's column; a long one keeps its beginning and its end."""
+    """Return a text padded for a member's column. A long text keeps its beginning and its end."""
     return pad(clip_middle(text, width - 1), width, right=True)

@@ -248,7 +248,7 @@ class PeerPanel(Vertical):
 
     @property
     def focus_target(self) -> LineView:
-        """Return the list to focus: conversations if any, serial lines if there is no peer, else peers."""
+        """Return the list to focus. Conversations come first, then peers, then serial lines."""
         if self._view_model.conversations or (self._view_model.shadows and self._view_model.project.taps):
             return self.talks
         return self.lines if self.lines.names and not self._view_model.project.peers else self.peers

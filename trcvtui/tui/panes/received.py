@@ -1,4 +1,4 @@
-"""Pane 5: one of its faces at a time: DATA now, all that was received so far (`H`), the messages (`D`)."""
+"""Pane 5 shows one face at a time: DATA now, all bytes received so far (`H`), or the messages (`D`)."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class ReceivedPane(Vertical):
     # -- keys --------------------------------------------------------------------------------------------
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Allow `end_find` only while a search is marked, and `rulers` only in the stream."""
+        """Allow `end_find` only while the stream marks search hits, and `rulers` only in the stream."""
         if action == "end_find":
             return bool(self.stream.patterns)
         return action != "rulers" or self.is_past
@@ -133,7 +133,7 @@ class ReceivedPane(Vertical):
         self._search_from(END_POSITION, False, dropped=True)
 
     def _search_from(self, end: int, is_forward: bool, **what: Any) -> None:
-        """Search the stream from the cursor, or else from position `end`."""
+        """Search the stream from the cursor. Without a cursor, search from position `end`."""
         here = self.stream.cursor
         self.stream.search(here if here is not None else end, is_forward, **what)
         self.past.note = ""

@@ -135,7 +135,7 @@ class StatusHistory(LineView):
         self._choose_where(lambda outputs: outputs.error, "ERROR", 1)
 
     def action_hit(self, step: int) -> None:
-        """Choose the next older (`step` 1) or newer (-1) edge with the sought code; no code: with ERROR."""
+        """Choose the next edge with the sought code, else with ERROR. `step` 1 is older, -1 is newer."""
         code = self.code
         what = "ERROR" if code is None else f"{code:04X}"
         self._choose_where(lambda out: out.error if code is None else out.status == code, what, step)
@@ -167,7 +167,7 @@ class StatusHistory(LineView):
         self.show()
 
     def point_at(self, seq: int | None) -> None:
-        """Choose the edge that another pane chose; choose none if this list does not have that edge."""
+        """Choose the edge that another pane chose. If this list does not have that edge, choose none."""
         if seq == self._chosen:
             return
         y = next((y for y, line in enumerate(self._edges) if line.seq == seq), -1)
@@ -228,7 +228,7 @@ class StatusCard(TextView):
         digit: int = 3,
         letter_of: Callable[[str], str] = lambda pin: "",
     ) -> None:
-        """`letter_of` returns the key that changes a pin of the selected instance, "" if none does."""
+        """`letter_of` returns the key that changes a pin of the selected instance, or ""."""
         super().__init__(id="status")
         self._letter_of, self._digit, self._view_model, self._actions = letter_of, digit, view_model, actions
         self._explainer = StatusExplainer(view_model)
@@ -246,7 +246,7 @@ class StatusCard(TextView):
         return next((lines for lines in some if lines[0] not in done), ())
 
     def propose_value(self, pin: str) -> str:
-        """Return the value that the remedy proposes for a number pin, "" if none."""
+        """Return the value that the remedy proposes for a number pin, or ""."""
         begin = f"set {self._view_model.selected} {pin}="
         return next((line.removeprefix(begin) for line in self._remedy_lines() if line.startswith(begin)), "")
 

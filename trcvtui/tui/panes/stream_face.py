@@ -26,7 +26,7 @@ Labels = tuple[JobSpan | None, RecvSpan | None, MessageSpan | None]
 def origin_words(place: int, values: tuple[int | None, int | None], labels: Labels, project: Project) -> str:
     """Return value, message, job, field, recv call, scan and time of the byte at a position.
 
-    `values`: the byte, and the byte at the same place in the job before.
+    `values` are the byte and the byte at the same place in the job before.
     """
     job, recv, message = labels
     if job is None:
@@ -175,7 +175,7 @@ class StreamFace(ReceivedFace):
         return window.cut(self.message_here()), window.cut(between) if window.has_values(between) else b""
 
     def mark_message(self) -> str:
-        """Mark the message under the cursor for comparing, or unmark it; return an error, "" for none."""
+        """Mark or unmark the message under the cursor for comparing. Return an error, or ""."""
         here, stream = self.message_here() if self.is_shown else range(0), self.stream
         is_marked = stream.marked is not None and stream.marked[0] == here
         stream.compare(None if is_marked or not here else (here, stream.window.cut(here)), here)
@@ -190,7 +190,7 @@ class StreamFace(ReceivedFace):
         return job
 
     def job_of_cursor(self) -> tuple[str, int, bytes] | None:
-        """Return the job under the cursor as instance, number (0: dropped), bytes; None without bytes."""
+        """Return instance, number and bytes of the job under the cursor. A dropped job has number 0."""
         job, known = self.job_here() if self.is_shown else None, self.past_job
         if job is None or known is None or not self._has_bytes_of(job) or len(known[1]) < job.whole:
             return None

@@ -1,6 +1,6 @@
-"""The history as one stream of bytes, with rulers: the peer's messages, recv calls, jobs and their scans.
+"""The history as one stream of bytes. Rulers show the peer's messages, recv calls, jobs and their scans.
 
-Only the bytes in view are fetched from the engine; rows that have not arrived are drawn without bytes. A
+Only the bytes in view are fetched from the engine. A row is drawn without bytes until the bytes arrive. A
 position counts the bytes of the CONNECT since the bench began, so a byte keeps its position.
 """
 
@@ -61,7 +61,7 @@ DROPPED_STYLE: Final = BracketStyle("×", "×", "×", "warn")
 
 
 class RulerBracket(NamedTuple):
-    """A bracket over columns `first` .. `last` of a ruler; the longest of `names` that fits is drawn."""
+    """A bracket over columns `first` to `last` of a ruler. The longest of `names` that fits is drawn."""
 
     first: int
     last: int
@@ -118,7 +118,7 @@ def make_brackets(
     column: Callable[[int], int],
     drawn: Callable[[Span], tuple[bool, bool, BracketStyle, tuple[str, ...]]],
 ) -> list[RulerBracket]:
-    """Return the brackets of the spans over a row; `column` returns the column of the row's n-th byte."""
+    """Return the brackets of the spans over a row. `column` returns the column of the row's n-th byte."""
     found = []
     for span in find_spans(spans, start, stop):
         begins, ends, pen, names = drawn(span)
@@ -163,7 +163,7 @@ def describe_first_cut(marks: Sequence[int], messages: Sequence[MessageSpan]) ->
 
 
 def describe_first_arrival(recvs: Sequence[RecvSpan], start: int, stop: int) -> str:
-    """Return when the first chunk that begins in a row arrived, and the time since the chunk before."""
+    """Return the time of the first chunk that begins in a row, and the time since the chunk before."""
     first = next((n for n, span in enumerate(recvs) if start <= span.position < stop), None)
     if first is None:
         return ""
@@ -187,7 +187,7 @@ NO_WINDOW: Final = HistoryWindow("", 0, 0)
 
 
 class StreamView(ByteLines):
-    """Bytes by position; while `follows` is True, the newest byte stays in view."""
+    """Bytes by position. While `follows` is True, the newest byte stays in view."""
 
     KEYS: ClassVar = (
         ("[ ]", "DONE"), ("/", "find"), ("m", "mark"), ("d", "diff"), ("u", "rulers"), ("H", "DATA now"),
@@ -233,7 +233,7 @@ class StreamView(ByteLines):
         return HistoryRequest(connect, *self._asked, before=True, seek=self.seek, job_at=job_at)
 
     def accept_window(self, window: HistoryWindow) -> int | None:
-        """Show a new window; return the position that a search has found, None if nothing was found yet."""
+        """Show a new window. Return the position that the search has found so far, or None."""
         if window != self.window:
             self.window = window
             self._knows_messages = self._knows_messages or bool(window.messages)
@@ -253,7 +253,7 @@ class StreamView(ByteLines):
         return found
 
     def _pair_bytes(self) -> None:
-        """Find the byte to compare with each byte: in the marked message if any, else in the job before."""
+        """Pair each byte with a byte of the marked message. If none is marked, use the job before."""
         start, parts = self._compared.start, [(part.position, part.content) for part in self.window.before]
         if self.marked is not None:
             parts = [(start, self.marked[1][: len(self._compared)])]
@@ -266,7 +266,7 @@ class StreamView(ByteLines):
             self._drawn = None
 
     def difference(self) -> str:
-        """Return how the message at the cursor differs from the marked one; "" if no message is marked."""
+        """Return how the message at the cursor differs from the marked message, or "" without a mark."""
         if self.marked is None or not self._compared:
             return ""
         here, there = self.window.cut(self._compared), self.marked[1]
@@ -281,7 +281,7 @@ class StreamView(ByteLines):
         self._matched = {self.window.start + place for match in found for place in match}
 
     def _rebase(self) -> None:
-        """Count rows from the oldest kept byte; when that byte is dropped, the bytes in view stay in view."""
+        """Count rows from the oldest byte left. When a byte is dropped, the bytes in view stay in view."""
         base = self.window.begin - (self.window.begin - self._cut[1]) % self._row_group[0]
         if base == self._base:
             return
@@ -324,7 +324,7 @@ class StreamView(ByteLines):
         return range(max(0, start), min(start + self.per_row, first + size, self.window.end))
 
     def search(self, start: int, is_forward: bool, patterns: tuple[bytes, ...] = (), **what: Any) -> None:
-        """Request a search from position `start`; `what`: other fields of SeekRequest."""
+        """Request a search from position `start`. `what` has the other fields of SeekRequest."""
         self._seeks += 1
         self.seek = SeekRequest(self._seeks, start, is_forward, patterns, **what)
 
@@ -372,7 +372,7 @@ class StreamView(ByteLines):
 
     @property
     def _blank(self) -> int:
-        """Return 1 for a blank in a row's middle and one before its text, 0 if 16 bytes need the room."""
+        """Return 1 if a row has room for a blank in its middle and a blank before its text, else 0."""
         return 1 if self.line_width >= self.digits + ROOMY or self.per_row == NARROW else 0
 
     def row_count(self) -> int:
@@ -538,7 +538,7 @@ class StreamView(ByteLines):
             self.select(self.cursor + pages * rows * self.per_row)
 
     def action_edge(self, direction: int) -> None:
-        """Go to the oldest byte (`direction` < 0), or to the newest byte and follow the stream."""
+        """If `direction` < 0, go to the oldest byte. Else go to the newest byte and follow the stream."""
         if direction < 0:
             self.select(self.window.begin)
         else:

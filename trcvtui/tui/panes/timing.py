@@ -36,7 +36,7 @@ CURSOR_MARGIN: Final = 4  # columns between the cursor and the edge, if there is
 
 
 class TimingViewport:
-    """The scans in view; `cursor` None is the present. Scans count from 1."""
+    """The scans in view, counted from 1. If `cursor` is None, it is at the present."""
 
     def __init__(self) -> None:
         self.cursor: int | None = None
@@ -51,7 +51,7 @@ class TimingViewport:
         return ZOOM_LEVELS[self._level]
 
     def window(self, count: int, until: int) -> Window:
-        """Return the columns to draw in a pane of this width; `until` is the newest scan."""
+        """Return the window of `count` columns to draw. `until` is the newest scan."""
         self._count = max(1, count)
         if self.follows:
             self._first = max(0, self._column(until) - self._count + 1)
@@ -106,7 +106,7 @@ class TimingRow(NamedTuple):
 
 
 def list_rows(waves: Sequence[Waveform], is_strip: bool = False) -> list[TimingRow]:
-    """Return the rows of these instances, each with a head if there are several; a strip has no CODES row.
+    """Return the rows of these instances. Each of several instances has a head. A strip has no CODES row.
 
     Below each row of an instance comes the same row of its what-if run.
     """
@@ -148,7 +148,7 @@ def ruler_row(window: Window, until: int, view: TimingViewport, label: int) -> R
 def wave_row(
     shown: TimingRow, window: Window, cursor: int | None, until: int, label_style: str | None, label: int
 ) -> Row:
-    """Return one row; the wave begins after `label` columns. `label_style` None: the row is not chosen."""
+    """Return one row with its wave after `label` columns. A row not chosen has no `label_style`."""
     wave, name = shown
     if not name:
         return row((f" {wave.instance} ", "label"), ("─" * (label + window.width), "faint"))
@@ -185,7 +185,7 @@ STRIP_ROWS: Final = 4  # lines of a strip: ruler, STATUS, EN_R or REQ, DONE
 
 
 class Timing(LineView):
-    """The waves of the selected instance; below, after the key `o`, all others on the same CONNECT."""
+    """The waves of the selected instance. Key `o` adds the other instances on the same CONNECT below."""
 
     KEYS: ClassVar = (
         ("←→", "scan"), ("n N", "edge"), ("!", "ERROR"), ("+-", "zoom"), ("m", "marker"), ("e", "export"),
@@ -310,7 +310,7 @@ class Timing(LineView):
     # -- moving -------------------------------------------------------------------------------------
 
     def go_to(self, scan: int | None, nothing: str = "") -> None:
-        """Put the cursor on a scan and explain its STATUS; if `scan` is None, show the text `nothing`."""
+        """Put the cursor on a scan and explain the STATUS there. If `scan` is None, show `nothing`."""
         self._note = nothing if scan is None else ""
         if scan is not None:
             self.view.go_to(scan, self._until)

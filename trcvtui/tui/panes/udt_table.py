@@ -1,7 +1,7 @@
-"""Pane 6: the members of the UDT with offset, type and value; only the rows in view are decoded.
+"""Pane 6: the members of the UDT with offset, type and value. Only the rows in view are decoded.
 
-Padding is shown on the row of the member before it, so row and leaf have the same number, and a table of
-any size takes no more time than one page.
+Padding is shown on the row of the member before the padding, so row and leaf have the same number. A table
+of any size takes no more time than one page.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ MOST_KEPT_MEMBERS: Final = 1024  # members whose numbers are kept
 
 
 class UdtTable(LineView):
-    """DATA of the selected instance decoded; with `of_job` the bytes of its running job instead."""
+    """DATA of the selected instance, decoded. With `of_job`, the bytes of its running job are decoded."""
 
     KEYS: ClassVar = (("↑↓", "member"), ("enter", "curve"), ("D", "messages"), ("v", "DATA | job"))
     BINDINGS: ClassVar = [
@@ -213,7 +213,7 @@ class UdtTable(LineView):
     # -- both ways ----------------------------------------------------------------------------------
 
     def select_member_at(self, offset: int) -> range:
-        """Select the member at a byte, return its range; for padding, the member before and range(0)."""
+        """Select the member at a byte and return its range. For padding select the member before."""
         declared = self._view_model.declaration
         if declared is None or offset < 0:
             return range(0)

@@ -1,4 +1,4 @@
-"""The list of scenario files; the text of the chosen file with the result of each step; the traces."""
+"""The list of scenario files, the chosen file with the result of each step, and the traces."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SHIPPED_LABEL: Final = "came with trcvtui"
 
 
 class ScenarioListModel:
-    """Scenario files in reading order; `revision` counts changes of `rows`."""
+    """Scenario files in reading order. `revision` counts the changes of `rows`."""
 
     def __init__(self, found: ScenarioFiles, chosen: Path | None = None) -> None:
         self.is_cut = found.is_cut
@@ -57,7 +57,7 @@ class ScenarioListModel:
         return found
 
     def file(self, path: Path | None) -> ScenarioFile | None:
-        """Return a file, and read it first if needed; None if the list does not have this file."""
+        """Return a file, or None if the list does not have this file. Read the file first if needed."""
         if path is None or path not in self._paths:
             return None
         if path not in self._read:
@@ -128,7 +128,7 @@ OUTCOME_MARKS: Final = {True: ("✓ ", "done"), False: ("✗ ", "error"), None: 
 
 
 class ScenarioList(LineView, inherit_bindings=False):
-    """One row for each file, under the folder's name; `k` chooses the kernel and does not go up."""
+    """One row for each file, under the folder's name. Here `k` chooses the kernel and does not go up."""
 
     BINDINGS: ClassVar[list[BindingType]] = ARROW_KEYS
 

@@ -1,6 +1,6 @@
 """The screen of the scenarios: a list of files, and one of them played step by step.
 
-Rule: the engine plays; this screen sends `scenario` lines and shows the player of the newest picture.
+Rule: the engine plays. This screen sends `scenario` lines and shows the player of the newest picture.
 """
 
 from __future__ import annotations
@@ -259,7 +259,7 @@ class ScenariosScreen(SideScreen[Path | None]):
             self.outcome.write(f"enter loads it again, on {KERNEL_WORDS[self._kernel]}")
 
     def _ask_on_live(self, then: Callable[[], None]) -> None:
-        """Run `then`; if it would end a live bench, ask first."""
+        """Run `then`, but ask first if `then` would end a live bench."""
         picture = self._view_model.live
         is_live = picture is not None and picture.player is None and picture.kernel == LIVE_KERNEL
         if self._loaded is None and is_live and self._model.chosen is not None:
@@ -297,7 +297,7 @@ class ScenariosScreen(SideScreen[Path | None]):
             self.action_load()
 
     def action_run(self) -> None:
-        """Run all remaining steps of the chosen scenario; load it before if needed."""
+        """Run all remaining steps of the chosen scenario. Load the scenario first if needed."""
         self._ask_on_live(self._run)
 
     def _run(self) -> None:

@@ -27,7 +27,7 @@ def explain_status(shown: StatusEdge | InstanceSnapshot) -> str:
 
 
 class StatusExplainer:
-    """Explains the selected instance now, or an edge of its past; the last answers are kept."""
+    """Explains the selected instance now, or at a past edge. It keeps the last explanations."""
 
     def __init__(self, view_model: ViewModel) -> None:
         self._view_model = view_model

@@ -12,7 +12,7 @@ SLACK_ROWS: Final = 256  # rows that are dropped in one go
 
 
 class KnownMessages:
-    """The newest rows of an instance, oldest first, from row `first` on; another instance clears the rows.
+    """The newest rows of an instance, oldest first, from row `first` on. Another instance clears the rows.
 
     A dropped row is no longer in `rows`. A row without `content` has lost its values.
     """
@@ -34,7 +34,7 @@ class KnownMessages:
         return self.first + len(self.rows)
 
     def stop_at(self, scan: int) -> int:
-        """Return the number of the first row after a scan; if there is none, of the next row to come."""
+        """Return the number of the first row after a scan, which may be the next row to come."""
         return self.first + bisect_right(self.rows, scan, key=lambda row: row.scan)
 
     @property

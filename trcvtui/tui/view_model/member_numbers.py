@@ -41,7 +41,7 @@ class MemberNumbers:
         self._most = most
 
     def update_numbers(self, known: KnownMessages, stop: int) -> list[Number | None]:
-        """Return the numbers before message `stop`, the newest last."""
+        """Return the member's numbers in the messages before message `stop`, the newest last."""
         first = max(known.first, stop - self._most)
         low, high = max(first, self.first), min(stop, self.first + len(self.numbers))
         if low > high:  # nothing known is of use

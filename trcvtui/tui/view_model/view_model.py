@@ -1,6 +1,6 @@
 """What the screen knows: the newest picture, the lines of the ledger so far, and the selection.
 
-Rule: pictures come in by `accept_picture`; nothing else changes what is shown of the bench.
+Rule: pictures come in by `accept_picture`. Nothing else changes what the screen shows of the bench.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ DONE, ERROR = "DONE", "ERROR"
 
 @dataclass(frozen=True, slots=True)
 class PinPulse:
-    """A lamp was lit in `scan` at `t_ns` with this STATUS; `rcvd_len` in bytes if the block has it."""
+    """A lamp was lit in `scan` at `t_ns` with this STATUS. `rcvd_len` is in bytes if the block has it."""
 
     scan: int
     t_ns: int
@@ -87,7 +87,7 @@ KEPT_EDGES: Final = 1000
 
 
 class EdgeHistory:
-    """STATUS edges by instance; `skipped` counts ledger lines that never came to the screen."""
+    """STATUS edges by instance. `skipped` counts ledger lines that never came to the screen."""
 
     def __init__(self) -> None:
         self._edges: defaultdict[str, deque[Line]] = defaultdict(lambda: deque(maxlen=KEPT_EDGES))
@@ -232,7 +232,7 @@ class ViewModel:
             self.waves.add_deltas(picture.waves, interval_ns)
 
     def _note_skipped(self, first: int) -> None:
-        """Add STATUS edges before ledger line `first` from the waves: their ledger lines were left out."""
+        """Add STATUS edges before ledger line `first` from the waves, as their ledger lines are missing."""
         for name in self.drawn_instances:
             known = self.history.list_edges(name)
             last = known[-1].seq if known else 0
@@ -267,7 +267,7 @@ class ViewModel:
         self._accept_project(self._home)
 
     def restart(self) -> None:
-        """Forget everything: the engine was restarted, and its first picture brings the project."""
+        """Forget everything when the engine was restarted. Its first picture brings the project."""
         self.leave_scenario()
         self.live, self._left_bench = None, None
         self._reset(NO_BENCH)
@@ -370,7 +370,7 @@ class ViewModel:
 
     @property
     def drawn_instances(self) -> tuple[str, ...]:
-        """Return the instances to draw over time: the selected one; if wanted, others on its CONNECT."""
+        """Return the selected instance and, if `draws_neighbours`, other instances on its CONNECT."""
         instance = self.instance
         if instance is None or not self.draws_neighbours:
             return (self.selected,) if self.selected else ()
@@ -441,5 +441,5 @@ class ViewModel:
 
 
 def _one_of(name: str, names: list[str]) -> str:
-    """Return the name if it is in the list, else the first name of the list; "" if the list is empty."""
+    """Return the name if the list has it, else the first name of the list, else ""."""
     return name if name in names else next(iter(names), "")

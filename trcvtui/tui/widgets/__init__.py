@@ -1,1 +1,1 @@
-"""One pane or line of the screen a file; everything that changes fast draws its own lines."""
+"""Each file has one pane or line of the screen. Everything that changes fast draws its own lines."""

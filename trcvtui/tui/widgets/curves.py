@@ -1,7 +1,7 @@
-"""Numbers over time in cells: a line of blocks, and a curve of braille; no peak is lost.
+"""Numbers over time in cells, as a line of blocks or a curve of braille. No peak is lost.
 
-None is the number of a message that lacks the member: the number before stays. NaN and the infinities
-end a curve until the next number.
+A message that lacks the member has the number None, and the number before stays. NaN and the infinities end
+a curve until the next number.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ def axis_ends(numbers: Sequence[Number]) -> tuple[Number, Number]:
 
 
 def place_between(number: Number, low: Number, high: Number) -> float:
-    """Return where a number is between `low` (0) and `high` (1); 0.5 if both are equal."""
+    """Return where a number is, from 0 at `low` to 1 at `high`. Return 0.5 if both are equal."""
     if math.isinf(high - low):  # too far apart, such as -1e308 and 1e308
         return place_between(number / 2, low / 2, high / 2)
     return (number - low) / (high - low) if high > low else 0.5
 
 
 def sparkline(numbers: Numbers) -> str:
-    """Return a block for each message, the lowest one if all numbers are equal; "" without numbers."""
+    """Return a block for each message. If all numbers are equal, all have the lowest block."""
     known = list_finite(numbers)
     if not known:
         return ""
@@ -59,7 +59,7 @@ def sparkline(numbers: Numbers) -> str:
 
 
 class Curve(NamedTuple):
-    """Rows of cells from the top; a cell is its dots as bits; ends of the axis; extreme numbers."""
+    """A curve as rows of cells, the top row first. The bits of a cell are its dots."""
 
     cells: list[list[int]]
     axis: tuple[Number, Number]
@@ -70,7 +70,7 @@ class Curve(NamedTuple):
 def curve(
     times: Sequence[int], numbers: Numbers, window: tuple[int, int], width: int, height: int, gaps: Spans = ()
 ) -> Curve | None:
-    """Return the curve, None without a number in the window; `times` and `gaps` are in ascending order.
+    """Return the curve, or None without a number in the window. `times` and `gaps` are in ascending order.
 
     A number is held until the next one, but not in a gap. Each column of dots reaches from the smallest to
     the largest number in its time.

@@ -19,7 +19,7 @@ Answered = TypeVar("Answered")
 
 
 class Dialog(ModalScreen[Answered], Generic[Answered]):
-    """A frame above the panes; escape closes it with the answer `nothing`."""
+    """A frame above the panes. Escape closes the dialog with the answer `nothing`."""
 
     BINDINGS: ClassVar = [
         Binding("escape", "leave", show=False),
@@ -66,7 +66,7 @@ class CardText(TextView):
 
 
 class ResultText(TextView):
-    """The text of a result; `rows` returns its rows for a given width."""
+    """The text of a result. `rows` returns the rows for a given width."""
 
     def __init__(self, id: str, rows: Callable[[int], list[Row]]) -> None:
         super().__init__(id=id)
@@ -77,7 +77,7 @@ class ResultText(TextView):
 
 
 class ResultScreen(ListDialog[None]):
-    """A result to read: escape closes it, `y` copies its text."""
+    """A result to read. Escape closes the screen, and `y` copies the text."""
 
     BINDINGS: ClassVar = [Binding("y", "yank", show=False)]
     DEFAULT_CSS = "ResultScreen ResultText { width: 110; height: auto; max-height: 90%; }"
@@ -118,7 +118,7 @@ def text_rows(text: str, width: int) -> list[Row]:
 
 
 class FormDialog(Dialog[Answered], Generic[Answered]):
-    """Fields (`#form`), and a line below them with the result of their check (`#form-line`)."""
+    """Fields in `#form`, and below them the line `#form-line` with the result of their check."""
 
     DEFAULT_CSS = """
     FormDialog #form {

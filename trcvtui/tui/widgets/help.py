@@ -196,7 +196,7 @@ HELP_SECTIONS: Final[tuple[tuple[str, tuple[str, ...], KeyTable], ...]] = (
 
 
 def letters_of(pins: Iterable[str], taken: Collection[str] = ()) -> dict[str, str]:
-    """Return a letter for each pin, each letter once and not in `taken`; "" if none of its name is free."""
+    """Return a different letter for each pin, none in `taken`. A pin without a free letter gets ""."""
     names = list(pins)
     given = {pin: PIN_LETTERS[pin] for pin in names if pin in PIN_LETTERS}
     for pin in names:
@@ -218,7 +218,7 @@ SIGNS: Final = (
 
 
 def key_rows(title: str, table: KeyTable, width: int, names: Mapping[str, str]) -> list[Row]:
-    """Return the rows of a table of keys; `names` are the new names of keys that the user has changed."""
+    """Return the rows of a table of keys. `names` are the new names of keys that the user has changed."""
     rows = [row((title, "strong"))]
     for shown, what in table:
         key = names.get(shown.split(" or ")[0], shown)

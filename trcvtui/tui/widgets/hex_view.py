@@ -20,7 +20,7 @@ PREFIX_STYLE, SUFFIX_STYLE, OLD_STYLE = "prefix", "suffix", "faint"
 
 
 class FrameRange(NamedTuple):
-    """Bytes `start` to `stop` of a frame: its data begin at `data`, its suffix at `suffix`."""
+    """Bytes `start` to `stop` of a frame. The data begin at `data`, the suffix at `suffix`."""
 
     start: int
     data: int
@@ -28,13 +28,13 @@ class FrameRange(NamedTuple):
     stop: int
 
     def style(self, place: int) -> str:
-        """Return the style of the byte at `place` in prefix or suffix; "" for any other byte."""
+        """Return the style of a byte in the prefix or the suffix, or "" for any other byte."""
         if self.start <= place < self.data:
             return PREFIX_STYLE
         return SUFFIX_STYLE if self.suffix <= place < self.stop else ""
 
     def sign(self, place: int) -> str:
-        """Return the sign before the byte at `place`; "" for none."""
+        """Return the sign before the byte at `place`, or ""."""
         if place == self.data and self.start < self.data:
             return DATA_BEGIN_SIGN
         return DATA_END if place == self.suffix and self.suffix < self.stop else ""
@@ -186,7 +186,7 @@ class ByteLines(LineView):
         return 3 * index + (self._blank if self.per_row == WIDE_ROW and index >= NARROW else 0)
 
     def _index_at(self, x: int) -> int | None:
-        """Return which byte of a row is at column `x`, as hex or as text; None if there is none."""
+        """Return which byte of a row is drawn at column `x`, as hex or as text, or None."""
         column = x - self.digits - 2
         if column >= self._text_column:
             index = column - self._text_column
@@ -216,7 +216,7 @@ class ByteLines(LineView):
 
 
 class HexView(ByteLines):
-    """`content` are the known bytes; missing ones, up to `need`, are drawn as dots."""
+    """`content` are the known bytes. The missing bytes up to `need` are drawn as dots."""
 
     KEYS: ClassVar[tuple[tuple[str, str], ...]] = (
         ("hjkl", "byte"), ("/", "find"), ("d", "diff"), ("H", "stream"), ("D", "messages"),
@@ -235,7 +235,7 @@ class HexView(ByteLines):
     def show_bytes(
         self, content: bytes, need: int, starts: frozenset[int], holes: tuple[range, ...] = ()
     ) -> None:
-        """Show these bytes, `starts` marked as beginnings of messages, `holes` as unknown."""
+        """Show these bytes. Mark `starts` as beginnings of messages and `holes` as unknown."""
         self.content, self.need, self.starts, self.holes = content, max(need, len(content)), starts, holes
         self.show()
 
@@ -247,7 +247,7 @@ class HexView(ByteLines):
         return self.content[place] if is_here else None
 
     def show_before(self, before: PreviousJobBytes | None) -> None:
-        """Mark bytes that differ from the job before; with `shows_before` the old bytes are drawn below."""
+        """Mark bytes that differ from the job before. With `shows_before` the old bytes are drawn below."""
         self.before = before
         self.show()
 
@@ -295,7 +295,7 @@ class HexView(ByteLines):
         return {first + place for match in found for place in match}
 
     def _byte_before(self, place: int) -> int | None:
-        """Return the byte that the job before had here; None if that byte or the present one is unknown."""
+        """Return the byte that the job before had here, or None if either byte is unknown."""
         before = self.before
         if before is None or self._byte(place) is None:
             return None
@@ -338,7 +338,7 @@ class HexView(ByteLines):
         return [(" ", style), mark] if wide else [mark]
 
     def _sign(self, offset: int) -> str:
-        """Return the sign before this byte that separates data from prefix or suffix, "" for none."""
+        """Return the sign that separates data from prefix or suffix before this byte, or ""."""
         return self.frame.sign(offset) if self.frame is not None else ""
 
     def _text(self, start: int, styles: list[str]) -> list[Part]:
@@ -404,7 +404,7 @@ MOST_NUMBER_BYTES: Final = 8  # bytes
 
 
 def numbers_at(content: bytes, width: int) -> str:
-    """Return the numbers that fit a line, as `little|big`; signed numbers only if they differ."""
+    """Return the numbers that fit a line, as `little|big`. Skip signed numbers equal to the unsigned."""
     line, before = "LE|BE", ""
     for name, code in NUMBER_CODES:
         size = struct.calcsize(code)

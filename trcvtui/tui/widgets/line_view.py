@@ -1,7 +1,7 @@
-"""The base of every pane: it draws its own lines and repaints only those that changed.
+"""The base of every pane. A pane draws its own lines and repaints only the lines that changed.
 
-A subclass returns the number of its rows, and each row: texts with the names of their styles. Text is never
-markup, and control characters are spelled out in rows and titles, so that bytes of a partner stay text.
+A subclass returns the number of its rows and, for each row, texts with the names of their styles. Text is
+never markup. Control characters in rows and titles are spelled out, so that a partner's bytes stay text.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ BAR_KEPT_S: Final = 5.0  # a scroll bar that comes twice within this time stays
 
 
 def hidden_keys(actions: Mapping[str, str]) -> list[BindingType]:
-    """Return bindings that no footer shows: keys, separated by commas, and their action."""
+    """Return bindings that no footer shows. `actions` maps keys, separated by commas, to an action."""
     return [Binding(keys, action, show=False) for keys, action in actions.items()]
 
 
@@ -240,13 +240,13 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
     # -- looks -------------------------------------------------------------------------------------
 
     def set_over(self, is_over: bool) -> None:
-        """`is_over`: draw the lamps grey, as their state is no longer true; else draw them in colour."""
+        """If `is_over`, draw the lamps grey, as their state is no longer true. Else draw them in colour."""
         self._is_over = is_over
         self._ready_styles.clear()
         self.refresh()
 
     def named_style(self, names: str) -> Style:
-        """Return the style for style names such as `cursor dim`; each style is made once for a theme."""
+        """Return the style for style names such as `cursor dim`. Each style is made once for a theme."""
         if self._is_over:
             names = " ".join("faint" if name in LAMP_STYLES else name for name in names.split())
         if names not in self._ready_styles:
@@ -262,7 +262,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         self.resize_rows()
 
     def on_resize(self) -> None:
-        """Draw again: rows may have changed while the pane was hidden, and lines wrap elsewhere."""
+        """Draw again, as rows may have changed while the pane was hidden. Lines may wrap elsewhere."""
         self.show()
 
     def watch_show_vertical_scrollbar(self) -> None:
@@ -330,7 +330,7 @@ class OneLine(LineView, can_focus=False):
 
 
 class TextView(LineView):
-    """A view with all rows made at once by `make_rows`, again for each width, and kept in `_rows`."""
+    """A view that makes all rows at once by `make_rows`, again for each width. `_rows` keeps the rows."""
 
     def __init__(self, id: str) -> None:
         super().__init__(id=id)

@@ -1,4 +1,4 @@
-"""The lines of a screen: buttons, outcome, keys and tabs; the header with file, dialect, model and scans."""
+"""The lines of a screen: buttons, outcome, keys, tabs, and a header with file, dialect, model and scans."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trcvtui.wording import count, format_ns
 
 
 class ButtonLine(LineView):
-    """`labels` returns each (letter, label), `press` gets an index, `chosen` returns the selected index."""
+    """`labels` returns (letter, label) pairs. `press` gets an index. `chosen` returns the chosen index."""
 
     DEFAULT_CSS = "ButtonLine { height: auto; }"
     KEYS: ClassVar = (("←→", "button"), ("enter", "press"))
@@ -277,7 +277,7 @@ MOST_TRIGGER_WIDTH: Final = 36
 
 
 class HeaderWord(NamedTuple):
-    """One word of the header; on a narrow screen words with the highest `rank` are dropped first."""
+    """One word of the header. On a narrow screen words with the highest `rank` are dropped first."""
 
     text: str
     style: str

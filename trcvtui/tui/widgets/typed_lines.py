@@ -1,10 +1,10 @@
 """Keys act in the order in which you type them, each before the next one is read, on every screen.
 
 Textual puts a key into the queue of the widget that has the focus when the key arrives. A letter acts in
-that queue, but Backspace, enter and tab act only after all widgets above have passed them on: later keys
-overtake them. Here a key acts at once; while a screen is opening, it waits until the screen is open.
+that queue, but Backspace, enter and tab act only after all widgets above have passed them on, so later keys
+overtake them. Here a key acts at once. While a screen opens, a key waits.
 
-Rule: whatever takes text is a TypedField, or a screen that is a LetterReceiver; nothing else reads letters.
+Rule: only a TypedField, or a screen that is a LetterReceiver, takes text. Nothing else reads letters.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ async def _run_key_action(app: App[None], event: events.Key | events.Paste) -> b
 
 
 class TypedLine(Horizontal):
-    """A sign and a field, shown while the line is open; `back` gets the focus when the line closes."""
+    """A sign and a field, shown while the line is open. `back` gets the focus when the line closes."""
 
     DEFAULT_CSS = """
     TypedLine { height: 1; display: none; background: $panel; padding: 0 1; }
@@ -225,9 +225,9 @@ class FindInput(LineInput):
 
 
 class FindLine(Horizontal):
-    """Takes no room while closed; enter calls `find`, closing calls `refocus`.
+    """A line that takes no room while closed. Enter calls `find`, and closing calls `refocus`.
 
-    `complain` gets the mistake in the text as you type: this line has no room for it.
+    As you type, `complain` gets the mistake in the text, because this line has no room for it.
     """
 
     DEFAULT_CSS = """
@@ -270,7 +270,7 @@ class FindLine(Horizontal):
 
     @property
     def target(self) -> SearchPatterns | Jump | None:
-        """Return the target of the search, also after escape; None if the text has a mistake."""
+        """Return the target of the search, also after escape. Return None if the text has a mistake."""
         target = self._read(self._field.value.strip())
         return target if not isinstance(target, str) else None
 

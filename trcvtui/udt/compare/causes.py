@@ -24,9 +24,9 @@ BytesChange = Callable[[bytes], bytes]
 class FitCause(NamedTuple):
     """One cause: its kind, its number of bytes, how to undo it, and the points that it costs.
 
-    `front` and `back` are the numbers of extra bytes before and after the members (below 0: missing ones).
+    `front` and `back` count extra bytes before and after the members, or missing bytes if below 0.
     `of_member` undoes the cause in a number (by its size), `of_text` in a text, `of_all` in a message.
-    `member` is the place where the sender's type differs from ours, `theirs` is the sender's type there.
+    `member` is the place where the sender's type differs from ours. `theirs` is the sender's type there.
     """
 
     kind: str | None = None

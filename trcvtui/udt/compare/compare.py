@@ -1,6 +1,6 @@
 """Compares two profiles, or two declarations, on the same bytes: ours and theirs, member by member.
 
-Rules: members with the same path, in any case, are the same; table, summary and exit code use the same rows.
+Rules: equal paths, in any case, are the same member. Table, summary and exit code use the same rows.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LeafPair = tuple[int | None, int | None]  # the number of a leaf on each side; N
 
 
 def pair_leaves(ours: Node, theirs: Node, a: int = 0, b: int = 0) -> Iterator[LeafPair]:
-    """Yield pairs of leaf numbers from `a`, `b` on; leaves only in theirs come last in their STRUCT."""
+    """Yield pairs of leaf numbers from `a`, `b` on. Leaves only in theirs come last in their STRUCT."""
     if isinstance(ours, PlacedLeaf) and isinstance(theirs, PlacedLeaf):
         yield a, b
         return
@@ -56,7 +56,7 @@ MOST_DIFFERENCES: Final = 256  # differences that are counted
 
 
 class MemberDifference(NamedTuple):
-    """A member that differs, both sides in words; `is_place`: the place differs, else the stored form."""
+    """A member that differs, both sides in words. Its place differs if `is_place`, else its stored form."""
 
     path: str
     ours: str
@@ -123,7 +123,7 @@ class ComparedLeaf(NamedTuple):
 
 
 class ComparedRow(NamedTuple):
-    """One member on both sides; a side that lacks the path is None. `differs`: the kinds of difference."""
+    """One member on both sides. A side that lacks the path is None. `differs` names the differences."""
 
     path: str
     ours: ComparedLeaf | None
@@ -132,7 +132,7 @@ class ComparedRow(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """Both sizes; number of rows, and of differing ones; their lowest offset on either side, or None."""
+    """Both sizes, the number of rows and of differing rows, and the lowest offset of a differing row."""
 
     our_size: int
     their_size: int
@@ -150,7 +150,7 @@ class Summary(NamedTuple):
 
 
 class Comparison:
-    """Two layouts; rows are in our order; members that only theirs has are at the end of their STRUCT."""
+    """Two layouts. Rows are in our order. Members that only theirs has are at the end of their STRUCT."""
 
     def __init__(self, ours: Layout, theirs: Layout) -> None:
         self.ours, self.theirs = ours, theirs
@@ -162,7 +162,7 @@ class Comparison:
         return len(self._pairs)
 
     def rows(self, data: Data, start: int = 0, stop: int | None = None) -> Iterator[ComparedRow]:
-        """Yield the rows of number start..stop-1 (default: all); `data` may be shorter than the types."""
+        """Yield the rows `start` to `stop` - 1, by default all. `data` may be shorter than the types."""
         for ours, theirs in self._pairs[start:stop]:
             our, their = self._compare(self.ours, ours, data), self._compare(self.theirs, theirs, data)
             shown = our or their
@@ -211,7 +211,7 @@ def is_equal(comparison: Comparison, rows: Iterable[ComparedRow]) -> bool:
 
 
 def compare_json(comparison: Comparison, rows: Sequence[ComparedRow], data: bytes) -> str:
-    """Return the object of `udt compare`, one row a line; null if a side has no such member."""
+    """Return the object of `udt compare`, one row a line. A side that has no such member is null."""
     ours, theirs = comparison.ours, comparison.theirs
     records = [
         {
@@ -229,7 +229,7 @@ def compare_json(comparison: Comparison, rows: Sequence[ComparedRow], data: byte
 
 
 def compare_text(comparison: Comparison, rows: Sequence[ComparedRow], data: bytes) -> str:
-    """Return the table of `udt compare`; a row that differs begins with `*`."""
+    """Return the table of `udt compare`. A row that differs begins with `*`."""
     ours, theirs = comparison.ours, comparison.theirs
     values = ("value",) if data else ()
     head = ("", "path", "ours", *values, "theirs", *values, "differs")

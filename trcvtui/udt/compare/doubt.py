@@ -26,7 +26,7 @@ def find_doubt(ranked: Sequence[Reading], messages: Sequence[bytes]) -> str:
 
 
 def _own_doubt(best: Reading, messages: Sequence[bytes]) -> str:
-    """Return why a reading is not sure in itself; "" if there is no objection."""
+    """Return why a reading by itself is not sure, or "" if there is no objection."""
     if not best.has_length:
         return "no message has the length of the type"
     others = len(messages) - best.cutting.fitting

@@ -171,14 +171,14 @@ class _StructVariants:
         self.tails: dict[tuple[int, int], Span] = {}
 
     def place_part(self, part: _StructPart, end: int) -> tuple[int, int, int]:
-        """Return where a part that follows `end` begins and ends, and its alignment."""
+        """Return begin, end and alignment of a part that is placed after `end`."""
         _, inner, node = part
         step = self.placing.step(node, self.cap)
         start = round_up(end, step)
         return start, round_up(start + node.size, self.placing.end_floor(inner)), step
 
     def replace_parts(self, at: int, stop: int, new: _StructPart | None = None) -> tuple[Span, int]:
-        """Return the STRUCT with `new` or nothing for parts `at` to `stop`, and the next part's shift."""
+        """Return the STRUCT with parts `at` to `stop` replaced or removed, and the next part's shift."""
         if self.has_bits or (new and _has_bit([new])):  # with bits a place needs more than the remainder
             parts = [*self.parts[:at], *([new] if new else []), *self.parts[stop:]]
             spots, end, align = self.placing.member_spots(self.type, parts)
@@ -210,7 +210,7 @@ class _StructVariants:
 
 
 def _known_place(start: int, part: _StructPart) -> list[tuple[int, Node | Span]]:
-    """Return a part with its place; nothing if our type lacks it."""
+    """Return a part with its place, or nothing if our type lacks the part."""
     name, _, lying = part
     return [] if name == UNKNOWN else [(start, lying)]
 

@@ -44,13 +44,13 @@ class ExtraEvidence(NamedTuple):
 
 
 def usual_length(lengths: Sequence[int]) -> int:
-    """Return the length that at least half of the messages have; 0 if there is none."""
+    """Return the length that at least half of the messages have, or 0."""
     (length, often), *_ = Counter(lengths).most_common(1) or [(0, 0)]
     return length if often * 2 >= len(lengths) else 0
 
 
 def surrounding_causes(size: int, length: int) -> Iterator[FitCause]:
-    """Yield a cause for each place in a longer message that leaves bytes before and after the type."""
+    """Yield a cause for each place where a longer message has bytes before and after the type."""
     extra = length - size
     if size and 1 < extra <= MOST_EXTRA_BYTES and extra % size:  # else it is several values of the type
         for front in range(1, extra):
@@ -58,7 +58,7 @@ def surrounding_causes(size: int, length: int) -> Iterator[FitCause]:
 
 
 def extra_evidence(cause: FitCause, before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | None:
-    """Return the evidence of the bytes before and after one message; None if they contradict the cause."""
+    """Return the evidence of the bytes before and after a message, or None if they contradict the cause."""
     if cause.kind == BYTE_TOO_MANY:
         is_known = _judge_trailer(before, unit, after) is not None  # a known ending is a trailer
         text = f"one byte too many: {_hex_text(after)}"
@@ -110,7 +110,7 @@ def _judge_trailer(before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | 
 
 
 def _find_checksum(before: bytes, unit: bytes, after: bytes) -> tuple[str, float]:
-    """Return name and share of a checksum after a message, alone or with an end mark; "" for none."""
+    """Return name and share of a checksum after a message. It may stand before or after an end mark."""
     if name := _checksum((before + unit, unit), after):
         return name, CHECKSUM_SHARE
     for mark, (ending, share) in END_MARKS.items():
@@ -145,7 +145,7 @@ def has_length_field(cause: FitCause, messages: Sequence[bytes], size: int) -> b
 
 
 def find_length_field(extra: bytes, size: int) -> tuple[bytes, str] | None:
-    """Return the bytes of a header that hold a length, and what the length counts; None if none."""
+    """Return the bytes of a header that hold a length, and what the length counts."""
     for width in (4, 2, 1):
         for at in range(len(extra) - width + 1):
             part = extra[at : at + width]

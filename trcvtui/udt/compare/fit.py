@@ -1,4 +1,4 @@
-"""Ranks the readings of bytes: every profile, with or without another cause, by the evidence of the bytes.
+"""Ranks the readings of bytes by evidence. A reading is a profile, with or without another cause.
 
 Rule: a tie is reported as a tie, with the difference of the tied readings. A reading "fits best" only if the
 members themselves are evidence for it, and clearly more than for any other reading.
@@ -40,12 +40,12 @@ MISPLACED_POINTS: Final = -30.0
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """One way to read the bytes: the profiles that read them so, the other cause, the points and reasons.
+    """One way to read the bytes, with the profiles that read so, the other cause, the points and reasons.
 
-    `members` are the members' own points, part of `score`. `reasons` begin with the weightiest. Only the
-    first reading can be `fits_best`. If it is not, `doubt` says why; it is still `is_ahead` if one odd
-    value is the only objection. `same` are the readings with the same value at the same place for every
-    member. All share a `rank` (1, 1, 3): no byte decides between them, only the rarity of their causes.
+    `members` are the members' points, part of `score`. `reasons` begin with the weightiest. Only the first
+    reading can be `fits_best`. If it is not, `doubt` says why. If one odd value is the only objection, the
+    first reading is still `is_ahead`. `same` are the readings with the same value at the same place for
+    every member. No byte decides between them, only the rarity of their causes. So all share a `rank`.
     """
 
     profiles: tuple[Profile, ...]
@@ -85,10 +85,10 @@ def rank(
 ) -> tuple[Fit, ...]:
     """Return every reading of the bytes, the best first.
 
-    Each of `messages` is what the sender sent at once, from its first byte: one telegram or several. If not
-    `framed`, they are pieces of one stream that begins with a message, and their lengths mean nothing.
-    Equal readings are sorted: the layout `sender` (probable for the source of the type) comes first, then
-    `own`, the rules of our side.
+    Each of `messages` is what the sender sent at once, one telegram or several, from its first byte. If not
+    `framed`, `messages` are pieces of one stream that begins with a message, and their lengths mean
+    nothing. Equal readings are sorted. The layout `sender`, probable for the source of the type, comes
+    first. Then comes `own`, the rules of our side.
     """
     judged = messages[-MOST_LENGTHS:] if framed else [b"".join(messages)] if messages else []
     chosen = profiles_for(type_) if profiles is None else tuple(profiles)
@@ -122,7 +122,7 @@ def rank(
 
 
 def _find_likeliest_place(look: LayoutView, messages: Sequence[bytes]) -> tuple[FitCause, ...]:
-    """Return the type's likeliest place in longer messages, judged only by its members; () if none."""
+    """Return the type's likeliest place in longer messages, judged only by its members."""
     size, length = look.layout.size, usual_length([len(message) for message in messages])
     members, most = look.members[: MOST_PLACED_AND_MESSAGES[0]], MOST_PLACED_AND_MESSAGES[1]
     some = list(dict.fromkeys(message for message in messages if len(message) == length))[-most:]

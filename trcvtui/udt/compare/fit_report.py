@@ -40,7 +40,7 @@ def fit_json(fits: Sequence[Fit], lengths: Sequence[int]) -> list[dict[str, obje
 
 
 def fit_text(fits: Sequence[Fit], title: str) -> str:
-    """Return the verdict, the first readings, and the reasons of the best one; `title` names the bytes."""
+    """Return the verdict, the first readings and the best reading's reasons. `title` names the bytes."""
     lines = [one_line(f"{title}: {verdict(fits)}")]
     rows = [
         found

@@ -1,8 +1,8 @@
 """How likely the bytes of a member are as a value of its type: the evidence for a reading.
 
-Points are natural logarithms: how much likelier the bytes are as a value that machines send than as bytes by
-chance. About half of the bytes of telegrams are 0, so a 0 is little evidence anywhere; a value without
-meaning costs at most `log(UNFORESEEN)`, since machines do send such values.
+Points are natural logarithms. They say how much likelier the bytes are as a value that machines send than
+as bytes by chance. About half of the bytes of telegrams are 0, so a 0 is little evidence anywhere. A value
+without meaning costs at most `log(UNFORESEEN)`, since machines do send such values.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ _Likelihood = tuple[float, str]  # the logarithm of the likelihood of the bytes 
 class LeafEvidence(NamedTuple):
     """Points for (above 0) or against a reading, and the reason in words.
 
-    `fair`: the points of these bytes in the byte order that fits them best; used to compare byte orders.
-    `order`: the points for this byte order against the other one. `is_plain`: the number is not round
-    (its low byte is neither 0 nor 255); `is_odd`: machines do not send such a value.
+    `fair` has the points in the byte order that fits the bytes best, to compare byte orders. `order` has
+    the points for this byte order against the other byte order. If `is_plain`, the number is not round: its
+    low byte is neither 0 nor 255. If `is_odd`, machines do not send such a value.
     """
 
     points: float
@@ -90,7 +90,7 @@ def repeated_zero_points(type_: LeafType, parts: Collection[bytes]) -> float:
 
 
 def leaf_evidence(leaf: Leaf, raw: bytes, rules: LayoutRules) -> LeafEvidence | None:
-    """Return the evidence of the bytes of a leaf; None for a bit, a pointer, or a type without rules."""
+    """Return the evidence of the bytes of a leaf, or None for a bit, a pointer or a type without rules."""
     if leaf.bit is not None or isinstance(leaf.type, Pointer):
         return None
     if isinstance(leaf.type, StringType):
@@ -107,7 +107,7 @@ def leaf_evidence(leaf: Leaf, raw: bytes, rules: LayoutRules) -> LeafEvidence | 
 
 
 def value_bytes(leaf: Leaf, raw: bytes, rules: LayoutRules) -> bytes:
-    """Return the bytes of a leaf that make its value; in a text, the bytes up to its end."""
+    """Return the bytes of a leaf that make its value. For a text these are the bytes up to its end."""
     if not isinstance(leaf.type, StringType):
         return raw
     unit = 2 if leaf.type.wide else 1
@@ -131,7 +131,7 @@ def gap_points(raw: bytes) -> float:
 
 
 def judge_step(leaf: Leaf, before: bytes, after: bytes, rules: LayoutRules) -> tuple[float, str]:
-    """Return points (0: no evidence) and words for a change of a REAL, or of a number that is not round."""
+    """Return points and words for the change of a REAL, or of a number that is not round."""
     if isinstance(leaf.type, StringType | Pointer | Enumeration) or leaf.bit is not None:
         return 0.0, ""
     row = rules.storage(leaf.type)
@@ -171,7 +171,7 @@ def _evidence(found: _Likelihood, raw: bytes) -> LeafEvidence:
 
 
 def _judge_number(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder, judge: _Judge) -> LeafEvidence:
-    """Return the evidence of a number; its field `order` is 0 if the number is round in any byte order."""
+    """Return the evidence of a number. If the number is round in any byte order, `order` is 0."""
     likely, why = judge(leaf, row, raw, order)
     points = _to_points(likely, raw)
     ways = {raw, raw[::-1], exchange_pairs(raw), exchange_words(raw)}
@@ -205,7 +205,7 @@ def exchange_pairs(raw: bytes) -> bytes:
 
 
 def exchange_words(raw: bytes) -> bytes:
-    """Return the 16-bit words in reverse order: CDAB, or GHEFCDAB; an odd last byte stays."""
+    """Return the 16-bit words in reverse order, as CDAB or GHEFCDAB. An odd last byte stays."""
     end = len(raw) & ~1
     return b"".join(raw[at : at + 2] for at in range(end - 2, -1, -2)) + raw[end:]
 
@@ -382,7 +382,7 @@ def _score_length(actual: int, declared: int) -> float:
 
 
 def _rest_likelihood(raw: bytes, start: int) -> float:
-    """Return the likelihood of the bytes after a text: zeros, or the rest of an older text."""
+    """Return the likelihood of the bytes after a text, which are zeros or the rest of an older text."""
     rest = raw[start:]
     return log_chance(rest) + (min(GAP_BYTE_POINTS[0] * len(rest), 2.4) if not any(rest) else -0.7)
 

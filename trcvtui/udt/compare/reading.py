@@ -44,7 +44,7 @@ CONTRARY_WEIGHT: Final = 3.0  # the weight of a number that is evidence for the 
 
 
 class Reason(NamedTuple):
-    """Points for (above 0) or against, the member's path ("" for length and padding), and the words."""
+    """Points, above 0 for a reading, and words. `path` is the member's, or "" for length and padding."""
 
     points: float
     path: str
@@ -96,7 +96,7 @@ class LayoutView:
 
 
 class MemberPoints(NamedTuple):
-    """The points of one member over all messages; `raw` are the bytes with points nearest to the mean."""
+    """The points of one member over all messages. `raw` are the bytes with points nearest to the mean."""
 
     member: ReadMember
     points: float
@@ -307,7 +307,7 @@ class Reading:
 
     @cached_property
     def fair_score(self) -> float:
-        """Return the score with `fair` points, to compare byte orders; a plain number limits the gain."""
+        """Return the score with `fair` points, to compare byte orders. A plain number limits the gain."""
         more = sum(one.fair - one.points for one in self.member_points)
         return self.score + (min(more, MOST_ROUND_POINTS) if self.has_plain else more)
 
@@ -355,7 +355,7 @@ class Reading:
         )
 
     def find_exchanged(self) -> str:
-        """Return a number that would be far likelier with its bytes exchanged; "" if there is none."""
+        """Return a number that would be far likelier with its bytes exchanged, or ""."""
         for member, parts in self.read:
             if not is_number(member) or member.leaf.size == 1 or member.bits:
                 continue

@@ -2,7 +2,7 @@
 
 Gaps become members, and a value that is stored differently becomes a bit string of its size. A member that
 cannot have its place becomes raw bytes, with a reason. Rule: the result is laid out and every member is
-compared: `is_possible` is proved. If the type is longer than what is sent, LEN is the wanted size.
+compared, so `is_possible` is proved. If the type is longer than what is sent, LEN is the wanted size.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ BIT_STRINGS = {1: "BYTE", 2: "WORD", 4: "DWORD", 8: "LWORD"}
 
 
 class MemberNote(NamedTuple):
-    """A note on a member, or on the type if `path` is ""; in an ARRAY, `path` names the first element."""
+    """A note on a member, or on the type if `path` is "". In an ARRAY `path` names the first element."""
 
     path: str
     text: str
 
 
 def substitute_leaf(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
-    """Return the type that stores by our rules what a leaf stores by theirs, and a note; or None, why."""
+    """Return our type that stores what a leaf of theirs stores, and a note. Else return None and why."""
     if node.is_bit:
         if "BOOL" in ours.bits or ours.takes_pack:  # only CODESYS has BIT
             return ELEMENTARY["BOOL" if "BOOL" in ours.bits else "BIT"], ""
@@ -93,7 +93,7 @@ RawMember = tuple[int, str]  # `id` of the wanted node of its STRUCT, its name
 def prove_places(
     wanted: Node, found: Node, raw: Collection[RawMember], path: str = "", proved: set[object] | None = None
 ) -> None:
-    """Raise Unreachable unless each member has its wanted place; those in `raw` may be bytes or padding."""
+    """Raise Unreachable unless all members have their places. A member in `raw` may be bytes or padding."""
     proved = set() if proved is None else proved
     if found.size < wanted.size:
         raise Unreachable(path, f"{found.size} bytes instead of {wanted.size}")
@@ -131,10 +131,10 @@ MOST_NOTES: Final = 1024  # raw members that are named; a type with some may be 
 
 
 class PaddedType(NamedTuple):
-    """A type with the wanted offsets, except for `unreached`; `notes` are members that need a conversion.
+    """A type with the wanted offsets, except for `unreached`. `notes` are members that need a conversion.
 
-    An unreached member is raw bytes, or missing if it is a bit; its reason names the part that causes it. The
-    type may be longer than wanted: then LEN of the block is the wanted size.
+    An unreached member is raw bytes, or missing if it is a bit. Its reason names the part that causes this.
+    If the type is longer than wanted, LEN of the block is the wanted size.
     """
 
     type: Type
@@ -150,9 +150,9 @@ class PaddedType(NamedTuple):
 def padded_type(wanted: Layout, rules: LayoutRules, is_scl: bool = False) -> PaddedType:
     """Return the type that has the offsets of `wanted` under `rules`, in the byte order of `rules`.
 
-    For the receiver `wanted` is the sender's layout and `rules` are the receiver's own; for the sender the
-    reverse. A STRUCT that cannot have its place is replaced by its members. SCL has no pack_mode; in SCL a
-    UNION becomes its bytes.
+    For the receiver `wanted` is the sender's layout, and `rules` are the receiver's own. For the sender it
+    is the reverse. A STRUCT that cannot have its place is replaced by its members. SCL has no pack_mode,
+    and in SCL a UNION becomes its bytes.
     """
     rules = replace(rules, takes_pack=False) if is_scl else rules
     found, apart = _find_nearest(wanted, rules, is_scl), []
@@ -164,7 +164,7 @@ def padded_type(wanted: Layout, rules: LayoutRules, is_scl: bool = False) -> Pad
 
 
 def _flatten_structs(wanted: Layout, names: Collection[str]) -> tuple[Layout, list[MemberNote]] | None:
-    """Return the layout with the STRUCTs of these names replaced by their members; None if there is none."""
+    """Replace the STRUCTs of these names by their members. Return None if there is no such STRUCT."""
     type_, root = wanted.type, wanted.root
     if not (isinstance(type_, Struct) and isinstance(root, PlacedStruct)) or root.leaves > MOST_NOTES:
         return None
@@ -230,7 +230,7 @@ class _RebuildResult(NamedTuple):
 
 
 class _Rebuilder:
-    """Rebuilds a declaration; each STRUCT once, even if many members have its type."""
+    """Rebuilds a declaration. It rebuilds each STRUCT once, even if many members have its type."""
 
     def __init__(
         self, wanted: Layout, rules: LayoutRules, pack: int | None, is_longer: bool, is_scl: bool

@@ -1,6 +1,6 @@
-"""A Wireshark dissector in Lua: a ProtoField for each member; it joins TCP segments to whole values.
+"""A Wireshark dissector in Lua, with a ProtoField for each member. It joins TCP segments to whole values.
 
-Rule: each STRUCT is written once, even if many members have its type; so is the element of an array.
+Rule: each STRUCT and each array element is written once, even if many members have its type.
 """
 
 from __future__ import annotations

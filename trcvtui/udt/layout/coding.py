@@ -1,6 +1,6 @@
 """The coding of one leaf: its bytes to a value and back, for every type, with the texts and times of S7.
 
-Rule: `to_value` never fails, whatever the bytes are; `to_raw` raises ValueRefused if a value does not fit.
+Rule: `to_value` never fails, whatever the bytes are. `to_raw` raises ValueRefused if a value does not fit.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ class ValueRefused(Exception):
 
 
 class Coding(NamedTuple):
-    """How one leaf is stored: `struct` code without byte order, `to_value` (None: unchanged), `to_raw`.
+    """How one leaf is stored. `code` is for `struct`, without byte order. `to_value` None changes nothing.
 
-    `odd` describes what is odd in the bytes of the leaf, such as `16#05` for a BOOL; "" for nothing.
+    `odd` describes odd bytes of the leaf, such as `16#05` for a BOOL. It returns "" if nothing is odd.
     """
 
     code: str
@@ -76,7 +76,7 @@ SURROGATE = re.compile("[\ud800-\udfff]")  # a code that is not a character by i
 
 
 def _mark_odd_codes(coding: Coding, rules: LayoutRules, digits: int = 4) -> Coding:
-    """Return a coding that also marks codes that are not characters: `no text: 16#DC00 and 2 more`."""
+    """Return a coding that also marks codes that are not characters, as `no text: 16#DC00 and 2 more`."""
 
     def describe_odd(raw: bytes) -> str:
         assert coding.to_value is not None
@@ -204,7 +204,7 @@ def _packed_date_coding(
     read: Callable[[bytes], tuple[int | None, int]],
     bytes_of: Callable[[int], bytes | None],
 ) -> Coding:
-    """Return the coding of a date; `read` returns nanoseconds since 1970 (None: no date) and weekday."""
+    """Return the coding of a date. `read` returns ns since 1970, or None for no date, and weekday."""
 
     def to_value(raw: bytes) -> Value:
         ns, _ = read(raw)
@@ -271,7 +271,7 @@ S5_BASES_MS = (10, 100, 1000, 10_000)
 
 
 def s5time_coding(rules: LayoutRules) -> Coding:
-    """Return S5TIME of 2 bytes: 3 BCD digits, above them the time base in bits 12 and 13; 14, 15 unused."""
+    """Return S5TIME of 2 bytes. Bits 0 to 11 are 3 BCD digits, 12 and 13 the time base, 14, 15 unused."""
     order = BYTE_ORDERS[rules.byte_order]
 
     def to_value(raw: int) -> Value:
@@ -313,7 +313,7 @@ def _s5_word_to_ms(raw: int) -> int | None:
 
 
 def _ms_to_s5_word(ms: int) -> int | None:
-    """Return the word with the smallest time base that is exact; None if there is none."""
+    """Return the word with the smallest time base that is exact, or None if no base is."""
     for number, base in enumerate(S5_BASES_MS):
         if ms % base == 0 and 0 <= ms <= 999 * base:
             return number << 12 | int(str(ms // base), 16)

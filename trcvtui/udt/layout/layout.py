@@ -1,6 +1,6 @@
 """A type laid out in memory: its leaves and gaps, and the profiles that give it the same layout.
 
-Rule: two profiles are one if every leaf has the same place and the same stored form.
+Rule: two profiles count as one if every leaf has the same place and the same stored form.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def _declared_spelling(type_: Type, name: str) -> str:
 
 
 class Profile(NamedTuple):
-    """How a sender stores a type; `text` is the STRING form, "" if the type has no STRING."""
+    """How a sender stores a type. `text` is the STRING form, or "" if the type has no STRING."""
 
     layout: str
     byte_order: str
@@ -166,7 +166,7 @@ def profiles_for(type_: Type) -> tuple[Profile, ...]:
 def group_same_layouts(
     type_: Type, profiles: tuple[Profile, ...], name: str = "", own: LayoutRules | None = None
 ) -> list[tuple[tuple[Profile, ...], Layout]]:
-    """Return the type laid out in each profile, profiles with the same layout together.
+    """Return the type laid out in each profile. Profiles with the same layout are together.
 
     A profile that cannot hold the type is left out. `own` has the options of our side that a profile lacks.
     """
@@ -191,7 +191,7 @@ def merge_own_rules(rules: LayoutRules, own: LayoutRules | None) -> LayoutRules:
 def layout_shape(layout: Layout, *, by_bytes: bool = False) -> object:
     """Return a value that is equal for two layouts of one type in which all bytes mean the same.
 
-    `by_bytes`: it is also equal if only the sign of durations or the room after texts differs.
+    With `by_bytes`, it is also equal if only the sign of durations or the room after texts differs.
     """
     rules, known = layout.rules, dict[int, object]()
 

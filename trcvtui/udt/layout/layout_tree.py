@@ -1,7 +1,7 @@
-"""A type laid out: a tree of leaves, structures, unions and arrays; each has its size and number of leaves.
+"""A type laid out as a tree of leaves, structures, unions and arrays, each with size and number of leaves.
 
 Rule: an array has its element once, whatever its length, so a tree is as large as its declaration.
-Leaves are counted in declared order, which is offset order except in a UNION; offsets are relative to the
+Leaves are counted in declared order, which is offset order except in a UNION. Offsets are relative to the
 node.
 """
 
@@ -20,7 +20,7 @@ from trcvtui.udt.types import Array, LeafType, Struct, Type, Union, all_members
 class Leaf(NamedTuple):
     """One leaf of a laid-out type: path such as `st.arr[2].x`, offset and size in bytes.
 
-    A leaf of one bit has its number in the byte as `bit`, and size 1.
+    A leaf of one bit has size 1, and `bit` is the number of the bit in the byte.
     """
 
     path: str
@@ -43,7 +43,7 @@ class PlacedLeaf:
 
 
 class PlacedMember(NamedTuple):
-    """A member with its place; without a name it is the base (EXTENDS). `bit` is the bit in the byte."""
+    """A member with its place. Without a name it is the base (EXTENDS). `bit` is the bit in the byte."""
 
     name: str
     offset: int
@@ -52,7 +52,7 @@ class PlacedMember(NamedTuple):
 
 
 class FlatMember(NamedTuple):
-    """A member of a structure or its base; `bit` is None if it is no bit; its leaves begin at `first`."""
+    """A member of a structure or its base. If it is no bit, `bit` is None. Its leaves begin at `first`."""
 
     name: str
     offset: int
@@ -81,7 +81,7 @@ class PlacedStruct:
         self.firsts = tuple(firsts)
 
     def flat_members(self, offset: int = 0, first: int = 0) -> Iterator[FlatMember]:
-        """Yield the members of the structure; the members of its base (EXTENDS) come first."""
+        """Yield the members of the structure. The members of its base (EXTENDS) come first."""
         for number, node in enumerate(self.nodes):
             name, at, before = self.names[number], offset + self.offsets[number], first + self.firsts[number]
             if name or not isinstance(node, PlacedStruct):
@@ -100,9 +100,9 @@ class PlacedUnion(PlacedStruct):
 
 
 class PlacedArray:
-    """An array: its element laid out once, its declared bounds, `pitch` bytes between elements.
+    """An array with its element laid out once, its declared bounds, and `pitch` bytes between elements.
 
-    In an array of bits each row (only the last index varies) has `row_size` bytes and begins a new byte.
+    An array of bits has rows of `row_size` bytes, and only the last index varies in a row.
     """
 
     def __init__(self, type_: Array, element: Node, pitch: int, align: int) -> None:
@@ -117,7 +117,7 @@ class PlacedArray:
         self.overlaps: bool = element.overlaps
 
     def place(self, number: int) -> tuple[int, int]:
-        """Return the offset of element `number`, and its bit in that byte (0 if it is no bit)."""
+        """Return the offset of element `number`, and its bit there. An element that is no bit has bit 0."""
         if not self.is_bits:
             return number * self.pitch, 0
         row, column = divmod(number, self.columns)
@@ -134,7 +134,7 @@ Node = PlacedLeaf | PlacedStruct | PlacedArray
 def members_of(
     type_: Struct | Union, node: PlacedStruct
 ) -> Iterator[tuple[str, int, int | None, Node, Type]]:
-    """Yield name, offset, bit, node and type of every member; members of a base (EXTENDS) come first."""
+    """Yield name, offset, bit, node and type of every member. Members of a base (EXTENDS) come first."""
     for one, member in zip(node.flat_members(), all_members(type_), strict=True):
         yield one.name, one.offset, one.bit, one.node, member.type
 
@@ -166,7 +166,7 @@ _INDEX_PATTERN = r"(?a)\s*(-?\d{1,19})\s*"
 
 
 def find_node(node: Node, path: str) -> tuple[int, Node]:
-    """Return the number of the first leaf at a path, and the node; raise LookupError with the failed step."""
+    """Return the first leaf's number and the node at a path. Raise LookupError with the failed step."""
     number = at = 0
     while at < len(path):
         step = re.match(_STEP_PATTERN, path[at:])
@@ -196,7 +196,7 @@ def _find_child(node: Node, step: re.Match[str]) -> tuple[int, Node]:
 
 
 def _element_number(node: PlacedArray, text: str) -> int | None:
-    """Return the number of the element at an index such as `1,2`; None if it is out of bounds."""
+    """Return the number of the element at an index such as `1,2`, or None if it is out of bounds."""
     found, number = text.split(","), 0
     for index, (low, high) in zip(found, node.bounds, strict=False):
         at = re.fullmatch(_INDEX_PATTERN, index)
@@ -238,9 +238,9 @@ class Codec:
 
 
 def codec_of(leaves: Sequence[Leaf], order: str) -> Codec | None:
-    """Return the codec of the leaves; None if one is a bit, or if leaves share a byte.
+    """Return the codec of the leaves, or None if a leaf is a bit or leaves share a byte.
 
-    Bits share a byte, and members of a UNION share bytes: such leaves are read one by one.
+    Bits share a byte, and members of a UNION share bytes. Such leaves are read one by one.
     """
     end = 0
     for leaf in leaves:

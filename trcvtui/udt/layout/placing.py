@@ -1,6 +1,6 @@
 """Places members by the rules of a layout, and builds a STRUCT with members at given places.
 
-Rule: only members of a STRUCT are aligned; a lone scalar, text or array of these has no gaps.
+Rule: only members of a STRUCT are aligned. A lone scalar, text or array of these has no gaps.
 Each STRUCT is placed once, even if many members have its type.
 """
 
@@ -106,7 +106,7 @@ class Placing:
         return pitch, max(element.align, self.rules.array_floor)
 
     def place_members(self, type_: Struct | Union, where: str) -> list[tuple[str, Type, Node]]:
-        """Return the members of a STRUCT; the type after EXTENDS comes first, as a member without a name.
+        """Return the members of a STRUCT. The type after EXTENDS comes first, as a member without a name.
 
         Raise UserError with the problems of all members.
         """
@@ -155,7 +155,7 @@ class Placing:
         return spots, end, align
 
     def place_bit_fields(self, type_: Struct | Union, at: int, end: int, align: int) -> tuple[int, int]:
-        """Return the end of the bit-fields before a member, and the alignment, as gcc does on x86-64.
+        """Place the bit-fields before a member as gcc does on x86-64. Return their end and the alignment.
 
         A bit-field does not cross a bound of its type, except under any `#pragma pack`. A bit-field of
         width 0 moves to the next bound.
@@ -190,7 +190,7 @@ class Placing:
         return _check_size(PlacedUnion(placed, round_up(end, align), align), where)
 
     def cap(self, type_: Struct | Union) -> int:
-        """Return the largest alignment of the type's members: its pack_mode, if the layout applies it."""
+        """Return the largest alignment of members. It is the type's pack_mode if the layout applies it."""
         if type_.pack is None or not self.rules.takes_pack:
             return self.rules.cap
         return max(type_.pack, 1)
@@ -207,7 +207,7 @@ class Placing:
 
 
 def has_padded_end(type_: Struct | Union) -> bool:
-    """Return whether a class of C++ ends with room behind its members: a derived class may begin there."""
+    """Return whether a class of C++ has room behind its members, where a derived class may begin."""
     placing = Placing(rules_for("c"))
     try:
         _, end, align = placing.member_spots(type_, placing.place_members(type_, ""))
@@ -240,9 +240,9 @@ class Unreachable(Exception):
 
 
 class Builder:
-    """A STRUCT that grows member by member; `cap` is its largest alignment, `taken` the names in it.
+    """A STRUCT that grows member by member. `cap` is its largest alignment, `taken` the names in it.
 
-    `limit` is the largest alignment with which it can still have its wanted size.
+    `limit` is the largest alignment with which the STRUCT can still have its wanted size.
     """
 
     def __init__(self, placing: Placing, cap: int, taken: set[str], limit: int | None = None) -> None:
@@ -255,7 +255,7 @@ class Builder:
         self._pads = 0
 
     def put(self, name: str, type_: Type, offset: int, bit: int | None, path: str) -> None:
-        """Put a member at an offset; raise Unreachable and change nothing if that is impossible."""
+        """Put a member at an offset. If that is impossible, raise Unreachable and change nothing."""
         node = self.placing.place(type_, path)
         step = self.placing.step(node, self.cap)
         is_bit = isinstance(node, PlacedLeaf) and node.is_bit
@@ -328,7 +328,7 @@ class Builder:
             raise Unreachable(path, why)
 
     def _pad_once(self, offset: int) -> bool:
-        """Add one padding member before the offset: an ARRAY if it can begin there, else a BYTE."""
+        """Add one padding member before the offset, an ARRAY if an ARRAY can begin there, else a BYTE."""
         floor, member_floor = self.rules.array_floor, self.rules.member_floor
         size = offset - self.end
         if round_up(self.end + size, floor) > offset:

@@ -28,10 +28,10 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, slots=True)
 class TextForm:
-    """How a STRING is stored: `extra` units (bytes; words in a WSTRING) beside its characters.
+    """How a STRING is stored. `extra` counts units beside the characters: bytes, or words in a WSTRING.
 
-    With `header` these are [longest][actual] before the characters, else NULs after them. `default` is the
-    length of a STRING without a length, `longest` and `longest_wide` are the limits of STRING and WSTRING.
+    With `header` the units are [longest][actual] before the characters, else NULs after them. `default` is
+    the length of a STRING without a length. `longest` and `longest_wide` limit STRING and WSTRING.
     """
 
     name: str
@@ -66,14 +66,14 @@ TEXT_FORMS = {
 
 @dataclass(frozen=True, slots=True)
 class LayoutRules:
-    """How members of a STRUCT are placed; alignments in bytes, each a power of two.
+    """How members of a STRUCT are placed. Alignments are in bytes, each a power of two.
 
     `cap` is the largest alignment. The smallest alignment is `member_floor` of a member, `struct_floor` of
-    a STRUCT as a whole, `array_floor` of an ARRAY (also of its end), and `text_floor` of a STRING.
-    With `string_even` a STRING of odd size takes one byte more. `takes_pack`: the pack_mode of a type
-    replaces `cap`. `bits` names the types that are one bit. `rows` replaces elementary types that this layout
-    stores differently; `unverified` names the types whose bytes no page of the vendor describes. `text_forms`
-    are the STRING forms that a sender with this layout may use: a C program may have the same layout.
+    a whole STRUCT, `array_floor` of an ARRAY and its end, and `text_floor` of a STRING. With `string_even`
+    a STRING of odd size takes one byte more. If `takes_pack`, the pack_mode of a type replaces `cap`.
+    `bits` names the types that are one bit. `rows` replaces elementary types that this layout stores
+    differently. `unverified` names the types whose bytes no page of the vendor describes. `text_forms` are
+    the STRING forms that a sender with this layout may use, as a C program may have this layout.
     """
 
     name: str
@@ -197,7 +197,7 @@ def rules_for(
 
 
 class LayoutChoice(NamedTuple):
-    """The layout options; the caller, or the layout itself, decides an option that is None."""
+    """The layout options. If an option is None, the caller or the layout itself decides it."""
 
     layout: str | None = None
     byte_order: str | None = None

@@ -1,6 +1,6 @@
 """The stored form of a leaf, and its value as text: hex beside bit strings, names beside numbers.
 
-Rule: bytes are data: control codes are escaped, and odd bytes are marked.
+Rule: bytes are data, so control codes are escaped and odd bytes are marked.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def value_text(leaf: Leaf, value: Value | None, raw: bytes = b"") -> str:
 
 
 def mark_text(leaf: Leaf, raw: bytes) -> str:
-    """Return what is odd in the leaf's own bytes, such as `no NUL`; "" for nothing."""
+    """Return what is odd in the leaf's own bytes, such as `no NUL`, or ""."""
     return leaf.coding.odd(raw) if leaf.coding.odd is not None and len(raw) == leaf.size else ""
 
 

@@ -1,8 +1,8 @@
-"""Decodes the bytes of a layout to values and encodes them; in a UNION every member keeps its value.
+"""Decodes the bytes of a layout to values and encodes values. In a UNION every member keeps its value.
 
-Rules: decoding never fails: an incomplete leaf is None, surplus bytes are ignored. If leaves overlap, those
-in which every bit counts are written first; then BOOL, texts and others that can store a value in several
-forms. Each of these changes as few bytes as its value needs.
+Rules: decoding never fails. An incomplete leaf is None, and surplus bytes are ignored. If leaves overlap,
+leaves in which every bit counts are written first. Then come BOOL, texts and other leaves that can store a
+value in several forms. Each of these changes as few bytes as its value needs.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def decode_leaves(layout: Layout, data: Data, start: int, stop: int) -> LeafValu
 
 
 def decode_leaf(layout: Layout, leaf: Leaf, part: Data) -> Value:
-    """Return the value of one leaf from its own bytes (for a bit: the byte that contains it)."""
+    """Return the value of a leaf from its own bytes. A bit's own byte is the byte that contains the bit."""
     if leaf.bit is not None:
         return bool(part[0] >> leaf.bit & 1)
     (raw,) = struct.unpack(BYTE_ORDERS[layout.rules.byte_order] + leaf.coding.code, part)
@@ -41,7 +41,7 @@ def decode_leaf(layout: Layout, leaf: Leaf, part: Data) -> Value:
 
 
 def _write_overlapping(layout: Layout, data: bytearray, parts: Sequence[tuple[Leaf, bytes]]) -> None:
-    """Write leaves that share bytes; `taken` are the bits that earlier values need."""
+    """Write leaves that share bytes. `taken` are the bits that earlier values need."""
     taken = bytearray(len(data))
     for leaf, part in sorted(parts, key=lambda row: _write_order(layout, *row)):
         place = slice(leaf.offset, leaf.offset + leaf.size)
@@ -59,7 +59,7 @@ def _write_overlapping(layout: Layout, data: bytearray, parts: Sequence[tuple[Le
 
 
 def _equivalent(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
-    """Return other bytes of the same value: for a full text a length beyond its field, for TRUE 16#FF."""
+    """Return other bytes of the same value. TRUE becomes 16#FF, a full text a length beyond its field."""
     if not isinstance(leaf.type, StringType):
         return b"\xff" * len(part) if any(part) and leaf.coding.code == "?" else part
     if not layout.rules.text.header:
@@ -69,7 +69,7 @@ def _equivalent(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
 
 
 def _needed_mask(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
-    """Return a mask of the bytes that a text needs: not its longest length, nor bytes after its end."""
+    """Return a mask of the bytes that a text needs, without its longest length and bytes after its end."""
     assert isinstance(leaf.type, StringType)
     unit = 2 if leaf.type.wide else 1
     size = len(leaf.coding.to_raw(decode_leaf(layout, leaf, part)))
@@ -78,7 +78,7 @@ def _needed_mask(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
 
 
 def _write_order(layout: Layout, leaf: Leaf, part: bytes) -> int:
-    """Return a rank: higher if more other bytes mean the same value; 0 if every bit counts."""
+    """Return a higher rank if more other bytes mean the same value. The rank is 0 if every bit counts."""
     if isinstance(leaf.type, StringType):
         return 2 if leaf.type.wide else 1
     value = decode_leaf(layout, leaf, part)
@@ -128,7 +128,7 @@ def write_leaf(layout: Layout, data: bytearray, number: int, value: object) -> N
 def encode_leaf(layout: Layout, leaf: Leaf, value: object) -> bytes:
     """Return the bytes of a JSON value, or of a text such as `16#FF`, `T#5s`, `TRUE`.
 
-    For a bit: the byte that contains it, all other bits 0.
+    For a bit return the byte that contains the bit, with all other bits 0.
     """
     try:
         raw = leaf.coding.to_raw(value)

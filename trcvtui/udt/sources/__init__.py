@@ -1,6 +1,6 @@
-"""Source formats of UDTs, one row each, and reading a file of any of them.
+"""Source formats of UDTs, one row each, and reading a file of any format.
 
-Rule: help, completion, the lab and docs/udt.md use the rows; there is no other list of formats.
+Rule: help, completion, the lab and docs/udt.md use the rows. There is no other list of formats.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ _NESTED_COMMENTS_MARK: Final = r"\(\* @NESTEDCOMMENTS := '(Yes|No)' \*\)"
 class TypeFormat(NamedTuple):
     """One format of type files: its name, the extensions of its files, its reader.
 
-    `read` gets the text and name of a file, but only the XML element `root` if the format has a `root`.
-    `needs`: what has to be installed. `sender`: the layout of most devices that use such files.
+    `read` gets the text and name of a file. If the format has a `root`, `read` gets only that XML element.
+    `needs` is what has to be installed. `sender` is the layout of most devices that use such files.
     """
 
     name: str
@@ -134,7 +134,7 @@ def complete_type_path(typed: str, base: SourcePath) -> list[str]:
 
 
 def parse_source(text: str, name: str, extension: str = "") -> Declarations:
-    """Return what a text declares, read as a file with this extension; messages call the file `name`."""
+    """Return what a text declares as a file with this extension. Messages call the file `name`."""
     rows = [row for row in FORMATS.values() if extension.lower() in row.extensions]
     if not extension:
         found = (name for sign, name in _FORMAT_SIGNS.items() if re.search(sign, text))
@@ -143,7 +143,7 @@ def parse_source(text: str, name: str, extension: str = "") -> Declarations:
 
 
 def parse_xml_source(text: str, name: str) -> Declarations:
-    """Return what an XML file declares; its root element decides the format, not its extension."""
+    """Return what an XML file declares. The root element, not the extension, decides the format."""
     from trcvtui.udt.sources.xml_source import read_xml
 
     root = read_xml(text, name)
@@ -172,7 +172,7 @@ def read_files(
 
 
 def qualify_variables(read: Declarations, path: SourcePath, paths: Iterable[SourcePath]) -> Declarations:
-    """Return what a file declares; variables are `folder/name` if another file has the same file name."""
+    """Return what a file declares. Variables are `folder/name` if another file has the same file name."""
     folder, name = os.path.split(str(path))
     if not folder or not any(VARIABLES_NOTE in each.notes for each in read.types):
         return read
@@ -182,7 +182,7 @@ def qualify_variables(read: Declarations, path: SourcePath, paths: Iterable[Sour
 
 
 def set_header_context(paths: Iterable[SourcePath], long_size: int | None) -> None:
-    """Set what a C header does not contain itself: the size of `long`, the macros of the other headers."""
+    """Set the size of `long` and the macros of the other headers, which a C header does not contain."""
     from trcvtui.udt.sources.c_source import LONG_SIZE, OTHER_HEADERS
 
     headers = [path for path in paths if os.path.splitext(path)[1].lower() in FORMATS["C header"].extensions]
@@ -200,7 +200,7 @@ def parse_type(text: str, types: TypeSet = NO_TYPES, where: str = "type") -> Typ
 
 
 def decode_text(data: bytes) -> str:
-    """Decode a file: by byte order mark, XML declaration, as UTF-8, else as Windows-1252; never fails."""
+    """Decode any file by byte order mark, else XML declaration, else as UTF-8, else as Windows-1252."""
     for mark, codec in BYTE_ORDER_MARKS:
         if data.startswith(mark):
             return data[len(mark) :].decode(codec, "replace")

@@ -228,7 +228,7 @@ class _HeaderReader:
         return self.source.offset(node.coord.line, node.coord.column or 1)
 
     def is_unpacked(self, spec: ast.Spec) -> bool:
-        """Return whether a type is a class that is not packed: g++ may leave it aligned in a packed class."""
+        """Return whether a type is an unpacked class, which g++ may leave aligned in a packed class."""
         while isinstance(spec, ast.ArraySpec):
             spec = spec.element
         return spec.pack != 1 if isinstance(spec, ast.StructSpec) else getattr(spec, "name", "") in self.loose

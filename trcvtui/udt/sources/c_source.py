@@ -1,7 +1,7 @@
 """Prepares a C header for a C parser: comments, directives, macros and attributes, line by line.
 
 It handles what declarations need: conditions, `#define` of numbers, words, calls, `#pragma pack`, `packed`.
-Rule: lines keep their numbers; what changes a layout is understood or refused, never ignored.
+Rule: lines keep their numbers. Text that changes a layout is understood or refused, never ignored.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ OTHER_HEADERS = ContextVar("OTHER_HEADERS", default="")
 class CSource:
     """A header: its prepared text, its macros, and its problems.
 
-    `evaluate` returns the value of a condition or a macro, None if it has none.
+    `evaluate` returns the value of a condition or a macro, or None if there is no value.
     """
 
     def __init__(
@@ -332,7 +332,7 @@ class CSource:
 
 
 def _split_arguments(text: str, begin: int) -> tuple[list[str], int]:
-    """Return the arguments of a call, and where it ends; no arguments if it has no end."""
+    """Return the arguments of a call, and where it ends. A call without an end has no arguments."""
     found: list[str] = []
     depth = 0
     for one in re.compile("[(),]").finditer(text, begin):

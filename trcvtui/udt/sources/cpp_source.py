@@ -1,6 +1,6 @@
-"""Rewrites C++ in a header as C: removes what adds nothing to the size of a class, keeps all places.
+"""Rewrites C++ in a header as C, keeps all places, and removes what adds nothing to the size of a class.
 
-Rule: only what surely adds nothing is removed; the C parser refuses the rest at its line.
+Rule: only text that surely adds nothing is removed. The C parser refuses the rest at its line.
 Inside a class, a type is rewritten as a member with `_Atomic`, and a constant as an enumeration.
 """
 
@@ -70,11 +70,11 @@ CPP_MARKS: Final = re.compile(
 
 
 class CppSource:
-    """A header whose `text` the C parser can read; whether it `is_cpp`, and `has_classes` of C++.
+    """A header whose `text` the C parser can read. It may be C++ (`is_cpp`) with classes (`has_classes`).
 
     `bases` has the type of each enumeration, and whether it is scoped, by the place of its brace. `parents`
     has the base class by the brace of a class, `arrays` the places of declarators made from a `std::array`.
-    `has_types`: a member with `_Atomic` is a type, since the header itself has no `_Atomic`.
+    If `has_types`, a member with `_Atomic` is a type, since the header itself has no `_Atomic`.
     """
 
     def __init__(self, text: str, has_classes: bool, is_cpp: bool) -> None:
@@ -128,7 +128,7 @@ class CppSource:
             self._edits[begin] = re.sub(r"[^\n]", " ", self.text[begin:end])
 
     def _replace_range(self, begin: int, end: int, new: str) -> None:
-        """Put C in place of C++ if it fits into the line; else keep the C++, which the C parser refuses."""
+        """Replace C++ by C if the C fits into the line. Else the C++ stays, and the C parser refuses it."""
         first = len(self.text[:begin].rstrip(" \t"))
         if "\n" not in self.text[begin:end] and len(new) <= end - first:
             begin = min(begin, end - len(new))

@@ -1,4 +1,4 @@
-"""Siemens Openness XML (SimaticML): PLC data types, global data blocks; trees of `Member[@Name][@Datatype]`.
+"""Siemens Openness XML (SimaticML): data types and global data blocks as `Member[@Name][@Datatype]` trees.
 
 Start values and comments are left out. The `Sections` of a member contain a copy of its type.
 """
@@ -100,7 +100,7 @@ def _keep_copy(name: str, own: Element, depth: int, copies: Copies) -> None:
 
 
 def _instance_member(member: ast.MemberSpec) -> ast.MemberSpec:
-    """Return an in-out parameter as instances have it: elementary (no DT, DTL) by value, else a pointer."""
+    """Return an in-out parameter as instances have it. Elementary types except DT, DTL are by value."""
     row = ELEMENTARY.get(member.spec.name.upper()) if isinstance(member.spec, ast.Reference) else None
     is_value = row is not None and row.name not in ("DT", "DTL")
     return member if is_value else member._replace(spec=Unplaced(member.name, BY_POINTER_NOTE))

@@ -1,7 +1,7 @@
-"""PLCopen TC6 XML with the CODESYS additions, and TwinCAT files; both contain the ST text of types.
+"""PLCopen TC6 XML with the CODESYS additions, and TwinCAT files. Both contain the ST text of types.
 
 `dataType/baseType/...` is read by local names in every version of the schema. A `dataType` counts at any
-place: CODESYS writes some into `addData` of a resource. If a type has ST text, that is read instead.
+place: CODESYS writes some into `addData` of a resource. A type's ST text is read instead, if any.
 """
 
 from __future__ import annotations
@@ -228,7 +228,7 @@ def _number(text: str, where: str) -> ast.Number:
 
 
 def _value(value: Element) -> ast.Number | None:
-    """Return the number of an enumeration value; None: one more than the value before."""
+    """Return the number of an enumeration value. None means one more than the value before."""
     text = value.get("value").strip()
     return _number(text, value.where) if text else None
 

@@ -1,4 +1,4 @@
-"""ST text of every dialect: TYPE, DATA_BLOCK, NAMESPACE, constants; all other blocks are skipped.
+"""Reads TYPE, DATA_BLOCK, NAMESPACE and constants in ST text of every dialect, and skips other blocks.
 
 Rule: a mistake ends its declaration, never the file. The types themselves are parsed in `st_spec.py`.
 """
@@ -37,7 +37,7 @@ _OPTIMISED_ACCESS = r"""(?i)S7_Optimized_Access\s*:=\s*['"](TRUE|FALSE)['"]"""
 
 
 def read_st(text: str, name: str, first_line: int = 1, dialect: SourceDialect = IEC) -> ast.Declarations:
-    """Return what ST text declares; `name` is the file in messages, `first_line` the line where it begins."""
+    """Return what ST text declares. Messages name the file `name` and count lines from `first_line`."""
     return Parser(Source(name, text, first_line, dialect.nests_comments), dialect).file()
 
 
@@ -118,7 +118,7 @@ class Parser(SpecParser):
             self.accept("END_TYPE")
 
     def data_block(self) -> None:
-        """Read a data block as a type with its name; skip an instance of an FB: it declares nothing."""
+        """Read a data block as a type with its name. Skip an instance of an FB, which declares nothing."""
         end = self.end_of_block()
         assert end is not None
         self.advance()
@@ -164,7 +164,7 @@ class Parser(SpecParser):
         return ast.Declaration(name, spec, self.where(first), tuple(own), tuple(dict.fromkeys(self.notes)))
 
     def parse_after_name(self, is_block: bool) -> ast.Spec:
-        """Return the type that follows EXTENDS, if any, and a colon or a header."""
+        """Return the type after a declared name. EXTENDS and a colon or a header may come before it."""
         base = self.extends()
         self.skip_header(is_block)
         if base is None and (base := self.extends()):
@@ -234,7 +234,7 @@ class Parser(SpecParser):
         return "END_VAR" if self.sees(*VARIABLE_BLOCKS) else f"END_{self.token.upper}"
 
     def other_block(self) -> None:
-        """Skip a block that declares no types; keep its constants."""
+        """Skip a block that declares no types, but keep its constants."""
         end = self.end_of_block()
         self.others[self.token.upper] = None
         if end is None:
@@ -251,7 +251,7 @@ class Parser(SpecParser):
         self.at = self.since = end + 1
 
     def constant(self, end: int) -> None:
-        """Keep `MAX : INT := 5;` if it is a whole number or a formula; skip everything else."""
+        """Keep `MAX : INT := 5;` if the value is a whole number or a formula. Skip everything else."""
         with suppress(UserError):  # TRUE, 'text' and 1.5 are constants too, but cannot be bounds
             names = self.expect_names("the name of a constant", "the name of a constant")
             self.skip_until(end, ":=", ";")

@@ -1,7 +1,7 @@
 """ST text of any dialect as tokens, and a cursor in them, which recovers after a mistake.
 
-Rule: every text has tokens; an illegal character becomes one that no grammar rule accepts. Comments are left
-out, pragmas are kept apart, positions stay.
+Rule: every text has tokens. An illegal character becomes a token that no grammar rule accepts. Comments are
+left out, pragmas are kept apart, and positions stay.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ _LINE_END = re.compile(r"\r\n|\r|\n")
 
 
 class Source:
-    """A text with a name, and its tokens; the text may begin within a file, at line `first_line`."""
+    """A text with a name, and its tokens. The text may begin within a file, at line `first_line`."""
 
     def __init__(self, name: str, text: str, first_line: int = 1, nests_comments: bool = True) -> None:
         self.name, self.text, self.first_line = name, text, first_line
@@ -100,7 +100,7 @@ class Source:
         self.tokens = self.tokenize()
 
     def where(self, place: int) -> str:
-        """Return file, line and column of a place, both from 1; with `first_line` 0 only the file."""
+        """Return file, line and column of a place, both from 1, or only the file if `first_line` is 0."""
         if not self.first_line:
             return self.name
         line = self.line(place)
@@ -143,7 +143,7 @@ class Source:
         return tokens
 
     def comment_end(self, place: int) -> int:
-        """Return the end of the comment that begins here, 0 for none; nested unless the marks mismatch."""
+        """Return the end of the comment that begins here, or 0. Comments nest unless the marks mismatch."""
         depth = 0
         for mark in _COMMENT_MARK.finditer(self.text, place) if self.nested else ():
             depth += 1 if mark.group() == "(*" else -1
@@ -219,13 +219,13 @@ class Cursor:
             raise self.refusal(f"'{text}'")
 
     def expect_name(self, what: str) -> StToken:
-        """Return the name at the cursor and skip it; raise UserError: `what` expected."""
+        """Return the name at the cursor and skip it, or raise UserError that `what` is expected."""
         if not self.is_name() or (self.token.upper in RESERVED_WORDS and not self.is_member_type()):
             raise self.refusal(what)
         return self.advance()
 
     def expect_names(self, first: str, more: str) -> list[StToken]:
-        """Return one or more names, separated by commas; raise UserError: `first` or `more` expected."""
+        """Return one or more names between commas. Raise UserError that `first` or `more` is expected."""
         names = [self.expect_name(first)]
         while self.accept(","):
             names.append(self.expect_name(more))
@@ -239,7 +239,7 @@ class Cursor:
         return token.shape is Shape.WORD
 
     def expect_qualified_name(self, what: str) -> tuple[StToken, str]:
-        """Return the first token of a name such as `Lib.T` or `_."T"`, and the name; skip it."""
+        """Skip a name such as `Lib.T` or `_."T"`, and return its first token and the name."""
         first, name = self.expect_numbered_name(what)
         parts = [name]
         while self.sees(".") and self.is_name(1):
@@ -254,7 +254,7 @@ class Cursor:
         return token, token.name + self.advance().text if has_number else token.name
 
     def is_member_type(self) -> bool:
-        """Return whether this is a member called Type or Array: a block or type never begins `TYPE :`."""
+        """Return whether this is a member called Type or Array. No block or type begins with `TYPE :`."""
         return self.sees("TYPE", "ARRAY") and self.tokens[self.at + 1].upper in (":", ",")
 
     def block_ends(self) -> bool:
@@ -319,7 +319,7 @@ class Cursor:
             self.advance()
 
     def skip_statement(self) -> None:
-        """Skip this statement with its semicolon or END_; stop before a word that ends the block."""
+        """Skip this statement with its semicolon or END_. Stop before a word that ends the block."""
         depth = 0
         while not self.block_ends():
             if depth == 0 and self.sees(*CLOSERS):

@@ -20,7 +20,7 @@ _UTF8_ATTRIBUTE = r"""(?i)attribute\s+['"]TcEncoding['"]\s*:=\s*['"]UTF-?8['"]""
 
 
 class SpecParser(Cursor):
-    """One method for each rule of the grammar; a method leaves the cursor after the text that it read."""
+    """One method for each rule of the grammar. A method leaves the cursor after the text that it read."""
 
     def __init__(self, source: Source, dialect: SourceDialect = IEC) -> None:
         super().__init__(source)
@@ -80,13 +80,13 @@ class SpecParser(Cursor):
         return [ast.MemberSpec(name.name, spec, self.where(name)) for name in names]
 
     def pragmas_between(self, first: int, last: int) -> list[str]:
-        """Return the pragmas in front of the tokens number `first` to `last`."""
+        """Return the pragmas in front of tokens `first` to `last`."""
         pragmas = self.source.pragmas
         start, stop = bisect_left(pragmas, (first, "")), bisect_left(pragmas, (last + 1, ""))
         return [text for _, text in pragmas[start:stop]]
 
     def skip_member_rest(self, spec: ast.Spec, end: str) -> None:
-        """Skip initial value and semicolon, which may be missing after END_STRUCT or before `end`."""
+        """Skip initial value and semicolon. Only END_STRUCT and `end` make the semicolon optional."""
         if self.accept(":="):
             self.skip_initial_value()
         elif isinstance(spec, ast.StructSpec):
@@ -96,7 +96,7 @@ class SpecParser(Cursor):
             self.expect(";")
 
     def skip_initial_value(self) -> None:
-        """Skip a value: everything up to a semicolon, or to a word that ends the STRUCT or TYPE."""
+        """Skip a value, which ends before a semicolon or before a word that ends the STRUCT or TYPE."""
         if self.sees(";", *MEMBER_ENDS):
             raise self.refusal("a value")
         before = self.token
@@ -192,7 +192,7 @@ class SpecParser(Cursor):
         raise self.refusal("')'")
 
     def subrange(self, base: ast.Reference) -> ast.Spec:
-        """Return `INT(0..10)`; for a REAL only the base, since its limits are not whole numbers."""
+        """Return a subrange, as `INT(0..10)`. A REAL gives only the base, as its limits are not whole."""
         row = ELEMENTARY.get(base.name.upper())
         if row is not None and row.kind is ValueKind.REAL:
             self.skip_brackets()

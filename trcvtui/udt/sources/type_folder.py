@@ -34,7 +34,7 @@ GENERATED_HEADER: Final = (
 
 
 class TypeFolder:
-    """The type files of a folder, with its subfolders if `is_whole`; links to folders are not followed."""
+    """The type files of a folder, with its subfolders if `is_whole`. Links to folders are not followed."""
 
     extensions: str | tuple[str, ...] = ""  # of the files that count, "" for all
 
@@ -132,7 +132,7 @@ def find_types(
     where: str,
     constants: Mapping[str, int],
 ) -> tuple[TypeSet, list[str]]:
-    """Return the types of files and those that `names` need from folders, and notes on used folders."""
+    """Return the types of files, the types in folders that `names` need, and notes on the used folders."""
     found_in: dict[str, dict[str, dict[str, Declarations]]] = {}
     sought: set[tuple[str, str]] = set()
     types = join_files(files, where, constants)

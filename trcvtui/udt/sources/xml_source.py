@@ -1,6 +1,6 @@
 """XML as a tree with line numbers: no entities, bounded depth and size, names without namespace.
 
-Rule: nothing is fetched or expanded (XXE, billion laughs): a document type definition is refused.
+Rule: a document type definition is refused, so nothing is fetched or expanded (XXE, billion laughs).
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class Element:
 
 
 def xml_codec(data: bytes) -> str | None:
-    """Return the encoding of XML without a byte order mark; None if it is undeclared or not accepted."""
+    """Return the encoding of XML without a byte order mark, or None if it is undeclared or not accepted."""
     for begin, codec in _UTF16_STARTS:
         if data.startswith(begin):
             return codec

@@ -94,7 +94,7 @@ class SimulatedAgent:
         """Have ERROR edges; the STATUS is good again after them."""
         now = time.time()
         for _ in range(times):
-            event = seen.event("b00", now, "error", "80A6", CAUSE)
+            event = seen.add_event("b00", now, "error", "80A6", CAUSE)
             self.client.publish(self.topic("event", seen.line, seen.name), event.to_json(), 1)
         self.retain(seen, seen.recent_message(now))
         self.retain(seen, status_of(seen, now))
@@ -141,12 +141,12 @@ def publish(port: int, lines: int, seconds: float) -> float:
     """Return the share of a core that an agent's publishing takes: each line has a DONE a second."""
     connection = BrokerConnection(BrokerAccess("127.0.0.1", port, False), "publisher")
     publisher = Publisher(connection, DiskQueue(None, print), lambda said: None)
-    connection.open()
+    connection.start()
     names = [f"L{line:02}" for line in range(lines)]
     seen = [(AgentLine(name), AgentInstance(name, "TRCV_C_1")) for name in names]
     while not publisher.is_up:
         publisher.advance(time.perf_counter_ns())
-        connection.wait(0.1)
+        connection.wait_for_event(0.1)
     used, began = time.process_time(), time.perf_counter()
     for turn in _turns(seconds):
         at = time.time()
@@ -154,10 +154,12 @@ def publish(port: int, lines: int, seconds: float) -> float:
             if turn % 9 == number % 9:  # once a second
                 publisher.retain(_topic("status", instance), status_of(instance, at).to_json())
             if turn % 90 == number:  # figures of a line on which bytes move: each 10 s
-                publisher.figures(str(Topic("s", "a", line.name, "", "figures")), line.figures(at).to_json())
+                publisher.send_figures(
+                    str(Topic("s", "a", line.name, "", "figures")), line.take_figures(at).to_json()
+                )
         if turn % 9 == 0:  # an ERROR edge a second
             instance = seen[turn % lines][1]
-            event = instance.event("b00", at, "error", "80A6", CAUSE)
+            event = instance.add_event("b00", at, "error", "80A6", CAUSE)
             publisher.send_event(_topic("event", instance), event.to_json())
             publisher.retain(_topic("recent", instance), instance.recent_message(at).to_json())
         publisher.advance(time.perf_counter_ns())

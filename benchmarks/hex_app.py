@@ -28,7 +28,7 @@ class HexScreen(Screen[None]):
 
     def __init__(self, content: mmap.mmap) -> None:
         super().__init__()
-        self._view = HexView("data", of_job=False)
+        self._view = HexView("data", shows_job=False)
         self._content = content
         self._about = Static("", markup=False)
 

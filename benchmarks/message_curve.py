@@ -53,12 +53,12 @@ def _curve(effort: Effort) -> Iterator[Figure]:
     known, numbers, took = KnownMessages(), MemberNumbers(layout, layout.leaf(1)), list[float]()
     known.make_request("X")
     _bring(known, MOST_INSTANCE_ROWS)
-    numbers.update_numbers(known, known.stop)
+    numbers.update_numbers(known, known.next_number)
     for _ in range(effort.rounds * PICTURES):
         _bring(known, 1)
         began = time.perf_counter()
         times = [each.t_ns for each in known.rows]
-        curve(times, numbers.update_numbers(known, known.stop), (times[0], times[-1]), *CELLS)
+        curve(times, numbers.update_numbers(known, known.next_number), (times[0], times[-1]), *CELLS)
         took.append(1000 * (time.perf_counter() - began))
     for share in (0.50, 0.99):
         ms = percentile(took, share)
@@ -68,11 +68,11 @@ def _curve(effort: Effort) -> Iterator[Figure]:
 def _bring(known: KnownMessages, count: int) -> None:
     """Let so many messages come, one a second."""
     rows = []
-    for number in range(known.stop + 1, known.stop + count + 1):
+    for number in range(known.next_number + 1, known.next_number + count + 1):
         content = struct.pack("<3f", 0, random.random(), 0)
         row = MessageRow(number, number, number * 10**9, 10**9, MESSAGE, 0x7008, "C", 0, "", MESSAGE, content)
         rows.append(row)
-    known.accept_rows(MessagesDelta("X", known.stop, known.stop + count, tuple(rows)), MAX_SCAN)
+    known.accept_rows(MessagesDelta("X", known.next_number, known.next_number + count, tuple(rows)), MAX_SCAN)
 
 
 def _table(effort: Effort) -> Iterator[Figure]:

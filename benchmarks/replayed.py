@@ -21,11 +21,11 @@ from trcvtui import clock
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.recording.files import RecordTarget
 from trcvtui.recording.recording import Recording
-from trcvtui.replay.command import check_replay
+from trcvtui.replay.command import find_difference
 from trcvtui.replay.driver import WORK_SLICE_NS
-from trcvtui.replay.follower import RecordedRunWriter
+from trcvtui.replay.follower import KeyframingSink
 from trcvtui.replay.run_again import ReplayRun
-from trcvtui.replay.time_line import TimeLine
+from trcvtui.replay.time_line import ReplayNavigator
 from trcvtui.scenario.command import run_files
 
 SCANS: Final = 12_000  # and some more, until all are connected
@@ -59,7 +59,7 @@ def measure(_: Effort) -> Iterator[Figure]:
     """Yield what opening takes, and the longest way to one of several scans."""
     with tempfile.TemporaryDirectory() as folder:
         path = recorded(Path(folder))
-        opened: list[TimeLine] = []
+        opened: list[ReplayNavigator] = []
         yield Figure.of("opening, s", spread([_cost(lambda: opened.append(_opened(path)))]))
         line = opened[0]
         seen = _cost(lambda: _work(line))
@@ -75,7 +75,7 @@ def measure_speed(effort: Effort) -> Iterator[Figure]:
         path = recorded(Path(folder))
 
         def again() -> None:
-            assert check_replay(ReplayRun(Recording(path).read_entries(), str(path))) == ""
+            assert find_difference(ReplayRun(Recording(path).read_entries(), str(path))) == ""
 
         pairs = alternate(
             lambda: _cost(lambda: _run(Path(folder), None)), lambda: _cost(again), min(effort.pairs, 5)
@@ -87,7 +87,7 @@ def measure_speed(effort: Effort) -> Iterator[Figure]:
 def recorded(folder: Path) -> Path:
     """Return a recording of instances that get ten frames a second each."""
     path = folder / "frames.pcapng"
-    _run(folder, RecordTarget(path, follow=RecordedRunWriter))
+    _run(folder, RecordTarget(path, follow=KeyframingSink))
     return path
 
 
@@ -102,20 +102,20 @@ def _run(folder: Path, record: RecordTarget | None) -> None:
         assert run_files([project], "sim", "text", None, (), record=record) == 0
 
 
-def _opened(path: Path) -> TimeLine:
-    line = TimeLine(Recording(path), str(path))
+def _opened(path: Path) -> ReplayNavigator:
+    line = ReplayNavigator(Recording(path), str(path))
     while not line.controller.scans:
         line.advance(clock.now_ns() + WORK_SLICE_NS)
     line.make_picture(UpdateRequest())
     return line
 
 
-def _work(line: TimeLine) -> None:
+def _work(line: ReplayNavigator) -> None:
     while line.advance(clock.now_ns() + WORK_SLICE_NS):
         pass
 
 
-def _go(line: TimeLine, scan: int) -> None:
+def _go(line: ReplayNavigator, scan: int) -> None:
     line.handle_line(1, f"at {scan}")
     _work(line)
     line.make_picture(UpdateRequest())

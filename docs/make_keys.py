@@ -11,7 +11,7 @@ from trcvtui.dialects.dialect import Switch
 from trcvtui.project.key_rows import Key, TableRow
 from trcvtui.project.keys import DESCRIBED_TABLES, SIM_ROW, TABLES, TOP_ROW
 from trcvtui.project.tables import with_article
-from trcvtui.udt.literals import format_time
+from trcvtui.udt.literals import format_duration
 
 PAGE: Final = Path(__file__).parent / "project-file.md"
 HEAD: Final = '''# The keys of a project file
@@ -128,7 +128,7 @@ def _values(switch: Switch) -> str:
     if switch.kind == "bool":
         return "`true`, `false`" if switch.default else "`false`, `true`"
     if switch.kind == "duration":
-        return f'`"{format_time(int(switch.default))}"`, a duration'
+        return f'`"{format_duration(int(switch.default))}"`, a duration'
     return f"`{switch.default}`, {switch.least} to {switch.most}"
 
 

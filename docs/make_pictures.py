@@ -19,7 +19,7 @@ from textual.widgets import Input
 from tests.local_driver import LocalDriver
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.paths import demo_path
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.settings import load_settings
@@ -232,7 +232,7 @@ async def draw(picture: Picture) -> str:
         return placed(await draw_fleet(picture.size, pressed))
     from moving_picture import Frame, moving  # beside this file
 
-    project = load_bench(picture.project)
+    project = load_bench_project(picture.project)
     driver = LocalDriver(fresh_bench(project, "sim"))
     settings = load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), picture.theme)
     app = BenchApp(driver, project, settings)

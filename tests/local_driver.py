@@ -19,7 +19,7 @@ def wait_for(driver: ProcessDriver, seen: Callable[[BenchUpdate], bool]) -> Benc
     request = UpdateRequest()
     for _ in range(MOST_PICTURES):
         driver.request(request)
-        driver.wait(1.0)
+        driver.wait_for_message(1.0)
         picture = driver.poll_picture()
         if picture is not None:
             if seen(picture):
@@ -89,7 +89,7 @@ class LocalDriver:
         assert picture is not None
         return picture
 
-    def describe_cuts(self) -> str:
+    def describe_quit_cuts(self) -> str:
         return ""
 
     def restart(self) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from tests.tui.on_a_bench import LocalLooker, on_local
 from trcvtui.cli.main import main
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 
 ROOT = Path(__file__).parents[1]
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md")}
@@ -67,14 +67,16 @@ def test_every_project_that_is_opened_in_the_readme_opens() -> None:
     projects = re.findall(r"trcvtui run (configs/\S+)$", README, re.MULTILINE)
     assert len(projects) == 2
     for project in projects:
-        assert load_bench(ROOT / project).instances
+        assert load_bench_project(ROOT / project).instances
 
 
 async def test_the_lines_from_connect_to_verdict_do_and_show_what_they_say() -> None:
     section = README.partition("## A fault, from connect to verdict")[2].partition("\n## ")[0]
     steps = re.findall(r"^(?:\d\. |\*\*Verdict).*?(?=^\d\. |^$|\Z)", section, re.MULTILINE | re.DOTALL)
     assert len(steps) == 5
-    async with on_local(LocalLooker, load_bench(ROOT / "configs/checkweigher.toml"), (100, 30)) as looker:
+    async with on_local(
+        LocalLooker, load_bench_project(ROOT / "configs/checkweigher.toml"), (100, 30)
+    ) as looker:
         looker.bench.scan(20)
         await looker.see()
         for step in steps:

@@ -4,7 +4,7 @@ Rule 1: a FIFO, a device or a folder under the name of a file is refused at once
 Rule 2: a write that fails leaves the old file as it was, and no new file beside it.
 Rule 3: a file that this process has read is not overwritten, unless the caller sets `is_own`.
 Rule 4: after `refuse_files` this process opens no file. A read-only screen needs no files.
-Rule 5: inside `read_from` a FilesRead gives the files by name. Nothing is read from the disk.
+Rule 5: inside `substitute_disk` a FilesRead gives the files by name. Nothing is read from the disk.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _disk_substitutes: list[FilesRead] = []  # the last one is read in place of the 
 
 
 class FilesRead:
-    """The contents of files that were read, by name. `digests` has SHA-256 of files without content here.
+    """The contents of files that were read, by name. `digests` has SHA-256 of files without kept content.
 
     Relative names are relative to `folder`.
     """
@@ -82,7 +82,7 @@ def record_reads(files: FilesRead) -> Iterator[None]:
 
 
 @contextmanager
-def read_from(files: FilesRead) -> Iterator[None]:
+def substitute_disk(files: FilesRead) -> Iterator[None]:
     """Inside the block take each file from `files`, not from the disk."""
     _disk_substitutes.append(files)
     try:
@@ -92,7 +92,7 @@ def read_from(files: FilesRead) -> Iterator[None]:
 
 
 def is_disk_replaced() -> bool:
-    """Return whether `read_from` replaces the disk. If so, libraries must not open files."""
+    """Return whether `substitute_disk` replaces the disk. If so, libraries must not open files."""
     return bool(_disk_substitutes)
 
 

@@ -44,8 +44,8 @@ def runtime_folder() -> Path:
 def resolve_path(text: str) -> Path:
     """Return the file that a word of the command line names. Raise UserError if it names two examples.
 
-    The user's own file comes first. Otherwise a path such as `configs/types/weight.st` names a file of the
-    program. A name without folder and suffix, such as `80c5-partner-closes`, names an example.
+    The user's own file comes first. Otherwise a path such as `configs/types/weight.st` names a file that
+    comes with the program. A name without folder and suffix, as `80c5-partner-closes`, names an example.
     """
     path = Path(text)
     if os.path.lexists(path):
@@ -63,7 +63,7 @@ def resolve_path(text: str) -> Path:
 
 
 def list_examples(word: str | None = None) -> Iterator[str]:
-    """Yield a line for each project and story. With `word`, yield lines with it, even of scenarios."""
+    """Yield a line for each project and story. With `word`, yield all lines with it, also scenarios."""
     root = configs_path()
     shown = ("stories/*.toml", "guide/*.toml", "*.toml", "tls/*.toml", "scenarios/stories/*.toml")
     for pattern in ("**/*.toml",) if word else shown:

@@ -11,7 +11,7 @@ from tests.local_driver import LocalDriver
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.project.file import load_project
 from trcvtui.scenario.command import run_files
-from trcvtui.scenario.scenario import load_bench, load_scenario
+from trcvtui.scenario.scenario import load_bench_project, load_scenario
 
 PROJECT = """# the line to the scale
 dialect = "baosky"
@@ -60,7 +60,7 @@ class Desk(LocalDriver):
     def __init__(self, path: Path, text: str = PROJECT) -> None:
         path.write_text(text, encoding="utf-8")
         self.path = path
-        super().__init__(fresh_bench(load_bench(path), "sim"), pause=2)
+        super().__init__(fresh_bench(load_bench_project(path), "sim"), pause=2)
         self.scan()
 
     def status(self, name: str) -> str:

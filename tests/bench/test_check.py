@@ -11,12 +11,12 @@ from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.counters_and_checksums import FrameChecker, make_frame
 from trcvtui.project.file import load_project
-from trcvtui.snapshots.bench import TrafficSnapshot, TrafficTally
+from trcvtui.snapshots.bench import TrafficCheckSnapshot, TrafficCheckTally
 
 SIZE = 16
 
 
-def judged(*pieces: bytes) -> TrafficTally:
+def judged(*pieces: bytes) -> TrafficCheckTally:
     checker = FrameChecker(SIZE)
     for piece in pieces:
         checker.check_bytes(piece)
@@ -25,8 +25,10 @@ def judged(*pieces: bytes) -> TrafficTally:
 
 def test_frames_in_order_are_good_however_they_are_cut() -> None:
     stream = b"".join(make_frame(n, SIZE) for n in range(5))
-    assert judged(stream) == TrafficTally(5, 0, 0, 0, 0)
-    assert judged(*[stream[at : at + 7] for at in range(0, len(stream), 7)]) == TrafficTally(5, 0, 0, 0, 0)
+    assert judged(stream) == TrafficCheckTally(5, 0, 0, 0, 0)
+    assert judged(*[stream[at : at + 7] for at in range(0, len(stream), 7)]) == TrafficCheckTally(
+        5, 0, 0, 0, 0
+    )
 
 
 @pytest.mark.parametrize(
@@ -40,7 +42,7 @@ def test_lost_and_doubled_frames_are_counted(numbers: list[int], lost: int, doub
 
 def test_a_byte_too_many_is_one_shift_and_no_frame_is_lost() -> None:
     stream = make_frame(0, SIZE) + b"\x00" + make_frame(1, SIZE)
-    assert judged(*[bytes([byte]) for byte in stream]) == TrafficTally(2, 0, 0, 1, 1)
+    assert judged(*[bytes([byte]) for byte in stream]) == TrafficCheckTally(2, 0, 0, 1, 1)
 
 
 def test_a_byte_too_few_costs_that_frame() -> None:
@@ -56,7 +58,7 @@ def test_whatever_arrives_less_than_a_frame_is_kept(pieces: list[bytes]) -> None
         assert len(checker._kept) < SIZE
 
 
-def checking(bench: Bench) -> TrafficSnapshot:
+def checking(bench: Bench) -> TrafficCheckSnapshot:
     found = bench.peer_snapshots()[0].check
     assert found is not None
     return found
@@ -84,7 +86,7 @@ def test_what_the_plc_sends_back_is_judged_too(bench: Bench) -> None:
     do(bench, "peer P1 check on size=16 every=T#10s")
     for number in (0, 1, 3):
         do(bench, f"write tx hex {make_frame(number, SIZE).hex()}", "pulse TSEND_C_1 REQ", scans=5)
-    assert checking(bench).echo == TrafficTally(3, 1, 0, 0, 0)
+    assert checking(bench).echo == TrafficCheckTally(3, 1, 0, 0, 0)
     do(bench, "peer P1 check off")
     assert bench.peer_snapshots()[0].check is None
     bench.close()

@@ -11,7 +11,7 @@ from tests.local_driver import LocalDriver
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.project.file import load_project
 from trcvtui.scenario.command import run_files
-from trcvtui.scenario.scenario import load_bench, load_scenario
+from trcvtui.scenario.scenario import load_bench_project, load_scenario
 
 TYPES = "TYPE Telegram : STRUCT id : DINT; alarm : BOOL; speed : REAL; END_STRUCT END_TYPE"
 PROJECT = """dialect = "baosky"
@@ -94,7 +94,7 @@ def test_what_a_packed_big_endian_sender_says_is_read_by_its_members(
 
 def test_a_layout_by_line_is_kept_by_save_project_and_taken_back_by_undo(tmp_path: Path) -> None:
     path = written(tmp_path)
-    desk = LocalDriver(fresh_bench(load_bench(path), "sim"))
+    desk = LocalDriver(fresh_bench(load_bench_project(path), "sim"))
     assert desk.answer("set rx layout=packed byte_order=big") == (
         "DATA variable rx: layout none before, packed now, byte_order none before, big now"
     )
@@ -109,7 +109,7 @@ def test_a_layout_by_line_is_kept_by_save_project_and_taken_back_by_undo(tmp_pat
 
 
 def test_another_type_by_resize_lies_as_before(tmp_path: Path) -> None:
-    desk = LocalDriver(fresh_bench(load_bench(written(tmp_path, PACKED)), "sim"))
+    desk = LocalDriver(fresh_bench(load_bench_project(written(tmp_path, PACKED)), "sim"))
     assert "✗" not in desk.answer("resize rx ARRAY[0..1] OF Telegram")
     now = desk.bench.project.data_decl("rx")
     assert now is not None and now.size == 18

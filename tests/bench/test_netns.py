@@ -18,7 +18,7 @@ from trcvtui.cli.options import KERNELS
 from trcvtui.commands.words import SetLink
 from trcvtui.engine.driver import EngineDriver
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 
 PASSIVE = str(CONFIGS / "passive.toml")
 TWO_ADDRESSES = """
@@ -122,7 +122,7 @@ def test_in_the_own_network_the_ledger_names_the_interface() -> None:
 
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_the_ledger_says_by_what_means_the_wire_was_cut(kernel: str) -> None:
-    bench = Bench(load_bench(Path(PASSIVE)), kernel)
+    bench = Bench(load_bench_project(Path(PASSIVE)), kernel)
     try:
         assert bench.do(SetLink("C1", up=False)) == bench.do(SetLink("C1", up=True)) == ""
         notes = [line.event for line in bench.runtime.ledger if isinstance(line.event, BenchNote)]

@@ -13,7 +13,7 @@ from trcvtui.engine.controller import fresh_bench
 from trcvtui.net.results import Endpoint
 from trcvtui.project.edit import fields_of, propose_name
 from trcvtui.project.file import load_project
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 from trcvtui.tui.forms.fields import make_add
 from trcvtui.tui.view_model.validity import find_mistake
 
@@ -21,7 +21,7 @@ from trcvtui.tui.view_model.validity import find_mistake
 def console(tmp_path: Path, dialect: str = "baosky", kernel: str = "sim", more: str = "") -> LocalDriver:
     path = tmp_path / "new.toml"
     path.write_text(f'dialect = "{dialect}"\n{more}', encoding="utf-8")
-    return LocalDriver(fresh_bench(load_bench(path), kernel), pause=3)
+    return LocalDriver(fresh_bench(load_bench_project(path), kernel), pause=3)
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)

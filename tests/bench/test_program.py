@@ -11,7 +11,7 @@ from trcvtui.commands import words
 from trcvtui.errors import UserError
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.project.file import load_project
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 
 BENCH = '''
 dialect = "baosky"
@@ -39,7 +39,7 @@ remote = "@C1"
 def bench(folder: Path, *lines: str) -> Bench:
     path = folder / "bench.toml"
     path.write_text(BENCH.format(program="\n".join(lines)), encoding="utf-8")
-    load_bench(path)
+    load_bench_project(path)
     return Bench(load_project(path), "sim")
 
 
@@ -84,7 +84,7 @@ def test_what_is_no_program_s_to_do_is_refused_before_the_first_scan(tmp_path: P
 
 def test_a_step_for_an_instance_that_was_deleted_is_passed_over(tmp_path: Path) -> None:
     on = bench(tmp_path, "set X CONT=1", "run 2", "set X EN_R=1")
-    on.do(words.Delete("X"))
+    on.do(words.DeleteBlock("X"))
     for _ in range(5):
         on.step()
     notes = [line.event.what for line in on.runtime.ledger if isinstance(line.event, BenchNote)]

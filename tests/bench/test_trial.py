@@ -11,7 +11,7 @@ from tests.scenario.scenarios import CONFIGS
 from trcvtui.bench.split_test import trial_text
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.project.file import load_project
-from trcvtui.snapshots.scenario import TrialSnapshot
+from trcvtui.snapshots.scenario import SplitTestSnapshot
 
 TRY = "peer P1 try-splits hex 01 02 03 04 05 06 07 08 on TRCV_C_1 differ=any"
 
@@ -32,7 +32,7 @@ def say(driver: LocalDriver, line: str) -> str:
     return next(answer.error for answer in driver.shown().answers if answer.number == number)
 
 
-def tried(driver: LocalDriver) -> TrialSnapshot:
+def tried(driver: LocalDriver) -> SplitTestSnapshot:
     trial = driver.shown().trial
     assert trial is not None
     return trial
@@ -108,5 +108,5 @@ def test_a_fresh_bench_forgets_the_table(driver: LocalDriver) -> None:
     say(driver, "scenario run")
     driver.scan(400)
     trial, player = tried(driver), driver.shown().player
-    assert player is not None and not player.failed and player.finished
+    assert player is not None and not player.failed_steps and player.finished
     assert (trial.state, trial.differing) == ("finished", 7)

@@ -33,7 +33,7 @@ from tests.recording.wire import (
 )
 from trcvtui.capture import pcap
 from trcvtui.capture.command import capture_notes, format_conversations
-from trcvtui.capture.packets import MOST_FRAGMENTED, SkippedPacket
+from trcvtui.capture.packets import MOST_FRAGMENTED, SkipReason
 from trcvtui.capture.pcap import CaptureReader, interface_block, packet_block, section_block
 from trcvtui.capture.plc_end import parse_plc
 from trcvtui.capture.reassembly import MOST_KINDS, ConversationEvent, Conversations, SegmentKind
@@ -270,7 +270,7 @@ def test_an_ethernet_frame_of_fragments_keeps_its_mac() -> None:
     frames = [bytes(6) + b"\0\x1b\x1b123" + b"\x08\0" + one for one in cut(udp(bytes(40)), 3, 24)]
     for packet in CaptureReader(io.BytesIO(capture(frames, pcap.ETHERNET)).read, "F"):
         found.add_packet(packet, pcap.ETHERNET)
-    assert (found.all[0].there.bytes, found.all[0].there.mac) == (40, b"\0\x1b\x1b123")
+    assert (found.all[0].there.count, found.all[0].there.mac) == (40, b"\0\x1b\x1b123")
     assert not found.not_read
 
 
@@ -286,7 +286,7 @@ def test_fragments_that_overlap_lack_one_or_come_late_are_told_and_bounded() -> 
     late = cut(udp(b"0123456789"), 9, 8)
     for ns, one in zip((4000 * 10**9, 4031 * 10**9), late, strict=True):
         found.add_packet(pcap.Packet(ns, 0, one, len(one), (), 0), pcap.RAW_IP)
-    assert found.not_read[SkippedPacket.FRAGMENT] > 3000
+    assert found.not_read[SkipReason.FRAGMENT] > 3000
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -316,7 +316,7 @@ def test_memory_of_a_direction_with_a_hole_is_bounded() -> None:
     for n, data in enumerate(packets):
         found.add_packet(pcap.Packet(n, 0, data, len(data), (), 0), pcap.RAW_IP)
         assert found.all[0].there.waiting_cost <= 1 << 20
-    assert found.all[0].there.bytes == 3000 * 1400 and found.all[0].there.missing == 99
+    assert found.all[0].there.count == 3000 * 1400 and found.all[0].there.missing == 99
 
 
 def test_conversations_above_the_limit_are_told(

@@ -16,7 +16,7 @@ LIBRARY = "ssl multiprocessing subprocess paho prometheus_client sqlite3"
 RUN = "import sys; from trcvtui.cli.main import main; main(); "
 SCENARIO = "configs/scenarios/baosky/0000-not-called.toml"
 TYPES = "udt show trcvtui/demo/telegram.st --type Telegram"
-LOAD = "import sys; from trcvtui.scenario.scenario import load_bench; from pathlib import Path; "
+LOAD = "import sys; from trcvtui.scenario.scenario import load_bench_project; from pathlib import Path; "
 STARTS = {
     "status 7006": (
         RUN,
@@ -38,7 +38,7 @@ STARTS = {
         "",
         f"{SCREEN} argparse ssl",
     ),
-    "a project without TLS": (LOAD + "load_bench(Path('configs/active.toml')); ", "", "ssl"),
+    "a project without TLS": (LOAD + "load_bench_project(Path('configs/active.toml')); ", "", "ssl"),
     "the screen": (
         "import sys, trcvtui.tui.app; ",
         "",

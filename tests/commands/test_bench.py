@@ -36,7 +36,7 @@ def test_each_line_means_its_command_and_comes_back_as_a_line(project: Project) 
 def test_a_script_numbers_its_commands_and_nothing_else(project: Project) -> None:
     script = "\n# first\nset X CONT=1\n\n   run 5   # wait\n#\nplc stop\n"
     assert parse_script(script, project, "s.toml") == [
-        words.Step(1, "set X CONT=1", words.Set("X", (("CONT", True),))),
+        words.Step(1, "set X CONT=1", words.SetInputs("X", (("CONT", True),))),
         words.Step(2, "run 5   # wait", words.RunScans(5)),
         words.Step(3, "plc stop", words.PlcStop()),
     ]

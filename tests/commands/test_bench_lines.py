@@ -16,7 +16,7 @@ from trcvtui.commands import words
 from trcvtui.commands.counters_and_checksums import Fill
 from trcvtui.commands.patterns import ANY_SCANS, Atom, TracePattern
 from trcvtui.commands.table import COMMANDS, format_command, parse_line
-from trcvtui.commands.words import Contains, Starts
+from trcvtui.commands.words import Contains, StartsWith
 from trcvtui.net.faults import KNOWN_ERRORS
 from trcvtui.net.kernel import KERNEL_CALLS
 from trcvtui.project.project import InstanceDecl, Project
@@ -53,7 +53,7 @@ MEMBERS = st.one_of(
 CONDITIONS = st.one_of(
     st.builds(words.PinsAre, st.just("X"), some_of(PINS)),
     st.builds(words.PeerIs, st.just("P1"), st.sampled_from(words.PEER_STATES)),
-    st.builds(words.PeerReceived, st.just("P1"), BYTES),
+    st.builds(words.PeerHasReceived, st.just("P1"), BYTES),
     st.builds(words.DataIs, st.just("rx"), st.integers(0, 44), BYTES),
     MEMBERS,
 )
@@ -89,7 +89,7 @@ FILLED = st.builds(
 )
 MATCHES = st.one_of(
     st.builds(Contains, BYTES),
-    st.builds(Starts, BYTES),
+    st.builds(StartsWith, BYTES),
 )
 TRIALS = st.builds(
     words.TrySplits,
@@ -108,7 +108,7 @@ FAULTS = st.builds(
     st.integers(1, 10**9) | st.just(words.TIMES_FOREVER),
 )
 CREATES = st.builds(
-    words.Create,
+    words.CreateBlock,
     st.builds(
         InstanceDecl,
         st.just("NEW_1"),
@@ -121,11 +121,11 @@ CREATES = st.builds(
 )
 OF_A_PEER = ("close", "rst", "shutdown", "stall", "resume")
 BENCH_COMMANDS = st.one_of(
-    st.builds(words.Set, st.just("X"), some_of(INPUTS)),
-    st.builds(words.Pulse, st.just("X"), st.sampled_from(["EN_R", "COM_RST"])),
-    st.builds(words.Write, st.just("rx"), st.integers(0, 44), BYTES),
-    st.builds(words.Delete, st.just("X")),
-    st.builds(words.InitialDownload, st.just("Y")),
+    st.builds(words.SetInputs, st.just("X"), some_of(INPUTS)),
+    st.builds(words.PulseInput, st.just("X"), st.sampled_from(["EN_R", "COM_RST"])),
+    st.builds(words.WriteBytes, st.just("rx"), st.integers(0, 44), BYTES),
+    st.builds(words.DeleteBlock, st.just("X")),
+    st.builds(words.DownloadBlock, st.just("Y")),
     CREATES,
     st.just(words.PlcStop()),
     st.just(words.PlcRun()),
@@ -140,7 +140,7 @@ BENCH_COMMANDS = st.one_of(
     st.builds(words.NumberedFramesOn, st.just("P1"), st.integers(10, 65507), NS, st.sampled_from(["", "X"])),
     st.just(words.NumberedFramesOff("P1")),
     st.just(words.PeerPlaySequence("P1", "start_up")),
-    st.just(words.TryStop("P1")),
+    st.just(words.StopTrySplits("P1")),
     st.builds(words.SetLink, st.just("C1"), TRUTH),
     FAULTS,
     st.just(words.FaultClear()),

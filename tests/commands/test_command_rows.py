@@ -13,7 +13,7 @@ from tests.bench.bench_project import bench_project
 from tests.docs_scripts import script
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.conditions import parse_instance
-from trcvtui.commands.table import COMMANDS, CommandRow, WordRow, format_command, parse_line
+from trcvtui.commands.table import COMMANDS, RecordRow, VerbRow, format_command, parse_line
 from trcvtui.commands.tokens import Words
 from trcvtui.errors import UserError
 from trcvtui.plc.commands import SetInput
@@ -36,12 +36,12 @@ def its_instances(words: list[str], project: Project) -> Iterable[str]:
     return [decl.name for decl in project.instances]
 
 
-ROW = CommandRow(
+ROW = VerbRow(
     "zero",
     read_zero,
     its_instances,
     (
-        WordRow(
+        RecordRow(
             Zero,
             lambda c: f"zero {c.instance}",
             lambda bench, c: bench.submit(SetInput(c.instance, "LEN", 0)),

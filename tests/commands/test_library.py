@@ -9,7 +9,7 @@ import pytest
 
 from trcvtui.bench.peers.queues import Outbox
 from trcvtui.commands.counters_and_checksums import fill_message
-from trcvtui.commands.peer import check_library
+from trcvtui.commands.peer import check_all_messages
 from trcvtui.commands.table import parse_line
 from trcvtui.commands.words import PeerPlaySequence, PeerSend
 from trcvtui.errors import UserError
@@ -55,7 +55,7 @@ HEAD = 'dialect = "baosky"\n[[connect]]\nname = "C1"\n[[peer]]\nname = "P1"\nrem
 
 def mistakes(folder: Path, text: str) -> list[str]:
     with pytest.raises(UserError) as caught:
-        check_library(read_project(tomllib.loads(HEAD + text), "b.toml", folder))
+        check_all_messages(read_project(tomllib.loads(HEAD + text), "b.toml", folder))
     return caught.value.lines()
 
 

@@ -17,7 +17,7 @@ from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.udt.layout.layout import LAYOUTS, lay_out
 from trcvtui.udt.layout.rules import LayoutChoice
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.type_set import join_files
+from trcvtui.udt.type_set import join_declarations
 from trcvtui.wording import json_text
 
 MSS = 1460
@@ -790,7 +790,7 @@ def members(r: random.Random, theirs: LayoutChoice | None = None) -> tuple[Recei
         names = ["BYTE", *[r.choice(TYPES) for _ in range(r.randrange(4, 10))], "REAL", "DINT"]
         text = "".join(f"  m{n} : {name};\n" for n, name in enumerate(names))
         source = f"TYPE T : STRUCT\n{text}END_STRUCT END_TYPE"
-        types = join_files([read_st(source, "t.st")], "t.st")
+        types = join_declarations([read_st(source, "t.st")], "t.st")
         type_ = types.get_type("T", "t.st")
         ours = lay_out(type_, LAYOUTS["baosky"], "T")
         layout = lay_out(type_, (theirs or LayoutChoice()).rules(LAYOUTS["baosky"]), "T")

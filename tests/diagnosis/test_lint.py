@@ -177,7 +177,7 @@ def test_what_a_block_will_refuse_is_found_before_with_the_status_that_it_shows(
         if scan == 8 and PEER in text:
             bench.do(words.PeerAction("P1", "connect"))
         if scan == 1 and '"TCON"' in text:
-            bench.do(words.Set("TCON_1", (("REQ", True),)))
+            bench.do(words.SetInputs("TCON_1", (("REQ", True),)))
         bench.step()
         shown |= {
             f"{edge.outputs.status:04X}"

@@ -18,7 +18,7 @@ from trcvtui import clock
 from trcvtui.bench.bench import Bench
 from trcvtui.bench.doctor_requests import BenchDoctor, read_result
 from trcvtui.cli.main import main
-from trcvtui.diagnosis.doctor_process import DoctorInput, judge_run
+from trcvtui.diagnosis.doctor_process import DoctorWorker, judge_run
 from trcvtui.diagnosis.judges import JUDGE_ENTRY, FilesJudge
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.engine.driver import EngineDriver
@@ -31,7 +31,7 @@ from trcvtui.recording.recorder import make_recorder
 from trcvtui.recording.worker_process import PendingAnswer
 from trcvtui.replay.driver import WORK_SLICE_NS, open_time_line
 from trcvtui.replay.job_facts import collect_recorded_facts
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 from trcvtui.snapshots.doctor import DoctorSnapshot
 from trcvtui.udt.layout.values import decode
 
@@ -154,7 +154,7 @@ def after_ten_seconds(
     project_file.write_text(text)
     recorder = make_recorder(RecordTarget(file), file, waits=True)
     with record_reads(recorder.reads):
-        project = load_bench(project_file)
+        project = load_bench_project(project_file)
     with recorder:
         bench = fresh_bench(project, "sim", recorder.seam)
         recorder.add_header(bench, project_file, (), is_scenario=False)
@@ -422,7 +422,7 @@ def test_a_replay_is_judged_once_as_its_file_is_and_keys_go_to_what_is_found(tmp
             pass
         seen = picture()
         assert seen is not None and seen.position is not None
-        assert (seen.position.scan, seen.position.note, seen.doctor.scan) == (
+        assert (seen.position.report_scan, seen.position.note, seen.doctor.scan) == (
             there,
             note,
             line.survey.last_scan,
@@ -435,15 +435,15 @@ def test_a_capture_is_judged_with_the_project_that_was_named(tmp_path: Path) -> 
     judge = FilesJudge(lambda: [str(tmp_path / "run.pcapng")], "127.0.0.1:2000", tmp_path / "p.toml")
     judge.start_judging()
     while judge.is_judging:
-        judge.advance()
+        judge.poll_process()
     assert json.loads(judge.result_json)["findings"][0]["cause"] == "frame-short"
 
 
 def test_how_far_it_is_has_a_name_for_each_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     after_ten_seconds(received(11, EIGHT), [], tmp_path)
     told: list[str] = []
-    monkeypatch.setattr(DoctorInput, "_report", lambda _, text, at_once=False: told.append(text))
-    judged = DoctorInput(str(tmp_path / "answer"), collect_recorded_facts, load_bench)
+    monkeypatch.setattr(DoctorWorker, "_report", lambda _, text, at_once=False: told.append(text))
+    judged = DoctorWorker(str(tmp_path / "answer"), collect_recorded_facts, load_bench_project)
     judged.add_block(json.dumps([[str(tmp_path / "run.pcapng")], None, None, None, False]).encode())
     judged.close()
     assert told[0].startswith("runs it again, scan 0 of ")
@@ -462,10 +462,10 @@ def test_a_process_that_ends_half_way_has_found_nothing() -> None:
         os.pwrite(answer._file, written, 0)
         assert answer.advance() is None and answer.progress == told
     answer.process._process.kill()
-    answer.process.finish()
+    answer.process.request_finish()
     while (content := answer.advance()) is None:
         pass
-    project = load_bench(CONFIGS / "stories" / "four_bytes_short.toml")
+    project = load_bench_project(CONFIGS / "stories" / "four_bytes_short.toml")
     assert read_result(content, project, (), 1, 9).trouble == "the doctor's process has ended"
 
 
@@ -473,7 +473,7 @@ def test_files_that_are_gone_are_one_line(tmp_path: Path) -> None:
     judge = FilesJudge(lambda: [str(tmp_path / "none.pcapng")])
     judge.start_judging()
     while judge.is_judging:
-        judge.advance()
+        judge.poll_process()
     assert "none.pcapng: found 'No such file" in json.loads(judge.result_json)["trouble"]
 
 
@@ -488,7 +488,7 @@ class NoJudge:
     def start_judging(self) -> None:
         raise self._why
 
-    def advance(self) -> None:
+    def poll_process(self) -> None:
         return
 
 
@@ -496,7 +496,7 @@ class NoJudge:
     "why", [mistake("prompt", "no black box", "one"), OSError(24, "Too many open files")]
 )
 def test_a_doctor_that_cannot_look_is_trouble_in_a_picture_and_ends_no_bench(why: Exception) -> None:
-    bench = fresh_bench(load_bench(CONFIGS / "active.toml"), "sim")
+    bench = fresh_bench(load_bench_project(CONFIGS / "active.toml"), "sim")
     doctor = BenchDoctor()
     assert [*doctor.advance(NoJudge(why), bench, is_wanted=True)] == []
     assert doctor.snapshot.looks == 1 and doctor.snapshot.trouble in str(why)

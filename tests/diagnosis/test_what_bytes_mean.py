@@ -25,7 +25,7 @@ from trcvtui.project.file import load_project
 from trcvtui.udt.layout.layout import LAYOUTS, lay_out
 from trcvtui.udt.layout.values import encode
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.type_set import join_files
+from trcvtui.udt.type_set import join_declarations
 from trcvtui.udt.types import ELEMENTARY, Array, StringType
 
 SCALE = "status : WORD; net : REAL; tare : REAL; serial : UDINT;"
@@ -34,9 +34,9 @@ OURS = LAYOUTS["baosky"]
 
 
 def receiver_of(members: str, **more: object) -> Receiver:
-    type_ = join_files([read_st(f"TYPE T : STRUCT {members} END_STRUCT END_TYPE", "t.st")], "t.st").get_type(
-        "T"
-    )
+    type_ = join_declarations(
+        [read_st(f"TYPE T : STRUCT {members} END_STRUCT END_TYPE", "t.st")], "t.st"
+    ).get_type("T")
     size = lay_out(type_, OURS, "T").size
     return static(size, data="rx", room=size, type_name="T", type=type_, rules=OURS, **more)
 

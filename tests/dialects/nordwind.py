@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition as Is
-from trcvtui.blocks.rules import NotConnectedRule, StatusSequence, VendorRules
+from trcvtui.blocks.rules import NotConnectedRule, StatusRules, VendorRules
 from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue
 from trcvtui.net.connection.config import ConnectionPolicy
@@ -63,7 +63,7 @@ STATUS: Final = (
 def answer(values: Mapping[str, SwitchValue]) -> VendorRules:
     return VendorRules(
         status={condition: row.code for row in STATUS for condition in row.conditions},
-        course=StatusSequence(waiting_req_sends=True, en_r_keeps_job=True, idle_loss=Is.PARTNER_CLOSED),
+        course=StatusRules(waiting_req_sends=True, en_r_keeps_job=True, idle_loss=Is.PARTNER_CLOSED),
         not_connected=NotConnectedRule.NEVER,
         policy=ConnectionPolicy(retry_ns=int(values.get("retry", SECOND))),
     )

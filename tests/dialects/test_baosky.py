@@ -6,7 +6,7 @@ import pytest
 
 from tests.dialects.foreign import NOT_BAOSKYS
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.rules import NotConnectedRule, StatusSequence, VendorRules
+from trcvtui.blocks.rules import NotConnectedRule, StatusRules, VendorRules
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.dialect import defaults, format_value, read_switches
@@ -56,7 +56,7 @@ def test_the_switches_have_the_names_and_defaults_of_the_design() -> None:
 
 def test_without_switches_the_rules_are_the_decisions_of_the_design() -> None:
     answered = BAOSKY.answer({})
-    of_the_manual = StatusSequence(silent_dead_link=True)
+    of_the_manual = StatusRules(silent_dead_link=True)
     assert answered == VendorRules(status=answered.status, course=of_the_manual, adhoc_at_once=True)
     assert answered.policy == ConnectionPolicy()
 
@@ -81,7 +81,7 @@ def test_a_condition_gets_the_word_of_the_manual() -> None:
         ("reset_is", "80C5", "reset_counts_as_close", True),
         ("com_rst_autoclear", False, "com_rst_autoclear", False),
         ("adhoc", "latched", "adhoc_at_once", False),
-        ("dead_link", "80A0", "course", StatusSequence()),
+        ("dead_link", "80A0", "course", StatusRules()),
         ("max_len", 65536, "max_len", 65536),
         ("buffers", 2, "buffers", 2),
         ("queue", 0, "queue", 0),

@@ -272,7 +272,9 @@ def test_iso_on_tcp(is_active: bool, door: socket.socket, tmp_path: Path) -> Non
 @pytest.mark.parametrize("speaks", ["near", "far"])
 def test_a_tap_hands_on_what_came_before_a_reset(speaks: str, door: socket.socket) -> None:
     tap = Forwarder(lambda _: None)
-    tap.add_route(make_route("T", "127.0.0.1:0", f"127.0.0.1:{door.getsockname()[1]}", ("LISTEN", "CONNECT")))
+    tap.open_route(
+        make_route("T", "127.0.0.1:0", f"127.0.0.1:{door.getsockname()[1]}", ("LISTEN", "CONNECT"))
+    )
     address, received, last = tap.routes[0].address, 0, b""
     assert address is not None
 

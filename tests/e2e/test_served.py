@@ -259,7 +259,7 @@ def test_an_expectation_of_a_read_only_bench_reads_no_file(tmp_path: Path) -> No
         answers: list[LineAnswer] = []
         while len(answers) < 2:
             driver.request(UpdateRequest())
-            driver.wait(1)
+            driver.wait_for_message(1)
             picture = driver.poll_picture()
             answers += picture.answers if picture else ()
     finally:

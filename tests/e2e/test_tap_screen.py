@@ -19,7 +19,7 @@ from tests.e2e.terminal import TRCVTUI, Terminal
 from tests.waiting import children_of
 
 pytestmark = [pytest.mark.live, pytest.mark.slow]
-WORDS = "from trcvtui.cli.line import tap_screen"
+WORDS = "from trcvtui.cli.line import show_tap"
 TAP = "\0tap"
 
 

@@ -19,7 +19,7 @@ from trcvtui.errors import UserError
 from trcvtui.net.results import Endpoint
 from trcvtui.project.file import load_project
 from trcvtui.project.project import PeerDecl, Project
-from trcvtui.replay.command import check_replay
+from trcvtui.replay.command import find_difference
 from trcvtui.scenario.scenario import load_scenario
 
 PROJECT = """dialect = "baosky"
@@ -196,7 +196,7 @@ def test_a_recorded_run_is_done_again_without_the_files(folder: Path) -> None:
     bench, entries = on_the_screen(folder / "p.toml", lines)
     shutil.rmtree(folder)
     run = again(entries)
-    assert check_replay(run) == ""
+    assert find_difference(run) == ""
     project = run.bench.project
     assert project.types.names() == bench.project.types.names() == ["T", "Order"]
     assert [each.size for each in project.data] == [each.size for each in bench.project.data]

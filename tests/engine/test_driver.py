@@ -18,7 +18,7 @@ from trcvtui.paths import demo_path
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.picture.protocol import EngineStopped
 from trcvtui.project.file import load_project
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 
 PASSIVE = CONFIGS / "passive.toml"
 S7_PROJECTS = ("s7-receiver", "s7-iso-passive", "s7-single-passive", "s7-udp", "s7-legacy-receiver")
@@ -180,7 +180,7 @@ def test_an_engine_that_was_killed_starts_anew_from_its_file() -> None:
 
 
 def test_the_project_crosses_from_the_engine_before_the_first_picture(engine: EngineDriver) -> None:
-    ours, theirs = load_bench(PASSIVE), engine.wait_for_project()
+    ours, theirs = load_bench_project(PASSIVE), engine.wait_for_project()
     assert (theirs.path, theirs.connects, theirs.instances) == (ours.path, ours.connects, ours.instances)
     assert wait_for(engine, lambda picture: True).kernel == "live"
 
@@ -191,7 +191,7 @@ def test_the_mistakes_of_a_file_cross_from_the_engine_line_by_line(tmp_path: Pat
         'colour = 1\nstart = """\nset TRCV_C_1 CONT=2\n"""\n[plc]\ninterval = "soon"\n', encoding="utf-8"
     )
     with pytest.raises(UserError) as expected:
-        load_bench(file)
+        load_bench_project(file)
     driver = EngineDriver(file, "sim")
     with pytest.raises(UserError) as caught:
         driver.wait_for_project()
@@ -204,4 +204,4 @@ def test_a_mistake_in_start_is_found_when_the_bench_is_loaded(tmp_path: Path) ->
     file = tmp_path / "bench.toml"
     file.write_text('start = """\nset TRCV_C_1 CONT=2\nrun 5\n"""\n' + PASSIVE.read_text(), encoding="utf-8")
     with pytest.raises(UserError, match="CONT"):
-        load_bench(file)
+        load_bench_project(file)

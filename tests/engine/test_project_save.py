@@ -16,7 +16,7 @@ from trcvtui.engine.controller import fresh_bench
 from trcvtui.paths import demo_path
 from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.project.file import load_project
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 
 ADD = (
     "add connect C7 LocalAddress=127.0.0.1",
@@ -41,7 +41,7 @@ def driver(own: Path) -> Iterator[LocalDriver]:
 
 
 def driven(path: Path) -> Iterator[LocalDriver]:
-    driver = LocalDriver(fresh_bench(load_bench(path), "sim"))
+    driver = LocalDriver(fresh_bench(load_bench_project(path), "sim"))
     yield driver
     driver.close()
 
@@ -66,7 +66,7 @@ def test_what_was_added_loads_again_and_runs(driver: LocalDriver, own: Path) -> 
     assert own.read_text() == before
     assert answer(driver, "save project") == f"the project with 6 additions in {own}"
     assert say(driver).unsaved == 0
-    project = load_bench(own)
+    project = load_bench_project(own)
     assert project.instances[-1] == driver.console.bench.project.instances[-1]
     assert (project.connects, project.peers) == (
         driver.console.bench.project.connects,
@@ -97,7 +97,7 @@ def test_somebody_elses_file_is_written_over_only_when_that_is_said(driver: Loca
     assert told.startswith(f"prompt: found {other}, which is there already, expected the name of a new file")
     assert other.read_text() == "# theirs\n"
     assert answer(driver, f"save project {other} !") == f"the project with 6 additions in {other}"
-    assert load_bench(other).connect("C7") is not None
+    assert load_bench_project(other).connect("C7") is not None
 
 
 def test_the_demo_is_saved_under_a_name_of_its_own(tmp_path: Path) -> None:
@@ -107,7 +107,7 @@ def test_the_demo_is_saved_under_a_name_of_its_own(tmp_path: Path) -> None:
         assert told.startswith("prompt: found demo.toml, which came with trcvtui, expected save project FILE")
         assert answer(driver, f"save project {demo_path()}") == told
         assert answer(driver, f"save project {tmp_path / 'd.toml'}").startswith("the project with 1 addition")
-        assert load_bench(tmp_path / "d.toml").connect("C77") is not None
+        assert load_bench_project(tmp_path / "d.toml").connect("C77") is not None
         assert demo_path().read_bytes() == before
 
 
@@ -115,7 +115,7 @@ def test_what_was_written_into_the_file_meanwhile_stays(driver: LocalDriver, own
     say(driver, *ADD)
     own.write_text(own.read_text() + "\n# written meanwhile\n[[connect]]\nname = 'C50'\n")
     assert answer(driver, "save project").startswith("the project with 6 additions")
-    assert {c.name for c in load_bench(own).connects} == {"C1", "C7", "C50"}
+    assert {c.name for c in load_bench_project(own).connects} == {"C1", "C7", "C50"}
     assert "# written meanwhile" in own.read_text()
 
 
@@ -175,7 +175,7 @@ def test_what_happens_to_the_file_outside_loses_no_addition(
             continue
         assert told.startswith(f"the project with 6 additions in {path}, on the text that was read before (")
         assert found.removeprefix(": no folder ") in told and say(driver).unsaved == 0
-        saved, bench = load_bench(path), driver.console.bench.project
+        saved, bench = load_bench_project(path), driver.console.bench.project
         assert (saved.connects, saved.peers, saved.instances) == (
             bench.connects,
             bench.peers,
@@ -194,7 +194,10 @@ def test_another_file_gets_what_the_bench_holds_and_not_what_the_old_one_says_by
     changed, fresh = own.read_bytes(), own.with_name("fresh.toml")
     told = f"the project with 6 additions in {fresh}, on the text that was read before ({own} has changed)"
     assert answer(driver, f"save project {fresh}") == told
-    assert [c.local.port for c in load_bench(fresh).connects] == [0, 0] and own.read_bytes() == changed
+    assert [c.local.port for c in load_bench_project(fresh).connects] == [
+        0,
+        0,
+    ] and own.read_bytes() == changed
 
 
 def test_a_file_that_may_not_be_written_keeps_the_additions_on_the_bench(
@@ -217,7 +220,7 @@ def test_the_file_keeps_its_mode_and_a_link_its_target(driver: LocalDriver, own:
     link.symlink_to(own)
     answer(driver, *ADD, f"save project {link}")
     assert link.is_symlink() and own.stat().st_mode & 0o777 == 0o640
-    assert load_bench(own).connect("C7") is not None
+    assert load_bench_project(own).connect("C7") is not None
 
 
 def test_a_folder_that_is_not_there_is_one_line(driver: LocalDriver, own: Path) -> None:

@@ -57,7 +57,7 @@ def answers(tab: ProcessDriver, most: int) -> list[LineAnswer]:
 def asked(tab: AttachedDriver, request: UpdateRequest) -> BenchUpdate:
     tab.request(request)
     while (picture := tab.poll_picture()) is None:
-        tab.wait(1)
+        tab.wait_for_message(1)
     return picture
 
 

@@ -30,7 +30,7 @@ from trcvtui.net.os.forwarder import write_or_drop_line
 from trcvtui.net.os.service_manager import notify
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.recording.files import RecordTarget
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 
 ROOT = Path(__file__).parents[2]
 PROJECT = ROOT / "configs" / "active.toml"
@@ -41,7 +41,7 @@ SECOND = 1_000_000_000
 
 
 def test_each_error_edge_is_an_event_with_the_next_number_and_its_cause() -> None:
-    project = load_bench(PROJECT)
+    project = load_bench_project(PROJECT)
     driver = LocalDriver(fresh_bench(project, "sim"))
     seen = AgentBench("b00", project.dialect.label)
     told = []
@@ -56,7 +56,7 @@ def test_each_error_edge_is_an_event_with_the_next_number_and_its_cause() -> Non
     assert [event.id for event in told] == [f"b00-{n}" for n in range(1, errors + 1)]
     assert all(event.status and event.cause["text"] and event.t < 1000.0 for event in told)
     assert [each.name for each in changed] == ["TRCV_C_1"] and [line.name for line in moved] == ["C1"]
-    assert seen.lines["C1"].figures(1000.0).errors_an_hour == errors
+    assert seen.lines["C1"].take_figures(1000.0).errors_an_hour == errors
     assert seen.instances["TRCV_C_1"].recent_message(1000.0).count == errors
 
 
@@ -80,12 +80,12 @@ def reader_of(broker: Mosquitto) -> tuple[BrokerConnection, dict[str, bytes]]:
     connection = BrokerConnection(
         BrokerAccess("127.0.0.1", broker.port, False), "reader", topics=("trcvtui/v1/#",)
     )
-    connection.open()
+    connection.start()
     return connection, {}
 
 
 def state_is(connection: BrokerConnection, heard: dict[str, bytes], wanted: str) -> bool:
-    for news in connection.news():
+    for news in connection.take_events():
         if isinstance(news, IncomingMessage):
             heard[news.topic] = news.payload
     payload = heard.get("trcvtui/v1/s/n/state", b"")
@@ -157,7 +157,7 @@ def test_sigterm_ends_an_agent_cleanly_and_says_offline(broker: Mosquitto, tmp_p
 
 def agent_without_a_broker(page: tuple[str, int] | None = None) -> Agent:
     settings = AgentSettings(PROJECT, "sim", "s", "n", None, page, None)
-    return Agent(settings, load_bench(PROJECT))
+    return Agent(settings, load_bench_project(PROJECT))
 
 
 @pytest.mark.live
@@ -223,11 +223,11 @@ def test_a_bench_scans_on_while_everything_beside_it_fails(
     def fails(*_: object, **__: object) -> NoReturn:
         raise OSError(24, "Too many open files")
 
-    monkeypatch.setattr("trcvtui.fleet.metrics.serve_page", fails)
+    monkeypatch.setattr("trcvtui.fleet.metrics.start_page_server", fails)
     monkeypatch.setattr(fleet_agent, "list_newest_file", fails)
     record = RecordTarget(tmp_path / "runs")
     settings = AgentSettings(PROJECT, "sim", "s", "n", None, ("127.0.0.1", 1), record)
-    agent = Agent(settings, load_bench(PROJECT))
+    agent = Agent(settings, load_bench_project(PROJECT))
     queue = DiskQueue(tmp_path / "queue.sqlite", write_or_drop_line)
     queue._base.close()  # every call of it is an error from now on
     connection = DeadEnd(BrokerAccess("127.0.0.1", 1, False), "x")

@@ -15,7 +15,7 @@ from trcvtui.engine.driver import ProcessDriver
 from trcvtui.fleet.agent import Agent, AgentSettings
 from trcvtui.fleet.lines import AgentBench
 from trcvtui.line.live_screen import capture_main
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 from trcvtui.snapshots.doctor import DoctorSnapshot, Finding, Remedy
 
 LINE = plc('LocalAddress = "127.0.0.1"\nLocalPort = 2000\n', receiver("TRCV_C", 4, ""))
@@ -41,13 +41,13 @@ def found(cause: str, instance: str = "", connect: str = "C1") -> Finding:
 
 
 def test_a_cause_is_one_event_of_each_instance_until_it_is_gone(tmp_path: Path) -> None:
-    project = load_bench(written(tmp_path, LINE + PEER))
+    project = load_bench_project(written(tmp_path, LINE + PEER))
     driver = LocalDriver(fresh_bench(project, "sim"))
     seen = AgentBench("b00", project.dialect.label)
     seen.handle_update(driver.shown(), 1000.0)
 
     def told(looks: int, *findings: Finding, with_payload: bool = False) -> list[dict[str, object]]:
-        some = seen.report_findings(DoctorSnapshot(looks, 100, 1, findings), 1000.0, with_payload)
+        some = seen.make_finding_events(DoctorSnapshot(looks, 100, 1, findings), 1000.0, with_payload)
         return [{"kind": event.kind, **event.cause} for _, event in some]
 
     first = {"kind": "finding", "cause": "frame-short", "confidence": 0.9, "text": "90% sure; LEN 8"}
@@ -62,15 +62,17 @@ def test_a_cause_is_one_event_of_each_instance_until_it_is_gone(tmp_path: Path) 
 
 
 def test_a_line_of_a_watch_or_tap_row_has_the_name_of_the_row(tmp_path: Path) -> None:
-    project = load_bench(written(tmp_path, LINE + PEER))
+    project = load_bench_project(written(tmp_path, LINE + PEER))
     driver = LocalDriver(fresh_bench(project, "sim"))
-    watched = load_bench(written(tmp_path, LINE + WATCH + WATCH.replace("press", "mill"), "watch.toml"))
+    watched = load_bench_project(
+        written(tmp_path, LINE + WATCH + WATCH.replace("press", "mill"), "watch.toml")
+    )
     of_rows = Agent(AgentSettings(tmp_path, "sim", "s", "n", None, None, None), watched).seen
     assert of_rows._names == {"C1": "press, mill"}  # one CONNECT is one line
     seen = AgentBench("b00", project.dialect.label, names={"C1": "press"})
     seen.handle_update(driver.shown(), 1000.0)
     assert [*seen.lines] == ["press"] and seen.instances["R"].line == "press"
-    [(instance, _)] = seen.report_findings(DoctorSnapshot(1, 100, 1, (found("loss"),)), 1000.0, False)
+    [(instance, _)] = seen.make_finding_events(DoctorSnapshot(1, 100, 1, (found("loss"),)), 1000.0, False)
     assert instance.line == "press" and instance.finding == "loss"
 
 

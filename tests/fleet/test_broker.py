@@ -34,7 +34,7 @@ def seen(connection: BrokerConnection, kind: type[BrokerEvent]) -> list[BrokerEv
     found: list[BrokerEvent] = []
 
     def came() -> bool:
-        found.extend(connection.news())
+        found.extend(connection.take_events())
         return any(isinstance(each, kind) for each in found)
 
     until(came)
@@ -77,10 +77,10 @@ def test_a_message_goes_over_the_broker_and_is_acknowledged(broker: Mosquitto) -
     writer = BrokerConnection(
         BrokerAccess("127.0.0.1", broker.port, False), "writer", LastWill("a/will", b"gone")
     )
-    reader.open()
+    reader.start()
     seen(reader, ConnAck)
     assert writer.publish("a/b", b"too early") is None
-    writer.open()
+    writer.start()
     seen(writer, ConnAck)
     number = writer.publish("a/b", b"1")
     assert PublishAck(number or 0) in seen(writer, PublishAck)
@@ -95,14 +95,14 @@ def test_what_nobody_takes_is_bounded_in_messages_and_in_bytes(monkeypatch: pyte
     for kept, dropped in ((2, 6), (3, 12)):
         for _ in range(8):
             connection._add_event(IncomingMessage("a", b"123456", False))
-        assert (len([*connection.news()]), connection.dropped) == (kept, dropped)
+        assert (len([*connection.take_events()]), connection.dropped) == (kept, dropped)
         connection._add_event(ConnectionLost("told in any case"))
 
 
 @needs_mosquitto
 def test_a_broker_that_is_killed_is_one_line_and_its_return_is_noticed(broker: Mosquitto) -> None:
     connection = BrokerConnection(BrokerAccess("127.0.0.1", broker.port, False), "x")
-    connection.open()
+    connection.start()
     seen(connection, ConnAck)
     broker.kill()
     [lost] = [each for each in seen(connection, ConnectionLost) if isinstance(each, ConnectionLost)][:1]
@@ -115,7 +115,7 @@ def test_a_broker_that_is_killed_is_one_line_and_its_return_is_noticed(broker: M
 def test_a_broker_that_sends_garbage_ends_a_connection_and_nothing_else() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         connection = BrokerConnection(BrokerAccess("127.0.0.1", server.getsockname()[1], False), "x")
-        connection.open()
+        connection.start()
         for garbage in (
             b"HTTP/1.1 400 Bad Request\r\n\r\n",
             b"\x20\xff\xff\xff\xff\xff",
@@ -150,7 +150,7 @@ def test_tls_and_password_are_asked_for_and_a_wrong_one_is_one_line(
             connection = BrokerConnection(
                 parse_broker(f"mqtts://127.0.0.1:{broker.port}", ca, environment=given), "x"
             )
-            connection.open()
+            connection.start()
             outcomes.append(seen(connection, ConnAck if password == "right" and ca else ConnectionLost)[0])
             connection.close()
         taken, refused, strange = outcomes
@@ -173,7 +173,7 @@ def test_what_an_acl_forbids_is_refused_and_not_taken(tmp_path: Path) -> None:
     broker = Mosquitto(tmp_path, f"allow_anonymous true\nacl_file {rights}\nuser root")
     connection = BrokerConnection(BrokerAccess("127.0.0.1", broker.port, False), "x")
     try:
-        connection.open()
+        connection.start()
         seen(connection, ConnAck)
         number = connection.publish("secret/a", b"1", True)
         [refused] = [
@@ -186,7 +186,7 @@ def test_what_an_acl_forbids_is_refused_and_not_taken(tmp_path: Path) -> None:
 
 
 def says_that_the_name_is_taken(connection: BrokerConnection) -> bool:
-    return any("may use the name 's/a'" in str(news) for news in connection.news())
+    return any("may use the name 's/a'" in str(news) for news in connection.take_events())
 
 
 @needs_mosquitto
@@ -195,7 +195,7 @@ def test_two_of_one_name_both_say_so(broker: Mosquitto, monkeypatch: pytest.Monk
     monkeypatch.setattr(fleet_broker, "RIVAL_PAUSE_S", 0.05)
     one, other = (BrokerConnection(BrokerAccess("127.0.0.1", broker.port, False), "s/a") for _ in range(2))
     for each in (one, other):
-        each.open()
+        each.start()
         seen(each, ConnAck)
     for each in (one, other):
         until(partial(says_that_the_name_is_taken, each))
@@ -206,7 +206,7 @@ def test_two_of_one_name_both_say_so(broker: Mosquitto, monkeypatch: pytest.Monk
 @needs_mosquitto
 def test_a_broker_that_hangs_holds_the_end_up_for_less_than_five_seconds(broker: Mosquitto) -> None:
     connection = BrokerConnection(BrokerAccess("127.0.0.1", broker.port, False), "x")
-    connection.open()
+    connection.start()
     seen(connection, ConnAck)
     broker.stop()
     began = clock.now_ns()

@@ -44,8 +44,8 @@ class OneLine:
         self.publisher.retain(self.topic("status", "L", "T"), status().to_json())
         self.heard = BrokerConnection(place, "fleet", topics=state_topics("*"))
         self.reader = FleetReader(self.heard, FleetModel(), "*")
-        self.connection.open()
-        self.heard.open()
+        self.connection.start()
+        self.heard.start()
 
     def topic(self, kind: str, line: str = "", instance: str = "") -> str:
         return str(Topic("s", "a", line, instance, kind))
@@ -55,7 +55,7 @@ class OneLine:
 
     def fail(self, times: int) -> None:
         for _ in range(times):
-            event = self.instance.event("b0", time.time(), "error", "80A6", {"text": "reset"})
+            event = self.instance.add_event("b0", time.time(), "error", "80A6", {"text": "reset"})
             self.publisher.send_event(self.topic("event", "L", "T"), event.to_json())
             message = self.instance.recent_message(time.time())
             self.publisher.retain(self.topic("recent", "L", "T"), message.to_json())

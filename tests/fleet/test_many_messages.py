@@ -35,10 +35,10 @@ class SoakLine:
         self.came: list[int] = []
         self.is_heard = False
         for each in (self.heard, self.connection):
-            each.open()
+            each.start()
 
     def turn(self) -> None:
-        for news in self.heard.news():
+        for news in self.heard.take_events():
             match news:
                 case IncomingMessage(_, payload, _):
                     self.came.append(int(payload))
@@ -76,7 +76,7 @@ def test_a_thousand_events_of_eight_lines_over_tls_come_once_and_no_connection_e
         while not all(line.is_over for line in lines):
             for line in lines:
                 line.turn()
-            lines[0].heard.wait(0.002)
+            lines[0].heard.wait_for_event(0.002)
         ended = sum(line.ended + sum("ended" in said for said in line.said) for line in lines)
         out, came = sum(line.put for line in lines), sum(len(set(line.came)) for line in lines)
         print(f"\n{LINES} lines, {out} out, {came} in, {ended} disconnects, {out - came} lost")

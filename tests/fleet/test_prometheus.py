@@ -17,9 +17,9 @@ from prometheus_client.core import CollectorRegistry
 from tests.local_driver import LocalDriver
 from trcvtui.engine.controller import fresh_bench
 from trcvtui.fleet.lines import AgentBench
-from trcvtui.fleet.metrics import METRICS, MetricsPage
+from trcvtui.fleet.metrics import METRICS, MetricsCollector
 from trcvtui.paths import configs_path
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 
 SERVICE = configs_path() / "service"
 RULES = SERVICE / "prometheus-rules.yml"
@@ -35,7 +35,7 @@ class IdleAgent:
     is_running, is_up, queued, dropped, restarts, scan_age_s = True, False, 3, 2, 1, 0.1
 
     def __init__(self) -> None:
-        project = load_bench(configs_path() / "active.toml")
+        project = load_bench_project(configs_path() / "active.toml")
         driver = LocalDriver(fresh_bench(project, "sim"))
         driver.scan(100)
         self.seen = AgentBench("b", project.dialect.label)
@@ -46,7 +46,7 @@ class IdleAgent:
 def published() -> set[str]:
     """Return the names of the rows on the page."""
     registry = CollectorRegistry()
-    registry.register(MetricsPage(IdleAgent()))
+    registry.register(MetricsCollector(IdleAgent()))
     page = generate_latest(registry).decode()
     return {re.split("[ {]", line)[0] for line in page.splitlines() if line[0] != "#"}
 

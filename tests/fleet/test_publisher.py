@@ -126,7 +126,7 @@ def test_recent_goes_out_at_once_and_then_once_a_minute_with_what_there_is_by_th
 
 def test_past_the_bound_the_oldest_figures_go_first_and_it_is_said() -> None:
     line = Line()
-    line.publisher.figures("f", b"figures")
+    line.publisher.send_figures("f", b"figures")
     for number in range(6):
         line.publisher.send_event("e", b"%d" % number)
     assert line.queue.size == 5

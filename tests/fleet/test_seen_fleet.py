@@ -14,10 +14,10 @@ from trcvtui.cli.main import main
 from trcvtui.errors import UserError
 from trcvtui.fleet import seen_fleet
 from trcvtui.fleet.broker import (
-    BrokerRefusal,
     ConnAck,
     ConnectionLost,
     IncomingMessage,
+    SubscribeRefusal,
 )
 from trcvtui.fleet.event_log import EventLog
 from trcvtui.fleet.reader import (
@@ -54,7 +54,7 @@ def test_what_was_before_we_looked_is_not_missing_but_a_new_run_of_the_agent_beg
     log = EventLog()
     log.add_events(recent(100, 101).events)
     assert log.missing == 0
-    log.begin_counting()
+    log.count_from_one()
     log.add_events([event(3, "c")])
     assert log.missing == 2
     log.add_events(recent(1, 2, 3, boot="c").events)
@@ -63,7 +63,7 @@ def test_what_was_before_we_looked_is_not_missing_but_a_new_run_of_the_agent_beg
 
 def test_an_instance_without_an_event_so_far_misses_those_that_recent_has_no_more() -> None:
     log = EventLog()
-    log.begin_counting()
+    log.count_from_one()
     log.add_events(recent(*range(37, 101)).events)
     assert log.missing == 36
 
@@ -82,7 +82,7 @@ def test_whatever_comes_in_whatever_order_nothing_stands_twice_and_the_rest_is_m
 ) -> None:
     log = EventLog()
     if has_begun:
-        log.begin_counting()
+        log.count_from_one()
     fresh = [kept.seq for seq in seqs for kept in log.add_events([event(seq)])]
     assert len(set(fresh)) == len(fresh)
     first = 1 if has_begun else seqs[0]
@@ -317,7 +317,7 @@ def test_each_refused_message_is_counted_and_one_line_a_second_is_told() -> None
     )
     broker.tell(*(IncomingMessage(f"trcvtui/v1/\x1b[2J{n}/x", b"", False) for n in range(1000)))
     assert broker.reader.refused == 1001 and "truncated" in broker.reader.last_refusal
-    broker.tell(BrokerRefusal("it lets us not read"), seconds=REPORT_PAUSE_NS / SECOND)
+    broker.tell(SubscribeRefusal("it lets us not read"), seconds=REPORT_PAUSE_NS / SECOND)
     assert broker.reader.refused == 1001 and broker.reader.last_refusal == "it lets us not read"
 
 

@@ -161,4 +161,4 @@ def test_where_messages_come_faster_than_they_cross_a_screen_has_many_of_them_in
         max(here[50:]) > messages.MOST_INSTANCE_ROWS // 3
         and sum(each == messages.ROWS_A_PICTURE for each in here) <= 5
     )
-    assert [row.number for row in known.rows] == [*range(known.first + 1, known.stop + 1)]
+    assert [row.number for row in known.rows] == [*range(known.first + 1, known.next_number + 1)]

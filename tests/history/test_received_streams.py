@@ -9,11 +9,11 @@ from pathlib import Path
 from tests.scenario.scenarios import SCENARIOS
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.environment import (
-    BytesLost,
+    BufferBytesLost,
     FrameEnded,
-    JobEnded,
     NoiseDropped,
     PartialFrameDropped,
+    ReceiveEnded,
     SendEnded,
 )
 from trcvtui.history.ledger_reader import LedgerReader
@@ -46,10 +46,10 @@ class Compared(VirtualPace):
         ended: Counter[tuple[str, int, int, str]] = Counter()
         for event in events:
             match event:
-                case JobEnded(instance, number, connect, _, _, size, True):
+                case ReceiveEnded(instance, number, connect, _, _, size, True):
                     in_data[self._data(instance)] = connect, instance, number, size
                     ended[instance, number, size, ""] += 1
-                case JobEnded(instance, number, size=size, reason=reason) if size:
+                case ReceiveEnded(instance, number, size=size, reason=reason) if size:
                     ended[instance, number, size, reason] += 1
                 case FrameEnded(instance, buffer, _, size, number=number):
                     self._frames[instance] += 1
@@ -64,7 +64,7 @@ class Compared(VirtualPace):
                     drops[event.buffer, event.size, NOISE] += 1
                 case PartialFrameDropped():
                     drops[event.buffer, event.size, f"incomplete, {event.reason}"] += 1
-                case BytesLost() if event.buffer != "TX":  # what is sent was not received
+                case BufferBytesLost() if event.buffer != "TX":  # what is sent was not received
                     drops[event.buffer, event.size, event.reason] += 1
         rows = [(name, row) for name, row in self.rows.take_rows()]
         assert ended == Counter((name, row.number, row.size, row.reason) for name, row in rows)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.tui.fakes import receiving
-from trcvtui.blocks.environment import JobEnded, JobStarted
+from trcvtui.blocks.environment import ReceiveEnded, ReceiveStarted
 from trcvtui.diagnosis.status_card import list_frame_notes
 from trcvtui.history.records import MAX_SCAN
 from trcvtui.history.stream_index import KEPT_STREAMS, StreamIndex
@@ -37,12 +37,12 @@ def taken(
     return BytesReceived("C1", incarnation, recv, offset, size, instance)
 
 
-def started(job: int, offset: int, length: int = 24) -> JobStarted:
-    return JobStarted("TRCV_C_1", job, "C1", 1, offset, length, False)
+def started(job: int, offset: int, length: int = 24) -> ReceiveStarted:
+    return ReceiveStarted("TRCV_C_1", job, "C1", 1, offset, length, False)
 
 
-def ended(job: int, offset: int, size: int, done: bool = True) -> JobEnded:
-    return JobEnded("TRCV_C_1", job, "C1", 1, offset, size, done, "")
+def ended(job: int, offset: int, size: int, done: bool = True) -> ReceiveEnded:
+    return ReceiveEnded("TRCV_C_1", job, "C1", 1, offset, size, done, "")
 
 
 def test_a_byte_of_data_knows_job_recv_and_message() -> None:
@@ -77,7 +77,7 @@ def in_turns() -> StreamIndex:
     """Return two jobs that read in turns: X has bytes 0-3 and 8-11, Y has 4-7; each message has three."""
     x, y = "TRCV_C_1", "TRCV_C_2"
     ledger = told(connected(), *(sent(n + 1, 3 * n, 3) for n in range(4)), started(1, 0, 8))
-    ledger.add_lines([(50, 0, JobStarted(y, 1, "C1", 1, 0, 4, False))])
+    ledger.add_lines([(50, 0, ReceiveStarted(y, 1, "C1", 1, 0, 4, False))])
     for recv, (offset, instance) in enumerate(((0, x), (4, y), (8, x)), 1):
         ledger.add_lines([(50 + recv, 0, taken(recv, offset, 4, instance=instance))])
     return ledger
@@ -88,7 +88,7 @@ def test_jobs_that_read_in_turns_know_their_own_bytes(of_job: bool) -> None:
     ledger = in_turns()
     if not of_job:
         ledger.add_lines([(60, 0, ended(1, 0, 8))])
-        ledger.add_lines([(60, 0, JobEnded("TRCV_C_2", 1, "C1", 1, 4, 4, True, ""))])
+        ledger.add_lines([(60, 0, ReceiveEnded("TRCV_C_2", 1, "C1", 1, 4, 4, True, ""))])
     found = [ledger.find_origin("TRCV_C_1", of_job, byte) for byte in range(8)]
     recvs = [origin.recv.number for origin in found if origin is not None and origin.recv is not None]
     assert recvs == [1, 1, 1, 1, 3, 3, 3, 3]

@@ -14,10 +14,10 @@ from trcvtui.errors import UserError
 from trcvtui.history.pin_waveform import event_pins
 from trcvtui.history.waveform_text import (
     ScanRange,
+    export_folder,
     format_vcd,
     free_path,
-    target_folder,
-    write_waves,
+    write_vcd,
 )
 from trcvtui.plc.ledger import InputEdge, StatusEdge
 
@@ -90,12 +90,12 @@ def test_an_existing_file_is_not_written_over(tmp_path: Path) -> None:
     run = connected()
     run.catch_up()
     path = tmp_path / "a.vcd"
-    assert write_waves(path, [run.wave()], whole(run)) == path.stat().st_size
+    assert write_vcd(path, [run.wave()], whole(run)) == path.stat().st_size
     with pytest.raises(UserError, match="is there already"):
-        write_waves(path, [run.wave()], whole(run))
+        write_vcd(path, [run.wave()], whole(run))
     assert free_path(tmp_path, "a") == tmp_path / "a-2.vcd"
     with pytest.raises(UserError):
-        write_waves(tmp_path / "none" / "b.vcd", [run.wave()], whole(run))
+        write_vcd(tmp_path / "none" / "b.vcd", [run.wave()], whole(run))
 
 
 def test_files_go_beside_the_project_but_never_into_the_program(
@@ -105,5 +105,5 @@ def test_files_go_beside_the_project_but_never_into_the_program(
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plant").mkdir()
-    assert target_folder(tmp_path / "plant" / "a.toml") == tmp_path / "plant"
-    assert target_folder(demo_path()) == tmp_path
+    assert export_folder(tmp_path / "plant" / "a.toml") == tmp_path / "plant"
+    assert export_folder(demo_path()) == tmp_path

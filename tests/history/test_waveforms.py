@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.history.waveform_runs import RECEIVER, SENDER, Run, connected, random_run
 from trcvtui.history import waveform_recorder as waves
-from trcvtui.history.pin_waveform import POLL_NS, PinWaveform, Window
+from trcvtui.history.pin_waveform import POLL_NS, PinWaveform, ScanWindow
 from trcvtui.history.waveform_text import draw_row
 from trcvtui.tui.panes.timing import ZOOM_LEVELS
 
@@ -20,7 +20,7 @@ SCANS = 10_000 if "TRCVTUI_SOAK" in os.environ else 2_500
 
 
 def text(run: Run, name: str, first: int, count: int, zoom: int = 1) -> str:
-    window = Window((first - 1) // zoom, count, zoom)
+    window = ScanWindow((first - 1) // zoom, count, zoom)
     return "".join(part for part, _ in draw_row(run.wave(), name, window))
 
 
@@ -39,7 +39,7 @@ def test_a_column_is_the_least_and_the_greatest_of_its_scans(zoom: int) -> None:
     for pin, values in run.seen[RECEIVER].items():
         lane = run.lane(pin)
         twice = {scan for scan, after in pairwise(lane.scans) if scan == after}  # COM_RST; STOP and RUN
-        columns = lane.list_columns(Window(0, -(-len(values) // zoom), zoom), run.wave().until_scan)
+        columns = lane.list_columns(ScanWindow(0, -(-len(values) // zoom), zoom), run.wave().until_scan)
         for n, column in enumerate(columns):
             scans = range(n * zoom + 1, min((n + 1) * zoom, len(values)) + 1)
             part = [value for scan in scans if (value := values[scan - 1]) is not None]
@@ -59,8 +59,8 @@ def test_a_lane_drawn_while_it_grows_is_drawn_as_at_the_end(steps: list[tuple[in
     for scans, value in steps:
         scan += scans
         growing.add(scan, scan * 10, value)
-        growing.list_columns(Window(0, scan // zoom + 1, zoom), scan)
-    window = Window(0, scan // zoom + 1, zoom)
+        growing.list_columns(ScanWindow(0, scan // zoom + 1, zoom), scan)
+    window = ScanWindow(0, scan // zoom + 1, zoom)
     fresh = PinWaveform()
     for at, t_ns, kept in zip(growing.scans, growing.times, growing.values, strict=True):
         fresh.add(at, t_ns, kept)

@@ -8,7 +8,7 @@ import pytest
 
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.engine.controller import Controller, fresh_bench
-from trcvtui.history.pin_waveform import Waveform, WaveformCache, Window
+from trcvtui.history.pin_waveform import ScanWindow, Waveform, WaveformCache
 from trcvtui.history.waveform_text import ScanRange, draw_row, format_vcd, row_names
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
@@ -42,7 +42,7 @@ def wave() -> Waveform:
 
 
 def row(wave: Waveform, name: str) -> str:
-    return "".join(text for text, _ in draw_row(wave, name, Window(0, 23, 1)))
+    return "".join(text for text, _ in draw_row(wave, name, ScanWindow(0, 23, 1)))
 
 
 def test_the_rows_of_receivedata_are_its_own_pins_what_it_delivers_first(wave: Waveform) -> None:

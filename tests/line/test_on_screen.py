@@ -18,17 +18,17 @@ from trcvtui.history.records import MAX_SCAN
 from trcvtui.line.on_screen import _play_shadows, watch_main
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.plc.ledger import PeerSent
-from trcvtui.replay.time_line import TimeLine
+from trcvtui.replay.time_line import ReplayNavigator
 
 __all__ = ["watch"]
 
 
-def work(line: TimeLine) -> None:
+def work(line: ReplayNavigator) -> None:
     while line.advance(clock.now_ns() + 10_000_000):
         pass
 
 
-def at(line: TimeLine, text: str) -> tuple[int, list[str], tuple[str, ...]]:
+def at(line: ReplayNavigator, text: str) -> tuple[int, list[str], tuple[str, ...]]:
     """Go there; return the scan, what the instances show, and what is told beside."""
     line.handle_line(1, f"at {text}")
     work(line)
@@ -36,7 +36,7 @@ def at(line: TimeLine, text: str) -> tuple[int, list[str], tuple[str, ...]]:
     position = update.position
     assert position is not None
     shows = [f"{one.outputs.status:04X}" for one in line.controller.bench.runtime.snapshot().instances]
-    return position.scan, shows, position.beside
+    return position.report_scan, shows, position.beside
 
 
 @pytest.mark.parametrize("by_plc", [False, True])
@@ -129,7 +129,7 @@ def test_a_shadow_with_another_length_is_drawn_beside(watch: Watch, tmp_path: Pa
     assert position is not None
     first, *_ = position.what_if
     assert first.startswith("what if instance.R1.LEN=6: they differ from scan ")
-    assert position.scan == position.parts_at == 18_001
+    assert position.report_scan == position.parts_at == 18_001
 
 
 def test_an_ad_hoc_shadow_takes_another_value_and_refuses_what_it_has_not(
@@ -190,7 +190,7 @@ def test_without_a_project_the_messages_are_those_of_the_command_at_their_scans(
     assert {row[0] for row in found["to PLC"]} == {12, 6, 10}
 
 
-def shown(path: Path, bench: Path | None) -> TimeLine:
+def shown(path: Path, bench: Path | None) -> ReplayNavigator:
     return _play_shadows([str(path)], (bench, None, None), path.parent / "shadows.pcapng")
 
 

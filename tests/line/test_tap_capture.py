@@ -10,7 +10,7 @@ import pytest
 from trcvtui.capture import pcap
 from trcvtui.capture.packets import IpPayload, parse_packet
 from trcvtui.capture.reassembly import ConversationEvent, Conversations, SegmentKind
-from trcvtui.line.tap_capture import TapPacket, TapPackets
+from trcvtui.line.tap_capture import TapPacket, TapPacketMaker
 from trcvtui.net.tap import LOSS, WAY_BACK, WAY_TO, TapEvent, TapEventKind
 from trcvtui.recording.wire import checksum
 
@@ -30,7 +30,7 @@ BEGIN = event(TapEventKind.OPEN, data=OPENS["v4"]), event(TapEventKind.ANSWERED,
 
 
 def packets_of(*events: TapEvent) -> list[TapPacket]:
-    packets = TapPackets()
+    packets = TapPacketMaker()
     return [packet for each in events for packet in packets.make_packets(each)]
 
 
@@ -120,7 +120,7 @@ def test_an_intervention_is_a_comment_of_the_packet_that_it_changed() -> None:
 
 
 def test_a_serial_line_has_an_interface_of_its_own() -> None:
-    packets = TapPackets()
+    packets = TapPacketMaker()
     assert list(packets.make_packets(event(TapEventKind.OPEN, data=b"serial|/dev/a|0|/dev/b|0"))) == []
     (one,) = packets.make_packets(event(TapEventKind.BYTES, WAY_BACK, data=b"\x02x\x03"))
     assert (one.interface, one.data[12:], packets.lines) == (1, b"\x02x\x03", ["/dev/a - /dev/b"])

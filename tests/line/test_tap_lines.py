@@ -18,7 +18,7 @@ from trcvtui.errors import UserError
 from trcvtui.line.capture_player import CapturePlayer
 from trcvtui.line.live import LivePlan
 from trcvtui.line.shadows import ShadowPlan
-from trcvtui.line.tap_capture import NOTES_ID, TapCapture
+from trcvtui.line.tap_capture import NOTES_ID, TapEncoder
 from trcvtui.line.tap_watch import TapWatch
 from trcvtui.line.watch_command import WatchLines
 from trcvtui.net.os.lossy_pipe import MOST_LINE
@@ -127,7 +127,7 @@ class Observed:
         self, project: Path | None = None, *places: tuple[str, str, str], plc: str | None = None
     ) -> None:
         self.taps = [*places] or [("T", "1999", "2000")]
-        self.capture = TapCapture("a tap", {"taps": self.taps, "plc": plc, "dialect": None})
+        self.capture = TapEncoder("a tap", {"taps": self.taps, "plc": plc, "dialect": None})
         self.lines: list[str] = []
         self.said: list[tuple[str, str]] = []
         plan = LivePlan(project, None, None)  # as an agent has it before the tap names its places
@@ -140,7 +140,7 @@ class Observed:
 
     def read(self, *blocks: bytes) -> list[dict[str, Any]]:
         """Play blocks to their end; return the records, the last of them what became of conversations."""
-        reader = CaptureReader(BytesIO(self.capture.head(1) + b"".join(blocks)).read, "tap")
+        reader = CaptureReader(BytesIO(self.capture.encode_head(1) + b"".join(blocks)).read, "tap")
         self.watch.found.names = reader.interface_name
         self.watch.found.add_packets(reader, reader.link_types)
         player = self.watch.finish()
@@ -178,7 +178,7 @@ def test_bytes_that_were_missed_are_a_hole_and_said() -> None:
     tap = Observed()
     before = tap.blocks(*BEGIN, event(TapEventKind.BYTES, 100, data=b"seen"))
     tap.blocks(event(TapEventKind.BYTES, 150, at=4, data=bytes(1000)))  # was left out
-    loss = tap.capture.encode_loss(200 * MS, 3, 3, 1000) + tap.capture.encode_open()
+    loss = tap.capture.encode_loss(200 * MS, 3, 3, 1000) + tap.capture.encode_open_talks()
     again = event(TapEventKind.BYTES, 300, at=1004, data=b"again"), event(TapEventKind.ENDED, 500)
     records = tap.read(before, loss, tap.blocks(*again))
     assert tap.said == [("lost", "3 events with 1000 bytes came faster than they were shown")]
@@ -193,7 +193,7 @@ def test_another_process_that_serves_ends_what_has_ended_before_it_came() -> Non
     before = tap.blocks(*BEGIN, event(TapEventKind.BYTES, 100, data=b"seen"))
     begin = [each._replace(number=2, ns=each.ns + 300 * MS) for each in BEGIN]
     after = other.blocks(*begin, event(TapEventKind.BYTES, 400, data=b"second", number=2))
-    records = tap.read(before, other.capture.head(1_000_000_000_000 + 200 * MS), after)
+    records = tap.read(before, other.capture.encode_head(1_000_000_000_000 + 200 * MS), after)
     assert records[-1]["assigned"] == [{"id": name, "shadows": ["C1", "C1_BACK"]} for name in ("C1", "C2")]
     assert [each["RCVD_LEN"] for each in records if each.get("DONE")] == [4, 6]
 
@@ -214,8 +214,8 @@ def test_what_is_held_is_told_again_and_what_another_process_does_not_tell_is_no
         assert tap.watch.player is not None and tap.watch.player.talks is not None
         return [each.to_plc.held for each in tap.watch.player.talks.make_snapshots()]
 
-    assert held(before, tap.capture.encode_loss(200 * MS, 3, 3, 1000), tap.capture.encode_open()) == [4]
-    assert held(other.capture.head(300 * MS), other.capture.encode_open()) == [None]
+    assert held(before, tap.capture.encode_loss(200 * MS, 3, 3, 1000), tap.capture.encode_open_talks()) == [4]
+    assert held(other.capture.encode_head(300 * MS), other.capture.encode_open_talks()) == [None]
 
 
 ROWS = """

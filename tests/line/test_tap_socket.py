@@ -29,13 +29,13 @@ from trcvtui.errors import UserError
 from trcvtui.fleet import agent as fleet_agent
 from trcvtui.fleet.agent import Agent, AgentSettings
 from trcvtui.line import live_screen
-from trcvtui.line.live_screen import TapSocketDriver
+from trcvtui.line.live_screen import RunningTapDriver
 from trcvtui.line.tap_socket import make_socket_path, open_connection
 from trcvtui.net.os import observers
 from trcvtui.net.os.observers import MOST_PATH_BYTES, PEER_CREDENTIALS, is_trusted, listen_at
 from trcvtui.net.tap import WAY_TO, TapOrder
 from trcvtui.picture.bench_update import UpdateRequest
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 
 ROOT = Path(__file__).parents[2]
 MEGABYTES = 10
@@ -222,7 +222,7 @@ def test_an_observer_that_does_not_read_loses_packets_which_are_counted_and_byte
     device, plc = tap.connect()
     device.sendall(b"x")
     threading.Thread(target=lambda: [None for _ in packets], daemon=True).start()
-    until(lambda: reader.drops > 0)
+    until(lambda: reader.drop_count > 0)
     for end in (device, plc, observer):
         end.close()
 
@@ -296,7 +296,9 @@ def test_observers_that_hang_are_told_as_stale_and_read_again_when_they_go_on(
 ) -> None:
     monkeypatch.setattr(live_screen, "MOST_SILENT_NS", 3 * SECOND)
     monkeypatch.setattr(fleet_agent, "MOST_PAUSE_NS", SECOND)
-    agent = Agent(AgentSettings(tap.project, "sim", "s", "n", None, None, None), load_bench(tap.project))
+    agent = Agent(
+        AgentSettings(tap.project, "sim", "s", "n", None, None, None), load_bench_project(tap.project)
+    )
     device, plc = tap.connect()
     [server] = [pid for pid in children_of(tap.process.pid) if is_alive(pid)]
     with ExitStack() as opened:
@@ -326,14 +328,14 @@ def test_observers_that_hang_are_told_as_stale_and_read_again_when_they_go_on(
 
 
 def test_shadows_of_an_agent_show_what_passes_a_tap_and_say_where_there_is_none(tap: TapService) -> None:
-    driver = TapSocketDriver(tap.project)
+    driver = RunningTapDriver(tap.project)
     try:
         device, plc = tap.connect()
 
         def comes() -> bool:
             device.sendall(bytes(4))  # the driver may have come when the first of them were through
             driver.request(UpdateRequest())
-            driver.wait(0.05)
+            driver.wait_for_message(0.05)
             picture = driver.poll_picture()
             return picture is not None and picture.snapshot.instances[0].jobs_done >= 3
 

@@ -319,7 +319,7 @@ def taken(
     path = folder / "piped"
     path.write_bytes(content)
     with path.open("rb") as file:
-        return PacketStream(file.fileno(), Pieces().live, print, came, kept).read_all()
+        return PacketStream(file.fileno(), Pieces().live, print, came, kept).play_all()
 
 
 def test_what_the_capture_program_dropped_is_told(tmp_path: Path) -> None:
@@ -334,7 +334,7 @@ def test_the_newest_packets_of_a_stream_are_judged(tmp_path: Path) -> None:
     judge = FilesJudge(kept.write_file, looks_again=True)
     judge.start_judging()
     while judge.is_judging:
-        judge.advance()
+        judge.poll_process()
     (found,) = json.loads(judge.result_json)["findings"]
     assert found["cause"] == "refused" and found["t_ns"] >= 0
 
@@ -353,7 +353,7 @@ def test_the_screen_gets_pictures_of_shadows_while_packets_come() -> None:
 
     def run() -> None:
         with suppress(EOFError, OSError):
-            served.run(reads)
+            served.serve_forever(reads)
 
     thread = threading.Thread(target=run)
     thread.start()

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
+from trcvtui.blocks.environment import ReceiveEnded, ReceiveStarted, SendEnded, SendStarted
 from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionChanged, EventKind
 from trcvtui.plc.ledger import BenchNote, Line
 from trcvtui.project.project import InstanceDecl
@@ -75,7 +75,7 @@ class ByteModel:
             match line.event:
                 case ConnectionChanged():
                     self._connection(line.event)
-                case BytesReceived() | BytesDropped() | JobStarted() | JobEnded():
+                case BytesReceived() | BytesDropped() | ReceiveStarted() | ReceiveEnded():
                     self._receive(line.event)
                 case BytesSent() | SendStarted() | SendEnded():
                     self._send(line.event)
@@ -120,9 +120,9 @@ class ByteModel:
 
     # -- received bytes ------------------------------------------------------------------------------
 
-    def _receive(self, event: BytesReceived | BytesDropped | JobStarted | JobEnded) -> None:
+    def _receive(self, event: BytesReceived | BytesDropped | ReceiveStarted | ReceiveEnded) -> None:
         match event:
-            case JobStarted(instance, _, name, incarnation, offset):
+            case ReceiveStarted(instance, _, name, incarnation, offset):
                 assert instance not in self.receiving
                 link = self._link(name, incarnation)
                 assert offset == link.received
@@ -143,10 +143,10 @@ class ByteModel:
                 link = self.links[name, incarnation]
                 jobs = [job for job in self.receiving.values() if job.link is link]
                 assert reason and any(job.strike_out(offset, size) for job in jobs), "dropped once"
-            case JobEnded():
+            case ReceiveEnded():
                 self._receive_ended(event)
 
-    def _receive_ended(self, event: JobEnded) -> None:
+    def _receive_ended(self, event: ReceiveEnded) -> None:
         job = self.receiving.pop(event.instance)
         if not event.done:
             assert not job.spans, "bytes that do not reach DATA are named, with a reason"

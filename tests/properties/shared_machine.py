@@ -24,7 +24,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.bench.peers.peer import Peer
 from trcvtui.blocks.table import block_row
 from trcvtui.commands.table import parse_line
-from trcvtui.commands.words import Create, Retype, Write
+from trcvtui.commands.words import CreateBlock, Retype, WriteBytes
 from trcvtui.net.kernel import KERNEL_CALLS
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import read_project
@@ -77,12 +77,12 @@ class SharedMachine(RuleBasedStateMachine):
         command = parse_line(line, self.bench.project, "machine")
         assert command is not None
         match command:
-            case Create(decl):
+            case CreateBlock(decl):
                 self.model.created.append(decl)
             case Retype(name, _, decl):
                 size = decl.size
                 self.model.changes.append((name, lambda old: old[:size] + bytes(size - len(old[:size]))))
-            case Write(name, at, payload):
+            case WriteBytes(name, at, payload):
                 self.model.changes.append((name, lambda old: _written(old, at, payload)))
         return self.bench.do(command)
 

@@ -22,7 +22,7 @@ from tests.recording.test_black_box import PROJECT as OF_EIGHT_BYTES
 from tests.waiting import children_of, until, until_size
 from trcvtui.recording.journal import STEP, CallRecord, RunHeader
 from trcvtui.recording.recording import Recording
-from trcvtui.replay.command import check_replay
+from trcvtui.replay.command import find_difference
 from trcvtui.replay.run_again import ReplayRun
 
 KILLS = 200 if os.environ.get("TRCVTUI_SOAK") else 3
@@ -83,7 +83,7 @@ def test_a_killed_run_lacks_a_second_at_most_and_runs_again_up_to_there(tmp_path
     begins = found[0]
     assert isinstance(begins, RunHeader) and isinstance(steps[-1], int)
     assert at - (begins.wall_ns + steps[-1]) < MOST_MISSING_NS
-    said = check_replay(ReplayRun(recording.read_entries(), "R"))
+    said = find_difference(ReplayRun(recording.read_entries(), "R"))
     assert said == "" or said.startswith("R: found the end of the journal after ")
     assert told in (None, 1)
     tshark = shutil.which("tshark")

@@ -19,9 +19,9 @@ from trcvtui.recording.black_box import BlackBox, find_new_path
 from trcvtui.recording.journal import Entry, LostEntries
 from trcvtui.recording.recorder import attach_black_box
 from trcvtui.recording.recording import Recording
-from trcvtui.replay.command import check_replay
+from trcvtui.replay.command import find_difference
 from trcvtui.replay.keyframes import Keyframes
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 
 PROJECT = """
 dialect = "baosky"
@@ -58,7 +58,7 @@ class Run:
         self.recorder, self.box = attach_black_box(None, FilesRead())
         self.recorder.box = self.box
         self.recorder.__enter__()
-        project = load_bench(path)
+        project = load_bench_project(path)
         self.recorder.reads.store(str(path), PROJECT.encode())
         bench = fresh_bench(project, "sim", self.recorder.seam)
         self.recorder.add_header(bench, path, (), is_scenario=False)
@@ -113,7 +113,7 @@ def test_what_has_been_up_to_now_is_saved_and_runs_again(run: Run, tmp_path: Pat
     run.until_written()
     assert run.box.status_text == "one.pcapng is written"
     played = again(entries(tmp_path / "one.pcapng"))
-    assert check_replay(played) == ""
+    assert find_difference(played) == ""
     assert played.bench.runtime.scans == 100
     assert played.bench.runtime.snapshot().instances[0].jobs_done > 20
 
@@ -130,7 +130,7 @@ def test_a_recording_begins_with_the_run_and_goes_on_until_it_is_stopped(run: Ru
     run.scans(5)
     run.until_written()
     played = again(entries(tmp_path / "two.pcapng"))
-    assert check_replay(played) == ""
+    assert find_difference(played) == ""
     assert played.bench.runtime.scans == 120
     assert "no recording under way" in run.line("record stop")
 
@@ -141,7 +141,7 @@ def test_the_end_of_the_run_is_the_end_of_its_recording(tmp_path: Path) -> None:
     run.line(f"record {tmp_path}/end")
     run.scans(30)
     run.close()
-    assert check_replay(again(entries(tmp_path / "end.pcapng"))) == ""
+    assert find_difference(again(entries(tmp_path / "end.pcapng"))) == ""
 
 
 def test_a_file_that_is_there_stays(run: Run, tmp_path: Path) -> None:
@@ -174,7 +174,7 @@ def test_only_the_newest_bytes_are_kept_and_a_file_says_what_it_lacks(
     lost = [entry for entry in found if isinstance(entry, LostEntries)]
     assert lost[0].number > 1000
     assert lost[0].why == "the black box keeps the newest 64 MiB"
-    said = check_replay(again(found))
+    said = find_difference(again(found))
     assert "gap of" in said and "\n" not in said
 
 
@@ -221,7 +221,7 @@ def test_a_box_that_waits_beside_other_programs_goes_on(
 def test_a_run_without_a_black_box_says_so(tmp_path: Path) -> None:
     path = tmp_path / "p.toml"
     path.write_text(PROJECT)
-    bench = fresh_bench(load_bench(path), "sim")
+    bench = fresh_bench(load_bench_project(path), "sim")
     controller = Controller(bench)
     controller.handle_line(1, "record")
     assert controller._answers[-1].error.startswith("prompt: found no black box for this run, expected ")
@@ -246,7 +246,7 @@ def test_a_wrong_word_for_the_switch_is_a_mistake(tmp_path: Path) -> None:
     path = tmp_path / "p.toml"
     path.write_text('dialect = "baosky"\n[options]\nblack_box = "maybe"\n')
     with pytest.raises(UserError, match="on or off"):
-        load_bench(path)
+        load_bench_project(path)
 
 
 def test_a_writer_that_is_killed_harms_nobody(run: Run, tmp_path: Path) -> None:
@@ -285,7 +285,7 @@ def test_a_box_that_has_forgotten_the_beginning_runs_again_from_a_state(
         run.until_written()
         keyframes = Keyframes(Recording(tmp_path / f"{name}.pcapng"), name)
         again = keyframes.start_run()
-        assert keyframes.first and check_replay(again) == ""
+        assert keyframes.first and find_difference(again) == ""
         assert again.bench.runtime.scans == run.controller.bench.runtime.scans
         firsts.append(keyframes.first)
     assert firsts[0] < firsts[1]

@@ -115,7 +115,7 @@ def test_a_writer_that_does_not_follow_leaves_a_marked_gap(
     os.kill(sink.pid, signal.SIGSTOP)
     for _ in range(40):
         sink.add_entries(some(10_000))
-        sink.post_block()
+        sink.queue_own_block()
     os.kill(sink.pid, signal.SIGCONT)
     while sink.is_behind:
         sink.advance()

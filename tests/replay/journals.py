@@ -14,11 +14,11 @@ from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.recording.journal import Entry, Keyframe, decode_entries, encode_blocks
 from trcvtui.recording.recorder import RunRecorder
 from trcvtui.recording.recording import BlockPlace
-from trcvtui.replay.command import print_jsonl
+from trcvtui.replay.command import replay_to_jsonl
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.what_if import WhatIf
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 from trcvtui.snapshots.bench import EngineTiming
 
 
@@ -53,7 +53,7 @@ def again(entries: Iterable[Entry]) -> ReplayRun:
 
 def jsonl(entries: Iterable[Entry]) -> str:
     out = io.StringIO()
-    print_jsonl(again(entries), out.write)
+    replay_to_jsonl(again(entries), out.write)
     return out.getvalue()
 
 
@@ -73,7 +73,7 @@ def on_the_screen(path: Path, lines: str) -> tuple[Bench, list[Entry]]:
     kept = Kept()
     recorder = RunRecorder(lambda: kept, waits=False)
     with record_reads(recorder.reads):
-        project = load_bench(path)
+        project = load_bench_project(path)
         with recorder:
             bench = fresh_bench(project, "sim", recorder.seam)
             recorder.add_header(bench, path, (), is_scenario=False)

@@ -13,7 +13,7 @@ from trcvtui.cli.main import main
 from trcvtui.history.messages import MessageRow
 from trcvtui.recording.journal import SIM_WALL_NS, STEP
 from trcvtui.replay.driver import open_time_line
-from trcvtui.replay.time_line import TimeLine
+from trcvtui.replay.time_line import ReplayNavigator
 from trcvtui.tui.view_model.view_model import ViewModel
 
 
@@ -28,7 +28,7 @@ def scenario_of_many(folder: Path) -> Path:
 class Shown(Stood):
     """A replay, and what the screen knows of its messages."""
 
-    def __init__(self, line: TimeLine) -> None:
+    def __init__(self, line: ReplayNavigator) -> None:
         super().__init__(line=line)
         self.screen = ViewModel(line.controller.bench.project)
         self.rows()
@@ -46,7 +46,7 @@ def test_at_its_first_scan_a_replay_has_the_rows_of_the_run_and_keeps_them(tmp_p
     many = scenario_of_many(tmp_path)
     _, messages = played(many)
     rows = [row for _, row in messages.taken]
-    stood = Shown(TimeLine(InMemory(recorded(many)[1]), "R"))
+    stood = Shown(ReplayNavigator(InMemory(recorded(many)[1]), "R"))
     assert (stood.scan, len(rows), stood.rows()) == (1, 500, rows)
     assert stood.screen.message_type is not None
     assert stood.screen.live is not None and stood.screen.live.begun_ns == SIM_WALL_NS
@@ -61,10 +61,10 @@ def test_where_the_journal_lies_the_rows_end_and_the_replay_too(tmp_path: Path) 
     entries = recorded(scenario_of_many(tmp_path))[1]
     steps = [place for place, one in enumerate(entries) if getattr(one, "call", "") == STEP]
     entries[steps[200]] = entries[steps[100]]  # time would go back
-    stood = Shown(TimeLine(InMemory(entries), "R"))
+    stood = Shown(ReplayNavigator(InMemory(entries), "R"))
     position = stood.update().position
     assert stood.rows()[-1].scan <= 200
-    assert position is not None and (position.scan, position.last_scan) == (1, 200)
+    assert position is not None and (position.report_scan, position.last_scan) == (1, 200)
     assert "a time that does not go back" in position.note
 
 

@@ -22,8 +22,8 @@ from trcvtui.recording.journal import DO, STEP, BlockWriter, CallRecord, Entry, 
 from trcvtui.recording.recording import INDEX_MAGIC, KEYFRAME_MAGIC, Recording
 from trcvtui.recording.state import SharedObjects, decode_state, encode_state
 from trcvtui.replay import follower
-from trcvtui.replay.command import check_replay
-from trcvtui.replay.follower import RecordedRunWriter
+from trcvtui.replay.command import find_difference
+from trcvtui.replay.follower import KeyframingSink
 from trcvtui.replay.keyframes import Keyframes
 from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.what_if import WhatIf
@@ -45,7 +45,7 @@ def scans(entries: tuple[Entry, ...]) -> Iterator[list[Entry]]:
 
 def written(folder: Path, limits: FileLimits | None, entries: tuple[Entry, ...] | None = None) -> list[Path]:
     target = folder if limits else folder / "R.pcapng"
-    sink = RecordedRunWriter(
+    sink = KeyframingSink(
         RecordTarget(target, limits=limits).make_file_sink(Path("R") if limits else target), "R"
     )
     for some in scans(entries or journal()):
@@ -57,7 +57,7 @@ def written(folder: Path, limits: FileLimits | None, entries: tuple[Entry, ...] 
 @cache
 def whole() -> list[Line]:
     run = Keyframes(InMemory(journal()), "R").start_run()
-    assert check_replay(run) == ""
+    assert find_difference(run) == ""
     return lines(run)
 
 
@@ -93,7 +93,7 @@ def test_a_replay_of_the_last_file_of_a_ring_says_which_scans_it_has(
 
 @pytest.mark.parametrize("length", [1, 170], ids=["of a scan", "longer than a file"])
 def test_each_file_has_its_keyframe_also_when_blocks_come_late(length: int, tmp_path: Path) -> None:
-    sink = RecordedRunWriter(
+    sink = KeyframingSink(
         RecordTarget(tmp_path, limits=FileLimits(6000, 0, -1, -1)).make_file_sink(Path("R")), "R"
     )
     some = [*scans(journal())]
@@ -106,7 +106,7 @@ def test_each_file_has_its_keyframe_also_when_blocks_come_late(length: int, tmp_
             sink.advance(follower.NO_DEADLINE)
     sink.close()
     runs = [begun(path) for path in sorted(tmp_path.iterdir())]
-    assert [check_replay(run) for run, _ in runs] == [""] * len(runs)
+    assert [find_difference(run) for run, _ in runs] == [""] * len(runs)
     assert len(runs) > 1 and 0 not in [first for _, first in runs[1:]]
     assert runs[-1][0].bench.runtime.scans == LAST
 
@@ -116,7 +116,7 @@ def test_a_run_that_ends_at_the_border_of_a_file_leaves_no_file_without_a_keyfra
     later: int, tmp_path: Path
 ) -> None:
     sink = RecordTarget(tmp_path, limits=FileLimits(21_500, 0, -1, -1)).make_file_sink(Path("R"))
-    followed = RecordedRunWriter(sink, "R")
+    followed = KeyframingSink(sink, "R")
     for some in scans(journal()):
         followed.add_entries(some)
         later -= sink.first_scan > 0
@@ -124,7 +124,7 @@ def test_a_run_that_ends_at_the_border_of_a_file_leaves_no_file_without_a_keyfra
             break
     followed.close()
     run, first = begun(sorted(tmp_path.iterdir())[-1])
-    assert first > 0 and "found the end of the journal" in check_replay(run)  # the run itself went on
+    assert first > 0 and "found the end of the journal" in find_difference(run)  # the run itself went on
 
 
 def test_files_that_cannot_be_replayed_as_was_asked_lack_nothing(tmp_path: Path) -> None:
@@ -184,11 +184,11 @@ def test_a_file_of_a_trigger_has_the_beginning_and_keyframes(
 ) -> None:
     path = trigger_file(tmp_path, monkeypatch)
     run, first = begun(path)
-    assert first == 0 and check_replay(run) == "" and 320 < run.bench.runtime.scans < LAST
+    assert first == 0 and find_difference(run) == "" and 320 < run.bench.runtime.scans < LAST
     keyframes = Keyframes(Recording(path), "R")
     for place in Recording(path).list_keyframes():
-        again = keyframes.run_at(place.scans)
-        assert check_replay(again) == "" and lines(again) == lines(run)
+        again = keyframes.restore_at(place.scans)
+        assert find_difference(again) == "" and lines(again) == lines(run)
     assert keyframes.find_keyframe_scan(LAST) > 300
 
 
@@ -204,12 +204,12 @@ def test_a_long_run_has_a_keyframe_each_half_a_minute(
     places = Recording(path).list_keyframes()
     assert len(places) == (LAST - 1) // 50
     for place in places:
-        run = keyframes.run_at(place.scans)
+        run = keyframes.restore_at(place.scans)
         assert (run.where, run.replay.where) == (
             "R",
             "R",
         )  # and not what the file was called when it was made
-        assert check_replay(run) == "" or not has_index
+        assert find_difference(run) == "" or not has_index
         assert lines(run) == whole()
 
 
@@ -224,7 +224,7 @@ def test_keyframes_of_one_seed_are_the_same_bytes(tmp_path: Path, monkeypatch: p
 def test_a_file_without_its_keyframe_says_what_it_lacks(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(RecordedRunWriter, "advance", lambda self, until: False)
+    monkeypatch.setattr(KeyframingSink, "advance", lambda self, until: False)
     with pytest.raises(
         UserError,
         match=r"found no keyframe in 1 file \(the first is R-0002.pcapng\): the run that makes keyframes",
@@ -250,7 +250,7 @@ def test_what_is_no_state_of_this_run_is_one_user_error(seed: int) -> None:
             return
         run.replay.entries = iter(journal()[-300:])
         run.is_restored = True
-        check_replay(run)
+        find_difference(run)
     except UserError:
         return
 

@@ -15,7 +15,7 @@ from trcvtui.plc.ledger import Line
 from trcvtui.recording.journal import Entry
 from trcvtui.recording.recording import INDEX_MAGIC, Recording, RecordingWriter
 from trcvtui.replay import keyframes as module
-from trcvtui.replay.command import check_replay
+from trcvtui.replay.command import find_difference
 from trcvtui.replay.keyframes import Journal, Keyframes, PositionedEntries
 from trcvtui.replay.run_again import ReplayRun
 
@@ -46,9 +46,9 @@ def test_from_each_keyframe_on_the_run_is_the_same(name: str, monkeypatch: pytes
     run, keyframes = seen(entries, 40, monkeypatch)
     for scan in range(40, run.bench.runtime.scans, 40)[:: 1 + run.bench.runtime.scans // 400]:
         assert keyframes.find_keyframe_scan(scan + 1) == scan
-        again = keyframes.run_at(scan)
+        again = keyframes.restore_at(scan)
         assert again.bench.runtime.scans == scan
-        assert check_replay(again) == ""
+        assert find_difference(again) == ""
         assert lines(again) == lines(run)
     assert keyframes.find_keyframe_scan(39) == 0
 
@@ -74,9 +74,9 @@ def test_a_file_is_read_on_from_the_block_of_the_keyframe(
         return Recording.read_entries(recording, first)
 
     monkeypatch.setattr(recording, "read_entries", noted)
-    again = keyframes.run_at(300)
+    again = keyframes.restore_at(300)
     assert begun[0] > 1
-    assert check_replay(again) == "" and lines(again) == lines(run)
+    assert find_difference(again) == "" and lines(again) == lines(run)
 
 
 def test_entries_from_a_place_are_those_that_are_left() -> None:

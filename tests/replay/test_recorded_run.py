@@ -11,7 +11,7 @@ from tests.replay.journals import again, jsonl, on_the_screen, recorded
 from tests.scenario.scenarios import CONFIGS
 from trcvtui.errors import UserError
 from trcvtui.recording.journal import FILE_READ, CallRecord, RunHeader
-from trcvtui.replay.command import check_replay
+from trcvtui.replay.command import find_difference
 
 
 def test_a_run_begins_with_all_that_it_needs_and_no_file_is_read_again(tmp_path: Path) -> None:
@@ -48,7 +48,7 @@ def test_another_output_is_told_with_scan_instance_and_call() -> None:
     at = next(n for n, one in enumerate(entries) if isinstance(one, CallRecord) and one.call == "shows")
     one = entries[at]
     assert isinstance(one, CallRecord)
-    said = check_replay(
+    said = find_difference(
         again([*entries[:at], one._replace(args=(0x80C5, *one.args[1:])), *entries[at + 1 :]])
     )
     assert said.startswith("R: scan 1: found shows (") and f"of {one.owner}" in said
@@ -76,7 +76,7 @@ def test_what_the_screen_has_told_acts_again_in_its_scan() -> None:
     """Lines that a bench refuses are recorded and refused again; pictures ask in the gaps."""
     bench, entries = on_the_screen(CONFIGS / "active.toml", LINES)
     run = again(entries)
-    assert check_replay(run) == ""
+    assert find_difference(run) == ""
     assert [str(line) for line in run.bench.runtime.ledger] == [str(line) for line in bench.runtime.ledger]
     assert run.bench.project.connects == bench.project.connects
 
@@ -97,6 +97,6 @@ def test_files_that_are_read_on_the_way_are_recorded(tmp_path: Path) -> None:
     bench, entries = on_the_screen(project, "udt reload\nadd data more T\nwrite rx file p.bin")
     shutil.rmtree(tmp_path)
     run = again(entries)
-    assert check_replay(run) == ""
+    assert find_difference(run) == ""
     assert run.bench.runtime.data("rx")[:5] == b"hello"
     assert run.bench.project.data[-1].size == bench.project.data[-1].size

@@ -16,11 +16,11 @@ from trcvtui.history.pin_waveform import WaveformCache
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.recording.journal import STEP, CallRecord, Entry, LostEntries
-from trcvtui.replay.command import check_replay
+from trcvtui.replay.command import find_difference
 from trcvtui.replay.driver import WORK_SLICE_NS, make_replay_driver, open_time_line
 from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.survey import FIRST_EVENT, MARK_PIECES, parse_place
-from trcvtui.replay.time_line import TimeLine
+from trcvtui.replay.time_line import ReplayNavigator
 from trcvtui.snapshots.replay import CANNOT_CHANGE_TEXT, WHAT_IF
 
 LINK_DOWN = CONFIGS / "scenarios" / "baosky" / "80ab-link-down.toml"
@@ -37,10 +37,10 @@ class Stood:
     """A time line that is given all the work it needs after each line."""
 
     def __init__(
-        self, at: str = "1", entries: tuple[Entry, ...] | None = None, line: TimeLine | None = None
+        self, at: str = "1", entries: tuple[Entry, ...] | None = None, line: ReplayNavigator | None = None
     ) -> None:
         given = journal() if entries is None else entries
-        self.line = line or TimeLine(InMemory(given), "a recording", parse_place(at, "--at"))
+        self.line = line or ReplayNavigator(InMemory(given), "a recording", parse_place(at, "--at"))
         self.settle()
 
     def settle(self) -> None:
@@ -217,7 +217,7 @@ def test_where_to_open_is_judged_before_anything_starts(
 def test_it_opens_at_the_first_error_else_at_the_first_done_else_at_its_begin(steps: int, scan: int) -> None:
     at = [number for number, one in enumerate(journal()) if getattr(one, "call", "") == STEP]
     entries = journal()[: at[steps] if steps < LAST else None]
-    assert Stood(line=TimeLine(InMemory(entries), "a recording", FIRST_EVENT)).scan == scan
+    assert Stood(line=ReplayNavigator(InMemory(entries), "a recording", FIRST_EVENT)).scan == scan
 
 
 def test_a_run_with_another_value_is_shown_beside_and_it_goes_where_they_part() -> None:
@@ -270,7 +270,7 @@ def test_a_journal_with_two_beginnings_is_shown_up_to_the_second() -> None:
     while stood.line.advance(clock.now_ns() + WORK_SLICE_NS) and slices < 100:
         slices += 1
     position = stood.update().position
-    assert position is not None and position.scan == 200 and position.note and slices < 100
+    assert position is not None and position.report_scan == 200 and position.note and slices < 100
 
 
 def test_after_a_gap_it_is_said_how_many_scans_cannot_run_again() -> None:
@@ -282,5 +282,5 @@ def test_after_a_gap_it_is_said_how_many_scans_cannot_run_again() -> None:
         f"({LAST - 201} later scans cannot run again), expected the end of the run"
     )
     position = Stood("end", entries).update().position
-    assert position is not None and (position.scan, position.note) == (200, told)
-    assert check_replay(ReplayRun(iter(entries), "a recording")) == told
+    assert position is not None and (position.report_scan, position.note) == (200, told)
+    assert find_difference(ReplayRun(iter(entries), "a recording")) == told

@@ -21,7 +21,7 @@ from trcvtui.report.message_table import FIRST, LAST, MessageTable, MessageType,
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import encode
-from trcvtui.udt.report import decode_json
+from trcvtui.udt.report import decoded_json
 from trcvtui.udt.types import StringType
 
 BEGUN_NS = 1_700_000_000_123_456_789
@@ -162,7 +162,7 @@ def test_several_types_share_one_header() -> None:
 
 
 def told(layout: Layout, raw: bytes) -> Sequence[object]:
-    return [*json.loads(decode_json(layout, raw, "T"))["values"].values()]
+    return [*json.loads(decoded_json(layout, raw, "T"))["values"].values()]
 
 
 @pytest.mark.slow

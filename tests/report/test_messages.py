@@ -24,7 +24,7 @@ from trcvtui.files import record_reads
 from trcvtui.recording.files import RecordTarget
 from trcvtui.recording.recorder import make_recorder
 from trcvtui.scenario.command import LivePace, RecordedPace
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 
 TYPE = "TYPE Telegram : STRUCT state : INT; weight : REAL; count : DINT; END_STRUCT END_TYPE"
 PROJECT = """
@@ -118,7 +118,7 @@ def record_live(folder: Path, send: Callable[[socket.socket], None]) -> int:
     path.write_text((folder / "p.toml").read_text().replace("LocalPort = 2000", "LocalPort = 0"))
     recorder = make_recorder(RecordTarget(folder / "r.pcapng"), folder / "r.pcapng", waits=True)
     with record_reads(recorder.reads):
-        project = load_bench(path)
+        project = load_bench_project(path)
     with recorder:
         bench = Bench(project, "live", recorder.seam)
         recorder.add_header(bench, path, (), is_scenario=False)

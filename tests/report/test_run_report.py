@@ -22,7 +22,7 @@ from tests.replay.journals import InMemory, jsonl, on_the_screen, recorded
 from tests.scenario.scenarios import CONFIGS, Kept
 from trcvtui.bench.bench import Bench
 from trcvtui.cli.main import main
-from trcvtui.commands.words import Set
+from trcvtui.commands.words import SetInputs
 from trcvtui.files import record_reads
 from trcvtui.recording.journal import CallRecord, Entry, decode_entries, encode_blocks
 from trcvtui.recording.recorder import RunRecorder
@@ -30,7 +30,7 @@ from trcvtui.report.command import recording_source, replay_with_notes
 from trcvtui.report.page import generate_page
 from trcvtui.report.run_notes import DONE, ERROR, MOST_COLUMNS, TimeLane
 from trcvtui.scenario.report import JsonLines
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 
 SCENARIOS = CONFIGS / "scenarios"
 SHORT_FRAME = SCENARIOS / "baosky" / "80a6-fin-mid-frame.toml"
@@ -190,12 +190,12 @@ def test_of_a_long_run_the_first_and_the_last_are_told_and_how_many_between() ->
 
 def test_a_lane_holds_any_time_in_a_bounded_number_of_columns() -> None:
     lane = TimeLane(10)
-    lane.mark(0, 0)
-    lane.mark(50, DONE)
-    lane.mark(60, 0)
+    lane.set_state(0, 0)
+    lane.set_state(50, DONE)
+    lane.set_state(60, 0)
     lane.extend_to(90)
     assert lane.columns == [0] * 5 + [DONE] + [0] * 4
-    lane.mark(10**15, ERROR)
+    lane.set_state(10**15, ERROR)
     assert len(lane.columns) <= MOST_COLUMNS
     assert lane.columns[0] == DONE and lane.columns[-1] == ERROR and not any(lane.columns[1:-1])
 
@@ -205,14 +205,14 @@ def test_scans_that_began_late_are_told_by_the_clock_and_not_what_follows_a_hold
     recorder = RunRecorder(lambda: kept, waits=False)
     path = CONFIGS / "stories" / "four_bytes_short.toml"
     with record_reads(recorder.reads):
-        project = load_bench(path)
+        project = load_bench_project(path)
     with recorder:
         bench = Bench(project, "live", recorder.seam)
         recorder.add_header(bench, path, (), is_scenario=False)
         lines = JsonLines(out.write, bench.runtime.interval_ns, bench)
         for ms in (0, 10, 24, 50, 60, 99, 299, 309):
             if ms == 50:
-                bench.do(Set("TRCV_C_1", (("EN_R", 1),)))
+                bench.do(SetInputs("TRCV_C_1", (("EN_R", 1),)))
             if ms == 299:
                 bench.step_peers_alone()
             bench.step(ms * 1_000_000)

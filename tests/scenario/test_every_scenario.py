@@ -32,7 +32,7 @@ from trcvtui.dialects.siemens.connection_errors import LEGACY_ERRORS
 from trcvtui.dialects.siemens.rules import OWN_ROWS
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.project.file import load_project
-from trcvtui.replay.command import check_replay
+from trcvtui.replay.command import find_difference
 from trcvtui.scenario.scenario import load_scenario, read_scenario_file
 from trcvtui.scenario.scenario_index import read_shown_codes
 from trcvtui.snapshots.scenario import FAILED
@@ -131,7 +131,7 @@ def codes_expected(steps: Iterable[words.Step], blocks_of: dict[str, str]) -> se
                 found |= {(status, blocks_of[name]) for status, _ in scans}
             case words.Wait(words.PinsAre(name, pins), _) | words.Expect(words.PinsAre(name, pins), _):
                 found |= {(int(value), blocks_of[name]) for pin, value in pins if pin == "STATUS"}
-            case words.Create(decl):
+            case words.CreateBlock(decl):
                 blocks_of[decl.name] = decl.block
     return found
 
@@ -162,7 +162,7 @@ def replay_is_the_same(run: Played) -> None:
     """Run it again from the bytes of its journal: as its steps, which print, and as its commands alone."""
     assert jsonl(run.entries) == run.text
     commanded = again(run.entries)
-    assert check_replay(commanded) == ""
+    assert find_difference(commanded) == ""
     told = [WORD.sub(r"\1", str(line.event)) for line in commanded.bench.runtime.ledger]
     assert told == [WORD.sub(r"\1", str(event)) for event in run.events]
 

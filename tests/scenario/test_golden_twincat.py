@@ -6,7 +6,13 @@ import pytest
 
 from tests.scenario.scenarios import TWINCAT, failures
 from trcvtui.bench.bench import Bench
-from trcvtui.blocks.environment import BytesLost, FrameEnded, LineHeld, NoiseDropped, PartialFrameDropped
+from trcvtui.blocks.environment import (
+    BufferBytesLost,
+    FeederHold,
+    FrameEnded,
+    NoiseDropped,
+    PartialFrameDropped,
+)
 from trcvtui.blocks.status import Reproducibility
 from trcvtui.dialects.twincat.rules import COM_ERRORS
 from trcvtui.scenario.runner import ScenarioRunner, VirtualPace
@@ -70,8 +76,8 @@ def test_noise_is_counted_in_the_ledger() -> None:
 
 def test_what_overflows_is_counted_and_noted() -> None:
     bench = played("5-15")
-    lost = [line.event for line in bench.runtime.ledger if isinstance(line.event, BytesLost)]
-    assert lost == [BytesLost("RX", 300, 3, "the ComBuffer is full", 300)]
+    lost = [line.event for line in bench.runtime.ledger if isinstance(line.event, BufferBytesLost)]
+    assert lost == [BufferBytesLost("RX", 300, 3, "the ComBuffer is full", 300)]
     assert bench.runtime.snapshot().combuffers[0].lost == 3
 
 
@@ -81,7 +87,7 @@ def test_a_stream_without_an_end_is_held_back_and_nothing_of_it_is_lost() -> Non
     (buffer,) = bench.runtime.snapshot().combuffers
     assert buffer.size - 4096 < buffer.count <= buffer.size
     assert buffer.lost == 0
-    assert LineHeld("RX", True) in [line.event for line in bench.runtime.ledger]
+    assert FeederHold("RX", True) in [line.event for line in bench.runtime.ledger]
     frames = [e for line in bench.runtime.ledger if isinstance(e := line.event, FrameEnded)]
     assert [frame.offset for frame in frames] == [16 * n for n in range(len(frames))]
 

@@ -15,7 +15,7 @@ from trcvtui.engine.driver import EngineDriver
 from trcvtui.picture.bench_update import UpdateRequest
 from trcvtui.project.file import load_project
 from trcvtui.scenario.player import MOST_STEPS
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 from trcvtui.snapshots.bench import EngineTiming, LineAnswer
 from trcvtui.snapshots.scenario import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot
 
@@ -80,7 +80,7 @@ def test_a_run_to_the_end_takes_what_is_left(driver: LocalDriver, tmp_path: Path
     player = player_of(driver)
     assert states(player) == [DONE, HELD, FAILED, DONE, HELD]
     assert (player.finished, player.current) == (True, 5)
-    assert [step.number for step in player.failed] == [3]
+    assert [step.number for step in player.failed_steps] == [3]
     assert answer_to(driver, "scenario step") == "the scenario is over; loading it again begins anew"
     driver.scan(5)
     assert driver.shown().snapshot.scan == 8, "no scan passes after the last step"
@@ -142,7 +142,7 @@ def test_leaving_brings_the_opened_project_back_fresh(driver: LocalDriver, tmp_p
 def test_the_commands_of_start_act_again_when_the_project_comes_back(tmp_path: Path) -> None:
     home = scenario(tmp_path, "run 1", start="set TRCV_C_1 CONT=1", name="home.toml")
     home.write_text(home.read_text(encoding="utf-8").partition("[scenario]")[0], encoding="utf-8")
-    driver = LocalDriver(fresh_bench(load_bench(home), "sim"))
+    driver = LocalDriver(fresh_bench(load_bench_project(home), "sim"))
     driver.submit(f"scenario load {FIN} sim")
     driver.submit("scenario stop")
     driver.scan(1)

@@ -13,7 +13,7 @@ from trcvtui.blocks.outcome import Cause, CauseKind
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.picture.protocol import EngineStopped
 from trcvtui.plc.ledger import Line, Outputs, StatusEdge
-from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, InstanceSnapshot, Snapshot
+from trcvtui.plc.snapshot import ConnectionSnapshot, DataSummary, InstanceSnapshot, Snapshot
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
 from trcvtui.snapshots.bench import EngineTiming, LineAnswer, PeerSnapshot
@@ -158,7 +158,7 @@ def picture(
             interval_ns=10 * MS,
             instances=shown,
             connections=connections(),
-            data=(DataSnapshot("rx", "Telegram", 24, 3), DataSnapshot("small", "ARRAY[0..7] OF BYTE", 8, 0)),
+            data=(DataSummary("rx", "Telegram", 24, 3), DataSummary("small", "ARRAY[0..7] OF BYTE", 8, 0)),
             ledger_seq=lines[-1].seq if lines else 0,
             connections_used=2,
             connections_limit=32,
@@ -240,7 +240,7 @@ class FakeDriver:
         self.closed = False
         self.restarts = 0
 
-    def describe_cuts(self) -> str:
+    def describe_quit_cuts(self) -> str:
         return ""
 
     def restart(self) -> None:

@@ -42,6 +42,6 @@ async def on_a_line(
     async with on_stage(LineBench, load_project(CONFIGS / project), size) as shown:
         await shown.do(*lines)
         shown.app.view_model.selected = select
-        shown.app.main.follow_selected()
+        shown.app.main.reset_for_selected()
         await shown.press()
         yield shown

@@ -35,7 +35,7 @@ class Stage:
 
     async def select(self, name: str) -> None:
         self.app.view_model.selected = name
-        self.app.main.follow_selected()
+        self.app.main.reset_for_selected()
         await self.press("2")
 
     @property

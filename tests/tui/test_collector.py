@@ -37,7 +37,7 @@ async def test_while_keys_come_only_young_objects_are_looked_at(monkeypatch: pyt
         with generations() as seen:
             for _ in range(6):
                 await screen.press(*KEYS)
-                screen.app._collect_at_rest()
+                screen.app._collect_garbage()
                 screen.bench.scan(20)
                 await screen.pictures()
         assert set(seen) <= {0}
@@ -51,13 +51,13 @@ async def test_at_rest_it_looks_at_older_ones_and_after_long_rest_at_all(
         app = screen.app
         await screen.press(*KEYS)
         with generations() as seen:
-            app._collect_at_rest()
+            app._collect_garbage()
             assert seen == [], "a key has just come"
             gc.collect(0)
-            app._collect_at_rest()
+            app._collect_garbage()
             assert seen == [0, 1]
             app._rests = 100
-            app._collect_at_rest()
+            app._collect_garbage()
             assert seen == [0, 1, 2]
 
 

@@ -17,7 +17,7 @@ from tests.tui.looking import SMALL, WIDE
 from tests.tui.test_replay_screen import on_a_recording
 from tests.tui.view_model.test_explain import UP, Desk, at_the_desk
 from trcvtui.history.messages import HOLE_REASON, MessageRow
-from trcvtui.replay.time_line import TimeLine
+from trcvtui.replay.time_line import ReplayNavigator
 from trcvtui.tui.curve import CurveScreen, CurveView
 from trcvtui.tui.view_model import member_numbers
 from trcvtui.tui.view_model.member_numbers import Number
@@ -215,7 +215,7 @@ async def test_the_curve_of_a_replay_has_the_gaps_and_marks_of_the_whole_recordi
     path = tmp_path / "lost.toml"
     path.write_text(f"{lost}[scenario]\nname = 'lost'\nsteps = '''\n{steps}\n'''\n")
     entries = recorded(path)[1]
-    async with on_a_recording(stood=Stood(line=TimeLine(InMemory(entries), "R"))) as looker:
+    async with on_a_recording(stood=Stood(line=ReplayNavigator(InMemory(entries), "R"))) as looker:
         pictures, known = list[str](), looker.app.view_model.known_messages
         for key in ("home", "end"):
             await looker.go("9", key)

@@ -58,7 +58,7 @@ class FixedJudge:
     def start_judging(self) -> None:
         self.looks += 1
 
-    def advance(self) -> None:
+    def poll_process(self) -> None:
         pass
 
 
@@ -141,7 +141,7 @@ async def test_a_shows_those_of_all_and_arrows_choose() -> None:
     async with card(FixedJudge(*FOUND)) as (newcomer, screen):
         await newcomer.press("a", "down", "down")
         assert "▸ 3 refused OTHER 60% sure" in read(newcomer)
-        assert screen.list.place() is None and screen.list.remedy_line() == ""
+        assert screen.list.find_target() is None and screen.list.remedy_line() == ""
 
 
 async def test_a_right_line_is_healthy_and_others_are_not_forgotten() -> None:

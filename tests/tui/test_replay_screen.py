@@ -17,7 +17,7 @@ from tests.replay.test_time_line import ERRORS, LAST, Stood
 from tests.tui.fakes import FakeDriver
 from tests.tui.looking import SMALL, WIDE, Looker, looking, same_as_snapshot
 from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
-from trcvtui.replay.time_line import TimeLine
+from trcvtui.replay.time_line import ReplayNavigator
 from trcvtui.snapshots.replay import ReplayPosition
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
@@ -67,7 +67,7 @@ class ReplayLooker(Looker):
     def scan(self) -> int:
         picture = self.app.view_model.picture
         assert picture is not None and picture.position is not None
-        assert picture.snapshot.scan == picture.position.scan
+        assert picture.snapshot.scan == picture.position.report_scan
         return picture.snapshot.scan
 
     @property
@@ -131,7 +131,7 @@ async def test_a_field_that_is_typed_into_keeps_g_home_and_end() -> None:
 
 async def test_all_messages_are_known_and_one_that_is_chosen_moves_the_time_line(tmp_path: Path) -> None:
     entries = recorded(scenario_of_many(tmp_path))[1]
-    async with on_a_recording(stood=Stood(line=TimeLine(InMemory(entries), "R"))) as looker:
+    async with on_a_recording(stood=Stood(line=ReplayNavigator(InMemory(entries), "R"))) as looker:
         await looker.go()
         known = looker.app.view_model.known_messages
         rows = [*known.rows]

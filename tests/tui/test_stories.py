@@ -15,7 +15,7 @@ from tests.tui.on_a_bench import LocalLooker, on_local
 from trcvtui.engine.controller import Controller, fresh_bench
 from trcvtui.paths import demo_path
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 
 Size = tuple[int, int]
 
@@ -35,7 +35,7 @@ class Newcomer(LocalLooker):
 
 @asynccontextmanager
 async def opened(story: str | Path, size: Size, scans: int) -> AsyncIterator[Newcomer]:
-    project = load_bench(story if isinstance(story, Path) else CONFIGS / "stories" / f"{story}.toml")
+    project = load_bench_project(story if isinstance(story, Path) else CONFIGS / "stories" / f"{story}.toml")
     async with on_local(Newcomer, project, size) as newcomer:
         await newcomer.look(scans)
         yield newcomer
@@ -84,7 +84,7 @@ STARTS = [*sorted(CONFIGS.glob("*.toml")), *sorted((CONFIGS / "stories").glob("*
 
 @pytest.mark.parametrize("path", STARTS, ids=[path.stem for path in STARTS])
 async def test_a_shipped_project_starts_without_an_error_and_its_program_comes_to_its_end(path: Path) -> None:
-    console = Controller(fresh_bench(load_bench(path), "sim"))
+    console = Controller(fresh_bench(load_bench_project(path), "sim"))
     for scan in range(1000):
         console.scan()
         for peer in console.bench.peers.values() if scan == 50 else ():

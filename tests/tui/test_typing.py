@@ -44,13 +44,13 @@ from trcvtui.tui.widgets.dialogs import (
     Dialog,
     FieldsDialog,
     FormDialog,
-    ListDialog,
     QuitTapScreen,
     ResultScreen,
+    ViewDialog,
 )
 from trcvtui.tui.widgets.help import HelpScreen
 from trcvtui.tui.widgets.screens import FullScreen, SideScreen
-from trcvtui.tui.widgets.typed_lines import TypedField
+from trcvtui.tui.widgets.typed_lines import EntryField
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -83,7 +83,7 @@ def udt_form(looker: BenchLooker) -> UdtForm:
 
 
 # How each screen is opened; a new one without a line here fails the test below.
-BASES = {FullScreen, SideScreen, Dialog, ListDialog, FieldsDialog, FormDialog}  # never opened themselves
+BASES = {FullScreen, SideScreen, Dialog, ViewDialog, FieldsDialog, FormDialog}  # never opened themselves
 SAME_FIELDS = {ReplayScreen}  # as MainScreen
 OPENED: dict[type[Any], Callable[[BenchLooker], Screen[Any] | None]] = {
     MainScreen: lambda looker: None,
@@ -146,7 +146,7 @@ def test_every_screen_is_typed_into_here() -> None:
 
 
 def test_every_field_is_a_typed_field() -> None:
-    assert {kind for kind in all_of(Input) if not issubclass(kind, TypedField)} == set()
+    assert {kind for kind in all_of(Input) if not issubclass(kind, EntryField)} == set()
 
 
 @pytest.mark.parametrize("kind", OPENED, ids=lambda kind: kind.__name__)

@@ -11,8 +11,8 @@ from trcvtui.udt.layout.layout_tree import Data
 
 
 def show_json(layout: Layout) -> Any:
-    return json.loads(report.show_json(layout))
+    return json.loads(report.layout_json(layout))
 
 
 def decode_json(layout: Layout, data: Data) -> Any:
-    return json.loads(report.decode_json(layout, data))
+    return json.loads(report.decoded_json(layout, data))

@@ -13,11 +13,11 @@ from trcvtui.udt.ast import (
     MemberSpec,
     Number,
     RangeSpec,
-    Reference,
     Spec,
     StructSpec,
+    TypeName,
 )
-from trcvtui.udt.types import ELEMENTARY, Pointer, StringType, Unplaced, ValueKind
+from trcvtui.udt.types import ELEMENTARY, Pointer, RawType, StringType, ValueKind
 
 HERE = ""
 GAPS = [
@@ -42,8 +42,8 @@ whole = st.sampled_from(
 ranges = st.tuples(numbers, st.integers(0, 20)).map(lambda b: (b[0], b[0] + b[1]))
 
 
-def _reference(name: str) -> Reference:
-    return Reference(name, HERE)
+def _reference(name: str) -> TypeName:
+    return TypeName(name, HERE)
 
 
 def _struct(members: list[tuple[str, Spec]], is_union: bool) -> StructSpec:
@@ -56,7 +56,7 @@ leaves: st.SearchStrategy[Spec] = st.one_of(
     st.builds(StringType, st.none() | st.integers(1, 300), st.booleans()),
     st.builds(lambda base, b: RangeSpec(_reference(base), *b), whole, ranges),
     st.sampled_from(["POINTER TO INT", "REFERENCE TO Lib.T", "REF_TO ARRAY[0..9] OF BYTE"]).map(Pointer),
-    st.just(Unplaced("Lib.Cyl", "an FB instance")),
+    st.just(RawType("Lib.Cyl", "an FB instance")),
     st.builds(
         lambda base, own: EnumSpec(
             _reference(base) if base else None, tuple((f"v{n}", number) for n, number in enumerate(own))
@@ -83,7 +83,7 @@ def declarations(draw: Any) -> list[Declaration]:
         if isinstance(spec, StructSpec):
             base = draw(st.none() | st.sampled_from(["Base", "Lib.Base"]).map(_reference))
             spec = spec._replace(base=base, pack=draw(st.none() | st.sampled_from([0, 1, 2, 4, 8])))
-        if not isinstance(spec, Unplaced):  # an alias of an FB with arguments is an enumeration
+        if not isinstance(spec, RawType):  # an alias of an FB with arguments is an enumeration
             found.append(Declaration(f"{draw(names)}{n}", spec, HERE))
     return found
 
@@ -126,7 +126,7 @@ class Writer:
 
     def spec(self, spec: Spec) -> str:
         match spec:
-            case Reference(name):
+            case TypeName(name):
                 return self.one_of(name, name.lower()) if name.upper() in ELEMENTARY else name
             case StringType(length, wide):
                 word = self.word("WSTRING" if wide else "STRING")
@@ -135,7 +135,7 @@ class Writer:
                 return f"{base.name}({self.number(low)}..{self.number(high)})"
             case Pointer(text):
                 return text
-            case Unplaced(name):
+            case RawType(name):
                 return f"{name}(MAIN._a, b := 5)"
             case EnumSpec(base, values):
                 return self.enumeration(base, values)
@@ -153,7 +153,7 @@ class Writer:
         head = self.spaced(name + self.one_of(*PLACES), ":")
         return head + self.spec(member.spec) + self.one_of(*INITIALS) + self.spaced(";")
 
-    def enumeration(self, base: Reference | None, values: tuple[tuple[str, Number | None], ...]) -> str:
+    def enumeration(self, base: TypeName | None, values: tuple[tuple[str, Number | None], ...]) -> str:
         own = (name if number is None else f"{name} := {self.number(number)}" for name, number in values)
         text = f"({', '.join(own)}{self.one_of('', ',')})"
         return text if base is None else self.one_of(f"{text} {base.name}", f"{base.name} {text}")
@@ -167,8 +167,8 @@ class Writer:
 def placeless(spec: Any) -> Any:
     """Return a specification with all places left out, and elementary types by their names in capitals."""
     match spec:
-        case Reference(name):
-            return Reference(name.upper() if name.upper() in ELEMENTARY else name, HERE)
+        case TypeName(name):
+            return TypeName(name.upper() if name.upper() in ELEMENTARY else name, HERE)
         case tuple() if hasattr(spec, "_replace"):
             named: Any = spec
             changed = {key: placeless(value) for key, value in named._asdict().items()}

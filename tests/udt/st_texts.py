@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from tests.udt.udt_strategies import types_of
 from trcvtui.errors import Problem
-from trcvtui.udt.ast import Declarations, Formula, MemberSpec, Reference
+from trcvtui.udt.ast import Declarations, Formula, MemberSpec, TypeName
 from trcvtui.udt.sources import parse_source
-from trcvtui.udt.type_set import TypeSet, join_files
+from trcvtui.udt.type_set import TypeSet, join_declarations
 from trcvtui.udt.types import ELEMENTARY, Struct, Type, Union, type_text
 
 INT, BOOL, BYTE = ELEMENTARY["INT"], ELEMENTARY["BOOL"], ELEMENTARY["BYTE"]
@@ -14,7 +14,7 @@ INT, BOOL, BYTE = ELEMENTARY["INT"], ELEMENTARY["BOOL"], ELEMENTARY["BYTE"]
 
 def read(suffix: str, text: str) -> TypeSet:
     """Return the types of a text as of a file of that suffix."""
-    types = join_files([parse_source(text, f"f{suffix}", suffix)], f"f{suffix}")
+    types = join_declarations([parse_source(text, f"f{suffix}", suffix)], f"f{suffix}")
     assert [str(problem) for problem in types.problems] == []
     return types
 
@@ -47,7 +47,7 @@ def bare(read: Declarations) -> tuple[tuple[str, object], ...]:
 
 def _bare(value: object) -> object:
     match value:
-        case Reference(name, _):
+        case TypeName(name, _):
             return name.upper().removeprefix("_.")
         case Formula(text, _):
             return text.replace(" ", "")

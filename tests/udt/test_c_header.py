@@ -9,10 +9,10 @@ import pytest
 from tests import golden
 from tests.udt.st_texts import lines_of, problems_of
 from trcvtui.errors import Problem, UserError
-from trcvtui.udt.ast import ArraySpec, Declaration, Formula, Reference, StructSpec
+from trcvtui.udt.ast import ArraySpec, Declaration, Formula, StructSpec, TypeName
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.sources.c_header import read_c_header
-from trcvtui.udt.type_set import join_files
+from trcvtui.udt.type_set import join_declarations
 from trcvtui.udt.types import Pointer
 
 
@@ -26,7 +26,7 @@ def only(text: str) -> Declaration:
 def members(text: str, before: str = "") -> dict[str, object]:
     spec = only(f"{before}\ntypedef struct {{ {text} }} T;").spec
     assert isinstance(spec, StructSpec)
-    return {m.name: m.spec.name if isinstance(m.spec, Reference) else m.spec for m in spec.members}
+    return {m.name: m.spec.name if isinstance(m.spec, TypeName) else m.spec for m in spec.members}
 
 
 def line_of(text: str, before: str = "") -> str:
@@ -83,12 +83,12 @@ def test_a_number_of_another_header_is_asked_for() -> None:
     found = members("uint8_t a[LIMIT + 1];", '#include "limits.h"')["a"]
     assert isinstance(found, ArraySpec)
     assert found.bounds == ((0, Formula("(LIMIT + 1) - 1", "H:2:26")),)
-    types = join_files([read_c_header("typedef struct { uint8_t a[LIMIT]; } T;", "H")], "H")
+    types = join_declarations([read_c_header("typedef struct { uint8_t a[LIMIT]; } T;", "H")], "H")
     assert types.unknown_constants == ("LIMIT",)
 
 
 def test_a_type_of_another_header_is_an_unknown_type() -> None:
-    types = join_files(
+    types = join_declarations(
         [
             read_c_header(
                 '#include "x.h"\ntypedef struct { pos_t a; uint8_t b; } T; typedef struct { int c; } U;', "H"
@@ -111,15 +111,17 @@ def test_typedefs_tags_and_macros_name_types() -> None:
     assert lines_of(read) == []
     spec = read.types[-1].spec
     assert isinstance(spec, StructSpec)
-    assert [m.spec.name for m in spec.members if isinstance(m.spec, Reference)] == [
+    assert [m.spec.name for m in spec.members if isinstance(m.spec, TypeName)] == [
         *("USINT", "UINT", "UINT", "Inner", "plain", "Same")
     ]
-    assert join_files([read], "H").problems == ()
+    assert join_declarations([read], "H").problems == ()
 
 
 def test_the_layout_c_is_that_of_the_compiler_packed_or_not() -> None:
     for pragma, size in (("", 16), ("#pragma pack(1)\n", 9)):
-        types = join_files([read_c_header(f"{pragma}typedef struct {{ char a; double b; }} T;", "H")], "H")
+        types = join_declarations(
+            [read_c_header(f"{pragma}typedef struct {{ char a; double b; }} T;", "H")], "H"
+        )
         assert lay_out(types.get_type("T"), rules_for("c")).size == size
 
 
@@ -172,7 +174,7 @@ def test_a_base_class_and_a_std_array_lie_as_in_cpp() -> None:
         "using Mac = std::array<std::uint8_t, 6>;\n#pragma pack(pop)\nenum { N = 9 };\n"
         "struct A { const std::array<uint8_t, 16> a; std::array<std::array<Mac, 2>, 3> b{}; };\n"
     )
-    types = join_files([read_c_header(text, "H.hpp")], "H.hpp")
+    types = join_declarations([read_c_header(text, "H.hpp")], "H.hpp")
     assert types.problems == ()
     layouts = [lay_out(types.get_type(name), rules_for("c")) for name in ("D", "A")]
     assert [layout.size for layout in layouts] == [7, 16 + 6 * 6]
@@ -181,7 +183,7 @@ def test_a_base_class_and_a_std_array_lie_as_in_cpp() -> None:
 
 def test_what_changes_a_class_of_cpp_is_refused_at_its_line() -> None:
     def problems(text: str) -> tuple[Problem, ...]:
-        types = join_files([read_c_header(text, "H.hpp")], "H.hpp")
+        types = join_declarations([read_c_header(text, "H.hpp")], "H.hpp")
         assert not {"V", "W"} <= {*types.names(), "W" if "W" not in text else ""}
         return types.problems
 
@@ -192,7 +194,7 @@ def test_a_bad_type_never_hides_a_good_one() -> None:
     read = read_c_header(
         "typedef struct { int int; } A;\ntypedef struct { int a; } B;\ntypedef struct { A a; } C;", "H"
     )
-    assert join_files([read], "H").names() == ["B"]
+    assert join_declarations([read], "H").names() == ["B"]
     assert len(lines_of(read)) == 1
 
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
-from trcvtui.udt.compare.compare import ComparedRow, Comparison, compare_json, compare_text, is_equal
+from trcvtui.udt.compare.compare import ComparedRow, Comparison, comparison_json, comparison_text, is_equal
 from trcvtui.udt.layout.layout import LayoutRules, lay_out, layout_shape, rules_for
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode
@@ -110,11 +110,11 @@ def test_text_json_and_exit_code_agree_however_far_the_first_difference_is() -> 
     rows = list(both.rows(b""))
     assert not is_equal(both, rows)
     assert (
-        compare_text(both, rows, b"")
+        comparison_text(both, rows, b"")
         .splitlines()[-1]
         .endswith("; 1 of 70001 members differs, the first at byte 70000")
     )
-    assert json.loads(compare_json(both, rows, b""))["equal"] is False
+    assert json.loads(comparison_json(both, rows, b""))["equal"] is False
 
 
 @settings(max_examples=60, deadline=None)

@@ -15,8 +15,8 @@ from trcvtui.errors import UserError
 from trcvtui.udt.ast import Declarations
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.sources import decode_text, parse_source, read_files
-from trcvtui.udt.type_set import TypeSet, join_files
-from trcvtui.udt.types import ELEMENTARY, Array, StringType, Struct, Type, Union, Unplaced, type_text
+from trcvtui.udt.type_set import TypeSet, join_declarations
+from trcvtui.udt.types import ELEMENTARY, Array, RawType, StringType, Struct, Type, Union, type_text
 
 SUFFIXES = (".st", ".iecst", ".txt", ".udt", ".scl", ".s7dcl", ".exp", ".typ", ".var")
 FILES = files(*SUFFIXES)
@@ -36,7 +36,7 @@ def lay_out_all(types: TypeSet) -> None:
 def unplaced(type_: Type) -> list[str]:
     """Return the names of what nobody can lay out in a type."""
     match type_:
-        case Unplaced(name=name):
+        case RawType(name=name):
             return [name]
         case Array(element=element):
             return unplaced(element)
@@ -148,7 +148,7 @@ def test_a_file_cut_anywhere_gives_types_or_lines(path: Path) -> None:
     whole = len(data.rstrip()) if is_xml else 0
     for end in cuts(len(data), 30 if path in XML_FILES else 2_000_000 // (len(data) + 10_000)):
         try:
-            types = join_files([parse_source(decode_text(data[:end]), "cut", path.suffix)], "cut")
+            types = join_declarations([parse_source(decode_text(data[:end]), "cut", path.suffix)], "cut")
         except UserError as refused:
             (line,) = refused.lines()
             assert line.startswith("cut") and path in XML_FILES

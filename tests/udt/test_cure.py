@@ -33,12 +33,12 @@ from trcvtui.udt.cure.padded_type import PaddedType, list_notes, padded_type, pr
 from trcvtui.udt.cure.swap import Language, swap_code
 from trcvtui.udt.layout.layout import LAYOUTS, MOST_LEAVES, Layout, LayoutRules, lay_out, rules_for
 from trcvtui.udt.layout.layout_tree import Leaf
-from trcvtui.udt.layout.placing import Unreachable
+from trcvtui.udt.layout.placing import Unplaceable
 from trcvtui.udt.layout.values import decode, decode_leaves, encode
 from trcvtui.udt.sources import parse_source
 from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.st_write import ST_WORDS, rename_for_st, scl_text, st_text
-from trcvtui.udt.type_set import join_files
+from trcvtui.udt.type_set import join_declarations
 from trcvtui.udt.types import ELEMENTARY, Array, Member, StringType, Struct
 
 INDEX = r"\[[^\]]*\]"
@@ -62,7 +62,7 @@ def wanted(name: str, layout: str) -> Layout:
 def scl_again(found: PaddedType) -> Layout:
     """Return a type as it lies when its SCL is read."""
     text = scl_text(found.type, found.layout.name, found.layout.rules)
-    types_again = join_files([parse_source(text, "x.udt", ".udt")], "x.udt")
+    types_again = join_declarations([parse_source(text, "x.udt", ".udt")], "x.udt")
     assert types_again.problems == ()
     return lay_out(types_again.get_type(types_again.names()[-1]), found.layout.rules)
 
@@ -150,7 +150,7 @@ def test_a_member_whose_name_begins_like_that_of_a_raw_one_is_proved() -> None:
     gap, small = Member("_pad", ELEMENTARY["BYTE"]), Member("s2", ELEMENTARY["BYTE"])
     for members in ((s, small, s_x), (s, gap, small, s_x)):
         wrong = lay_out(Struct("T", members), rules_for("baosky"))
-        with pytest.raises(Unreachable, match=r"^s2: "):
+        with pytest.raises(Unplaceable, match=r"^s2: "):
             prove_places(theirs.root, wrong.root, raw)
 
 
@@ -333,12 +333,12 @@ def test_a_sender_that_pads_and_swaps_is_read_right(name: str) -> None:
 
 
 def test_legal_names_of_tia_make_legal_text_on_both_sides() -> None:
-    types = join_files([parse_source(ODD_NAMES, "x.udt", ".udt")], "x.udt")
+    types = join_declarations([parse_source(ODD_NAMES, "x.udt", ".udt")], "x.udt")
     type_ = types.get_type("T")
     for ours, theirs in (("baosky", "natural8"), ("natural8", "codesys-1"), ("s7-standard", "natural8")):
         for wanted, own in ((theirs, ours), (ours, theirs)):
             side = padded_type(lay_out(type_, rules_for(wanted)), rules_for(own))
-            plain = join_files([read_st(st_text(side.type, side.layout.name), "x.st")], "x.st")
+            plain = join_declarations([read_st(st_text(side.type, side.layout.name), "x.st")], "x.st")
             assert plain.problems == () and scl_again(side)
             again = lay_out(plain.get_type(plain.names()[-1]), side.layout.rules)
             assert [leaf[2:4] for leaf in again.leaves()] == [leaf[2:4] for leaf in side.layout.leaves()]
@@ -430,7 +430,10 @@ def test_the_code_reads_as_an_engineer_would_write_it() -> None:
 def test_the_swapped_telegram_is_a_declaration_that_is_read_again() -> None:
     sent = lay_out(TYPES.get_type("Line"), rules_for("s7-standard"))
     st, scl = swap_code(sent), swap_code(sent, "scl")
-    for declared in (types_of(st.types), join_files([parse_source(scl.types, "x.udt", ".udt")], "x.udt")):
+    for declared in (
+        types_of(st.types),
+        join_declarations([parse_source(scl.types, "x.udt", ".udt")], "x.udt"),
+    ):
         assert declared.problems == ()
         again = lay_out(declared.get_type("Line_swapped"), sent.rules)
         assert [leaf[2:4] for leaf in again.leaves()] == [leaf[2:4] for leaf in sent.leaves()]
@@ -440,7 +443,7 @@ def test_the_swapped_telegram_is_a_declaration_that_is_read_again() -> None:
 def test_names_that_are_keywords_or_hold_blanks_are_written_as_the_language_takes_them(
     language: Language,
 ) -> None:
-    type_ = join_files([parse_source(ODD_NAMES, "x.udt", ".udt")], "x.udt").get_type("T")
+    type_ = join_declarations([parse_source(ODD_NAMES, "x.udt", ".udt")], "x.udt").get_type("T")
     sent = lay_out(type_, rules_for("natural8"))
     swap = swap_code(sent, language)
     wanted = {

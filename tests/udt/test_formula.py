@@ -13,7 +13,7 @@ from trcvtui.udt.ast import Formula
 from trcvtui.udt.constants import DEEPEST_FORMULA, Constants, evaluate
 from trcvtui.udt.literals import parse_integer
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.type_set import join_files
+from trcvtui.udt.type_set import join_declarations
 from trcvtui.udt.types import Enumeration, type_text
 
 KNOWN = {"MAX": 10, "GVL.MAX": 20, "Limits.UPPER": 7, "My const": 3}
@@ -84,7 +84,7 @@ def test_a_constant_is_known_by_the_end_of_its_name_unless_that_means_two(
     known: dict[str, int], asked: str, expected: int | None
 ) -> None:
     unknown: list[str] = []
-    assert Constants(known).value(Formula(asked, "here"), unknown) == expected
+    assert Constants(known).evaluate_number(Formula(asked, "here"), unknown) == expected
     assert unknown == ([] if expected is not None else [asked])
 
 
@@ -93,7 +93,7 @@ def test_the_users_constants_win_over_those_of_a_file_and_these_over_enumeration
         "TYPE E : (N := 1, M := 1, K := 1); T : ARRAY[N..9, M..9, K..9] OF INT; END_TYPE"
         " VAR_GLOBAL CONSTANT N, M : INT := 2; END_VAR"
     )
-    types = join_files([read_st(text, "f.st")], "f.st", {"n": 3})
+    types = join_declarations([read_st(text, "f.st")], "f.st", {"n": 3})
     assert type_text(types.get_type("T")) == "ARRAY[3..9,2..9,1..9] OF INT"
 
 

@@ -21,9 +21,9 @@ from trcvtui.udt.types import (
     Array,
     Elementary,
     Member,
+    RawType,
     StringType,
     Struct,
-    Unplaced,
     ValueKind,
 )
 
@@ -175,7 +175,7 @@ def test_everything_that_cannot_be_laid_out_is_told_at_most_ten_of_it() -> None:
         lay_out(types.get_type("T"), rules_for(), "T")
     assert [line.split(",")[0] for line in refused.value.lines()] == ["T.a: found FB", "T.c: found FC"]
     many = Struct("M", tuple(Member(f"m{n}", types.get_type("T")) for n in range(50)))
-    wide = Struct("W", tuple(Member(f"m{n}", Unplaced(f"F{n}", "no")) for n in range(50)))
+    wide = Struct("W", tuple(Member(f"m{n}", RawType(f"F{n}", "no")) for n in range(50)))
     for type_, count in ((many, 2), (wide, 10)):
         with pytest.raises(UserError) as refused:
             lay_out(type_, rules_for())

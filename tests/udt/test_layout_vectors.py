@@ -9,19 +9,19 @@ from tests.udt.udt_strategies import places_of, types_of
 from trcvtui.errors import UserError
 from trcvtui.udt.layout.layout import Layout, LayoutRules, lay_out, rules_for
 from trcvtui.udt.layout.values import decode, decode_leaves, encode
-from trcvtui.udt.report import show_text
+from trcvtui.udt.report import layout_table
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,
     Enumeration,
     Member,
     Pointer,
+    RawType,
     StringType,
     Struct,
     Subrange,
     Type,
     Union,
-    Unplaced,
 )
 
 T = ELEMENTARY
@@ -199,7 +199,7 @@ def test_bits_in_json_have_a_byte_and_a_bit() -> None:
         {"path": "m2", "type": "INT", "offset": 2, "size": 2},
     ]
     assert show_json(layout)["padding"] == [{"offset": 1, "size": 1}]
-    assert show_text(layout).splitlines()[2:5] == [
+    assert layout_table(layout).splitlines()[2:5] == [
         "   0.0     1  BIT   m0",
         "   0.1     1  BIT   m1",
         "     1     1        (padding)",
@@ -264,7 +264,7 @@ def test_an_empty_type_has_no_size_and_moves_nothing(type_: Type) -> None:
 
 
 def test_what_cannot_be_laid_out_is_named_with_its_path_and_the_reason() -> None:
-    inner = Struct("Inner", (Member("t", array(Unplaced("TON", "an FB instance"), (0, 1))),))
+    inner = Struct("Inner", (Member("t", array(RawType("TON", "an FB instance"), (0, 1))),))
     type_ = Struct("S", (Member("a", T["INT"]), Member("in", inner)))
     with pytest.raises(UserError) as refused:
         lay_out(type_, rules_for("codesys-8"))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests import golden
 from trcvtui.errors import UserError
-from trcvtui.udt.literals import format_literal, format_time, parse_integer, parse_literal, parse_time
+from trcvtui.udt.literals import format_duration, format_literal, parse_integer, parse_literal, parse_time
 from trcvtui.udt.types import ELEMENTARY, ELEMENTARY_ROWS, Elementary
 
 TIMED = [row for row in ELEMENTARY_ROWS if row.unit_ns]
@@ -53,12 +53,12 @@ def test_what_is_no_duration_is_refused_in_one_line() -> None:
     ],
 )
 def test_a_duration_is_written_largest_unit_first(ns: int, text: str) -> None:
-    assert format_time(ns) == text
+    assert format_duration(ns) == text
 
 
 @given(st.integers(-(2**70), 2**70))
 def test_every_duration_comes_back(ns: int) -> None:
-    assert parse_time(format_time(ns)) == ns
+    assert parse_time(format_duration(ns)) == ns
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.layout.layout_tree import PlacedStruct
 from trcvtui.udt.sources.c_header import read_c_header
 from trcvtui.udt.sources.c_source import LONG_SIZE
-from trcvtui.udt.type_set import join_files
+from trcvtui.udt.type_set import join_declarations
 
 COUNT = int(os.environ.get("TRCVTUI_ORACLE", "300"))
 BATCH = 500
@@ -47,7 +47,7 @@ def test_random_types_lie_where_gcc_puts_them(tmp_path: Path) -> None:
 def test_headers_with_bit_fields_longs_and_packing_lie_where_gcc_puts_them(tmp_path: Path) -> None:
     given = header(COUNT, SEED)
     before = LONG_SIZE.set(8)
-    types = join_files([read_c_header(given.text, "H")], "H")
+    types = join_declarations([read_c_header(given.text, "H")], "H")
     LONG_SIZE.reset(before)
     assert [str(problem) for problem in types.problems] == []
     for (name, members), theirs in zip(given.members.items(), measured_header(given, tmp_path), strict=True):
@@ -60,7 +60,7 @@ def test_headers_with_bit_fields_longs_and_packing_lie_where_gcc_puts_them(tmp_p
 @pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed: nothing to compare with")
 def test_classes_of_cpp_lie_where_gpp_puts_them_or_are_refused(tmp_path: Path) -> None:
     given = classes(COUNT, SEED)
-    types = join_files([read_c_header(given.header.text, "H.hpp")], "H.hpp")
+    types = join_declarations([read_c_header(given.header.text, "H.hpp")], "H.hpp")
     assert getattr(types.get_type("E16"), "values", ()) == (("A", 0), ("TWO", 7))
     theirs = measured_header(given.header, tmp_path, "g++")
     refused = given.header.members.keys() - set(types.names())
@@ -73,6 +73,8 @@ def test_classes_of_cpp_lie_where_gpp_puts_them_or_are_refused(tmp_path: Path) -
         parts = [*root.flat_members(0)]
         assert [part.name for part in parts] == members
         assert Measured(root.size, root.align, [part.offset for part in parts]) == found, name
-    bad = join_files([read_c_header(given.header.text + "".join(given.refused.values()), "H.hpp")], "H.hpp")
+    bad = join_declarations(
+        [read_c_header(given.header.text + "".join(given.refused.values()), "H.hpp")], "H.hpp"
+    )
     assert not given.refused.keys() & set(bad.names()), given.refused
     assert given.refused.keys() <= {name.upper() for name in bad.broken}

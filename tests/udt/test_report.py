@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from tests.udt.answers import decode_json, show_json
 from tests.udt.udt_strategies import layout_of, layouts
 from trcvtui.udt import report
-from trcvtui.udt.compare.compare import Comparison, compare_json
+from trcvtui.udt.compare.compare import Comparison, comparison_json
 from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
 from trcvtui.udt.layout.value_text import real_text
-from trcvtui.udt.report import csv_lines, decode_text, encode_values, markdown, member_rows, show_text
+from trcvtui.udt.report import csv_lines, decoded_text, encode_values, layout_table, markdown, member_rows
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import StringType, Struct
 
@@ -59,7 +59,7 @@ def test_show_as_json_is_the_contract() -> None:
 
 
 def test_show_as_text_lists_members_and_gaps_in_order() -> None:
-    assert show_text(telegram()).splitlines() == [
+    assert layout_table(telegram()).splitlines() == [
         "Telegram: 28 bytes, align 4, layout baosky, little-endian",
         "offset  size  type        path",
         "     0     4  DINT        id",
@@ -96,7 +96,7 @@ def test_decode_as_json_is_the_contract() -> None:
 
 
 def test_decode_as_text_shows_what_is_odd_and_no_control_code() -> None:
-    assert decode_text(telegram(), BYTES[:26]).splitlines() == [
+    assert decoded_text(telegram(), BYTES[:26]).splitlines() == [
         "Telegram: 26 of 28 bytes, layout baosky, little-endian",
         "offset  type       path   value",
         "     0  DINT       id     1",
@@ -113,7 +113,7 @@ def test_decode_as_text_shows_what_is_odd_and_no_control_code() -> None:
 
 def test_a_lone_value_is_shown_under_the_name_of_its_type() -> None:
     layout = lay_out(telegram().leaf(1).type, rules_for(), "Speed")
-    assert show_text(layout).splitlines()[2] == "     0     4  REAL  Speed"
+    assert layout_table(layout).splitlines()[2] == "     0     4  REAL  Speed"
     assert show_json(layout)["members"] == [{"path": "", "type": "REAL", "offset": 0, "size": 4}]
 
 
@@ -121,7 +121,7 @@ def test_numbers_that_are_none_are_text_in_json() -> None:
     layout = layout_of("ARRAY[0..2] OF REAL")
     data = struct.pack("<3f", float("nan"), float("inf"), float("-inf"))
     assert decode_json(layout, data)["values"] == {"[0]": "NaN", "[1]": "Infinity", "[2]": "-Infinity"}
-    assert decode_text(layout, data).splitlines()[2].endswith("NaN")
+    assert decoded_text(layout, data).splitlines()[2].endswith("NaN")
 
 
 def test_encode_takes_values_and_what_decode_gave() -> None:
@@ -160,10 +160,10 @@ def test_a_code_unit_that_is_no_character_is_escaped_and_marked_and_comes_back(
     text: str, layout: str, raw: str, value: str, mark: str
 ) -> None:
     of, data = layout_of(f"t : {text};", layout), bytes.fromhex(raw)
-    found = msgspec.json.decode(report.decode_json(of, data))
+    found = msgspec.json.decode(report.decoded_json(of, data))
     assert found["values"] == {"t": value} and found["escaped"] == ["t"]
     assert found["marks"] == {"t": f"no text: {mark}"}
-    assert f"(no text: {mark})" in decode_text(of, data)
+    assert f"(no text: {mark})" in decoded_text(of, data)
     assert encode_values(of, found) == data
 
 
@@ -195,10 +195,13 @@ def test_what_decode_prints_encode_takes_and_gives_the_same_again(
 def test_no_bytes_break_a_format_or_reach_it_raw(layout: Layout, data: st.DataObject) -> None:
     raw = data.draw(st.binary(max_size=layout.size + 2) | TELLING)
     rows = [(*row[:2], row[2] or "T", row[3]) for row in member_rows(layout, raw, "T")]
-    for text in (show_text(layout), decode_text(layout, raw), *markdown(rows), *csv_lines(rows)):
+    for text in (layout_table(layout), decoded_text(layout, raw), *markdown(rows), *csv_lines(rows)):
         assert all(line.isprintable() for line in text.splitlines())
     comparison = Comparison(layout, layout)
-    for text in (report.decode_json(layout, raw), compare_json(comparison, list(comparison.rows(raw)), raw)):
+    for text in (
+        report.decoded_json(layout, raw),
+        comparison_json(comparison, list(comparison.rows(raw)), raw),
+    ):
         assert text.isascii() and msgspec.json.decode(text)  # it refuses half a character, too
 
 
@@ -213,7 +216,7 @@ def test_members_stand_in_offset_order_and_those_at_one_offset_in_declared_order
 
 def test_what_is_printed_is_what_json_dumps_with_an_indent_of_two() -> None:
     for layout in (telegram(), lay_out(Struct("Empty", ()), rules_for())):
-        for text in (report.show_json(layout), report.decode_json(layout, BYTES)):
+        for text in (report.layout_json(layout), report.decoded_json(layout, BYTES)):
             assert text == json.dumps(json.loads(text), indent=2)
 
 

@@ -16,7 +16,7 @@ from trcvtui.udt.ast import MOST_NESTED, Declaration
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.sources import parse_source, read_files
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.type_set import join_files
+from trcvtui.udt.type_set import join_declarations
 from trcvtui.udt.types import type_text
 
 DATA = Path(__file__).parent / "data"
@@ -149,7 +149,7 @@ PIECES = st.sampled_from([*WORDS.split(), *SIGNS.split(), "\n"])
 @example("TYPE a : INT (a")
 def test_no_text_breaks_the_reader(text: str) -> None:
     for suffix in (".st", ".udt", ".exp", ".typ"):
-        types = join_files([parse_source(text, "test", suffix)], "test")
+        types = join_declarations([parse_source(text, "test", suffix)], "test")
         for problem in types.problems:
             assert problem.where.startswith("test:")
             assert problem.expected

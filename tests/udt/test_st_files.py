@@ -8,7 +8,7 @@ from tests.udt.st_texts import good, lines, members, read
 from tests.udt.udt_strategies import types_of
 from trcvtui.udt.sources import parse_source
 from trcvtui.udt.sources.st import read_spec, read_st
-from trcvtui.udt.type_set import join_files
+from trcvtui.udt.type_set import join_declarations
 from trcvtui.udt.types import (
     Enumeration,
     StringType,
@@ -111,7 +111,7 @@ def test_what_is_wrong_in_a_data_block_ends_with_it() -> None:
 
 def test_struct_and_var_alone_are_a_type_named_by_the_file() -> None:
     text = "{attribute 'pack_mode' := '1'} STRUCT array : ARRAY[1...GVL.N] OF INT; Type : INT; END_STRUCT"
-    types = join_files([parse_source(text, "plc/weight.st")], "weight.st", {"GVL.N": 2})
+    types = join_declarations([parse_source(text, "plc/weight.st")], "weight.st", {"GVL.N": 2})
     assert members(types, "weight") == {"array": "ARRAY[1..2] OF INT", "Type": "INT"}
     weight = types.get_type("weight")
     assert isinstance(weight, Struct) and weight.pack == 1
@@ -144,7 +144,7 @@ def test_a_tia_header_that_does_not_end_is_told() -> None:
     declared = parse_source(
         'TYPE "A" VERSION : 0.1\nEND_TYPE TYPE "B" STRUCT a : Int; END_STRUCT; END_TYPE', "f.udt", ".udt"
     )
-    types = join_files([declared], "f.udt")
+    types = join_declarations([declared], "f.udt")
     assert [str(p) for p in types.problems] == ["f.udt:2:1: found 'END_TYPE', expected 'STRUCT'"]
     assert types.names() == ["B"]
 
@@ -180,7 +180,7 @@ def test_codesys_2_3_headers_are_comments_and_other_objects_are_passed_over() ->
     )
     assert types.names() == ["T", "U"]
     text = "(* @NESTEDCOMMENTS := 'No' *) (* a (* b *) TYPE T : INT; END_TYPE (* c *) (* d *) *) "
-    assert join_files([parse_source(text, "f.exp", ".exp")], "f.exp").names() == ["T"]
+    assert join_declarations([parse_source(text, "f.exp", ".exp")], "f.exp").names() == ["T"]
 
 
 # -- inside another file ---------------------------------------------------------------------------------
@@ -202,7 +202,7 @@ def test_a_second_declaration_is_refused_with_both_places() -> None:
         read_st("TYPE A : INT; END_TYPE", "a.st"),
         read_st("TYPE a : STRUCT x : BOOL; END_STRUCT END_TYPE", "b.st"),
     ]
-    asked = join_files(files, "both")
+    asked = join_declarations(files, "both")
     assert asked.names() == []
     assert [str(problem) for problem in asked.problems] == [
         "b.st:1:6: found 'a' a second time, expected one declaration of it; the first is at a.st:1:6"

@@ -8,7 +8,7 @@ from tests.udt.st_texts import INT, good, member, members
 from tests.udt.udt_strategies import types_of
 from trcvtui.udt.ast import MOST_NESTED
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.type_set import join_files
+from trcvtui.udt.type_set import join_declarations
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,
@@ -155,7 +155,9 @@ def test_unknown_types_and_constants_are_told_together_each_once_and_the_good_on
     assert types.names() == ["D"]
     later = types_of("TYPE A : ARRAY[0..Z] OF B; B : ARRAY[0..Y] OF INT; C : ARRAY[0..X] OF INT; END_TYPE")
     assert later.unknown_constants == ("Z", "Y", "X")
-    known = join_files([read_st("TYPE B : ARRAY[0..M] OF INT; END_TYPE", "f.st")], "f.st", {"Lib.M": 2})
+    known = join_declarations(
+        [read_st("TYPE B : ARRAY[0..M] OF INT; END_TYPE", "f.st")], "f.st", {"Lib.M": 2}
+    )
     assert type_text(known.get_type("B")) == "ARRAY[0..2] OF INT"
 
 

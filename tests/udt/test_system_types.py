@@ -13,7 +13,7 @@ from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.sources import parse_source
 from trcvtui.udt.system_types import system_types
-from trcvtui.udt.type_set import join_files
+from trcvtui.udt.type_set import join_declarations
 
 HANDLES = "HW_ANY HW_IO HW_DEVICE HW_SUBMODULE HW_INTERFACE CONN_OUC PORT DB_ANY OB_ANY EVENT_ANY"
 
@@ -23,7 +23,9 @@ def udt(name: str, members: str) -> str:
 
 
 def laid(text: str, name: str, suffix: str = ".scl") -> Layout:
-    return lay_out(join_files([parse_source(text, f"f{suffix}", suffix)], "f").get_type(name), S7, name)
+    return lay_out(
+        join_declarations([parse_source(text, f"f{suffix}", suffix)], "f").get_type(name), S7, name
+    )
 
 
 def places(layout: Layout) -> dict[str, str]:
@@ -88,7 +90,7 @@ def test_a_type_of_the_users_own_comes_first_and_a_difference_is_noted() -> None
         ("x : LReal", 8, ("1 value in 8 bytes, but the system type has 3 values in 6 bytes",)),
         ("InterfaceId : UInt; ID : Word; ConnectionType : Byte", 6, ()),
     ):
-        types = join_files([parse_source(own.format(members), "f.scl", ".scl")], "f")
+        types = join_declarations([parse_source(own.format(members), "f.scl", ".scl")], "f")
         assert lay_out(types.get_type("T"), S7).size == size
         assert types.notes.get("tcon_configured", ()) == notes
 
@@ -96,10 +98,10 @@ def test_a_type_of_the_users_own_comes_first_and_a_difference_is_noted() -> None
 def test_no_source_of_another_vendor_has_system_types() -> None:
     text = "TYPE T : STRUCT p : PORT; END_STRUCT END_TYPE"
     read = parse_source(text, "f.st", ".st")
-    assert "PORT" in join_files([read], "f").problems[0].found
+    assert "PORT" in join_declarations([read], "f").problems[0].found
     tia = parse_source(udt("S", "p : PORT;"), "f.scl", ".scl")
-    assert join_files([read, tia], "f").names() == ["S"]
-    assert join_files([read], "f", has_system_types=True).names()[:1] == ["T"]  # of a Siemens project
+    assert join_declarations([read, tia], "f").names() == ["S"]
+    assert join_declarations([read], "f", has_system_types=True).names()[:1] == ["T"]  # of a Siemens project
 
 
 def test_what_is_not_verified_is_said_wherever_members_are_shown(

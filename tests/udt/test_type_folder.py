@@ -10,7 +10,7 @@ import pytest
 
 from trcvtui.cli.main import main
 from trcvtui.errors import UserError
-from trcvtui.udt.command import layout_of
+from trcvtui.udt.command import read_layout
 from trcvtui.udt.layout.rules import LayoutChoice
 from trcvtui.udt.sources import type_folder
 
@@ -35,7 +35,7 @@ def put(**files: str) -> None:
 
 def size(file: str, *others: str, name: str | None = None) -> int:
     options = dict.fromkeys(LayoutChoice._fields)
-    return layout_of(SimpleNamespace(file=file, others=others, constant=[], type=name, **options)).size
+    return read_layout(SimpleNamespace(file=file, others=others, constant=[], type=name, **options)).size
 
 
 def refusal(file: str, *others: str, name: str | None = None) -> str:

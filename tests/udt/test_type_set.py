@@ -10,7 +10,7 @@ from trcvtui.errors import UserError
 from trcvtui.udt.ast import MOST_NESTED
 from trcvtui.udt.sources import parse_type
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.type_set import join_files
+from trcvtui.udt.type_set import join_declarations
 from trcvtui.udt.types import ELEMENTARY, Array, StringType
 
 
@@ -45,7 +45,7 @@ def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
 def test_the_only_type_needs_no_name() -> None:
     def only(text: str) -> str:
         file = read_st(text, "test.st")
-        return join_files([file], "test.st").only_name([file])
+        return join_declarations([file], "test.st").only_name([file])
 
     assert only("TYPE A : INT; END_TYPE") == "A"
     assert lines_of(lambda: only("TYPE A : INT; B : INT; END_TYPE")) == [

@@ -9,13 +9,13 @@ from hypothesis import strategies as hyp
 from tests import golden
 from tests.udt.st_texts import bare, lines_of, problems_of
 from trcvtui.errors import UserError
-from trcvtui.udt.ast import Declarations, Reference, StructSpec
+from trcvtui.udt.ast import Declarations, StructSpec, TypeName
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.sources import decode_text, parse_source, parse_xml_source, xml_source
 from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.sources.xml_source import MOST_DEPTH, read_xml
-from trcvtui.udt.type_set import TypeSet, join_files
+from trcvtui.udt.type_set import TypeSet, join_declarations
 
 OPENNESS = """<?xml version="1.0" encoding="utf-8"?>
 <Document><Engineering version="V21" />
@@ -179,24 +179,24 @@ def laid(types: TypeSet) -> list[tuple[str, int]]:
 
 
 def test_members_in_the_sections_of_a_member_are_those_of_its_type() -> None:
-    types = join_files([openness(UNIT + '<Member Name="end" Datatype="Byte"/>')], "F")
+    types = join_declarations([openness(UNIT + '<Member Name="end" Datatype="Byte"/>')], "F")
     first, second = [("unit[0].id", 0), ("unit[0].ok", 2)], [("unit[1].id", 4), ("unit[1].ok", 6)]
     assert laid(types) == [*first, *second, ("end", 8), ("", 10)] and not types.notes
     assert types.source_layout("Unit") == "s7-standard"
     nested = openness(copy("m", "&quot;Outer&quot;", UNIT + PAIR) + UNIT)  # a second copy, the same
-    assert [leaf for leaf, _ in laid(join_files([nested], "F"))][4:6] == ["m.id", "m.ok"]
+    assert [leaf for leaf, _ in laid(join_declarations([nested], "F"))][4:6] == ["m.id", "m.ok"]
     empty = openness(copy("m", "&quot;Unit&quot;"))
-    assert join_files([empty], "F").problems[0].found == "'Unit'"
+    assert join_declarations([empty], "F").problems[0].found == "'Unit'"
 
 
 def test_the_members_in_a_file_come_before_the_system_type_and_a_difference_is_noted() -> None:
-    types = join_files([openness(copy("d", "TDiag_Status", PAIR))], "F")
+    types = join_declarations([openness(copy("d", "TDiag_Status", PAIR))], "F")
     assert laid(types)[-1] == ("", 4)
     assert types.notes["tdiag_status"] == (
         "2 values in 4 bytes, but the system type has 8 values in 16 bytes",
     )
     same = '<Member Name="addr" Datatype="Array[1..4] of Byte"/>'
-    assert not join_files([openness(copy("d", "IP_V4", same))], "F").notes
+    assert not join_declarations([openness(copy("d", "IP_V4", same))], "F").notes
 
 
 def test_a_declared_type_comes_before_its_copy_and_a_difference_is_noted() -> None:
@@ -204,34 +204,38 @@ def test_a_declared_type_comes_before_its_copy_and_a_difference_is_noted() -> No
         ("more : LReal;", 20, ("2 values in 10 bytes, but the copy at F:6:64 has 2 values in 4 bytes",)),
         ("ok : Bool;", 8, ()),
     ):
-        types = join_files([openness(UNIT), parse_source(UNIT_UDT.format(member), "u.udt", ".udt")], "F")
+        types = join_declarations(
+            [openness(UNIT), parse_source(UNIT_UDT.format(member), "u.udt", ".udt")], "F"
+        )
         assert laid(types)[-1] == ("", size) and types.notes.get("unit", ()) == notes
 
 
 def test_two_copies_that_differ_are_refused_with_both_places() -> None:
     other = copy("b", "&quot;unit&quot;", '<Member Name="id" Datatype="Real"/>')
-    (problem,) = join_files([openness(f"{UNIT}\n{other}")], "F").problems
+    (problem,) = join_declarations([openness(f"{UNIT}\n{other}")], "F").problems
     assert str(problem).startswith("F:7:") and problem.expected.endswith("the first is at F:6:64")
 
 
 def test_an_instance_has_its_parameters_and_keeps_a_pointer_to_what_is_not_elementary() -> None:
     a, b, c = (f'<Member Name="{name}" Datatype="Int"/>' for name in "abc")
     sections = {"Input": a, "InOut": b, "Static": c, "Temp": PAIR, "Constant": PAIR}
-    types = join_files([openness(copy("fb", "&quot;Drive&quot;", **sections))], "F")
+    types = join_declarations([openness(copy("fb", "&quot;Drive&quot;", **sections))], "F")
     assert laid(types) == [("fb.a", 0), ("fb.b", 2), ("fb.c", 4), ("", 6)]
     assert "a guess" in types.notes["drive"][0]
     for datatype in ("DTL", "String", "Array[0..1] of Int", "Variant"):
         inner = f'<Member Name="io" Datatype="{datatype}"/>'
         with pytest.raises(UserError, match=r"Motor\.fb\.io: found "):
-            laid(join_files([openness(copy("fb", "&quot;Drive&quot;", Input=a, InOut=inner))], "F"))
-    timer = join_files([openness(copy("t", "TON_TIME", a))], "F")  # TIA lists less than it has
+            laid(join_declarations([openness(copy("fb", "&quot;Drive&quot;", Input=a, InOut=inner))], "F"))
+    timer = join_declarations([openness(copy("t", "TON_TIME", a))], "F")  # TIA lists less than it has
     assert "a guess" in timer.notes["ton_time"][0]
 
 
 def test_a_mistake_in_a_copy_is_told_at_its_line_where_the_copy_counts() -> None:
     bad = openness(copy("m", "&quot;Unit&quot;", '\n<Member Name="x" Datatype="Array[5..1] of Int"/>'))
-    assert str(join_files([bad], "F").problems[0]) == "F:7:1: found '1', expected a number from 5 upwards"
-    assert join_files([bad, parse_source(UNIT_UDT.format(""), "u.udt", ".udt")], "F").names() == [
+    assert (
+        str(join_declarations([bad], "F").problems[0]) == "F:7:1: found '1', expected a number from 5 upwards"
+    )
+    assert join_declarations([bad, parse_source(UNIT_UDT.format(""), "u.udt", ".udt")], "F").names() == [
         "Motor",
         "Unit",
     ]
@@ -288,7 +292,7 @@ def test_codesys_additions_extend_and_pack() -> None:
         data_type('<struct><variable name="a"><type><INT/></type></variable></struct>', added)
     ).types
     assert isinstance(type_.spec, StructSpec) and type_.spec.pack == 1
-    assert isinstance(type_.spec.base, Reference) and type_.spec.base.name == "Base"
+    assert isinstance(type_.spec.base, TypeName) and type_.spec.base.name == "Base"
     (line,) = lines_of(plcopen(data_type("<struct/>", added.replace("'1'", "'3'"))))
     assert line.startswith("F:3:") and line.endswith("found pack_mode '3', expected 0, 1, 2, 4 or 8")
 

@@ -11,10 +11,10 @@ from trcvtui.udt.layout.coding import Value, coding_of
 from trcvtui.udt.layout.layout import LAYOUTS, Layout, LayoutRules, Leaf, lay_out, rules_for
 from trcvtui.udt.layout.layout_tree import LeafValues
 from trcvtui.udt.layout.rules import TEXT_FORMS
-from trcvtui.udt.literals import date_and_time_text, format_literal, format_time
+from trcvtui.udt.literals import date_and_time_text, format_duration, format_literal
 from trcvtui.udt.sources import parse_type
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.type_set import TypeSet, join_files
+from trcvtui.udt.type_set import TypeSet, join_declarations
 from trcvtui.udt.types import (
     DAY,
     ELEMENTARY_ROWS,
@@ -35,7 +35,7 @@ from trcvtui.udt.types import (
 
 def types_of(text: str, name: str = "test.st") -> TypeSet:
     """Return the types that a text declares."""
-    return join_files([read_st(text, name)], name)
+    return join_declarations([read_st(text, name)], name)
 
 
 def struct_of(*types: str) -> Struct:
@@ -188,7 +188,7 @@ OWN_VALUES: dict[tuple[str, str], st.SearchStrategy[Value]] = {
         lambda n: date_and_time_text("DTL#", n)
     ),
     ("S5TIME", "H"): st.tuples(st.integers(0, 999), st.sampled_from([10, 100, 1000, 10_000])).map(
-        lambda s: format_time(s[0] * s[1] * MS, "S5T#")
+        lambda s: format_duration(s[0] * s[1] * MS, "S5T#")
     ),
 }
 

@@ -25,7 +25,7 @@ from trcvtui.net.connection.resources import BufferPool, ConnectionBudget, JobQu
 from trcvtui.net.events import EventKind
 from trcvtui.net.faults import FaultPlan, FaultyKernel, FaultyPort
 from trcvtui.net.kernel import Kernel
-from trcvtui.net.layers.layer_kernel import LayerKernel, ReadyKernel
+from trcvtui.net.layers.layer_kernel import LayerKernel, ReadyListKernel
 from trcvtui.net.layers.layered_stream import LayerNote
 from trcvtui.net.results import Endpoint, Fault
 from trcvtui.net.serial_line import SerialPort, SerialSettings, SimSerialPort
@@ -36,7 +36,7 @@ from trcvtui.plc.ledger import BenchNote, PeerSent, StatusEdge
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project, SimDecl
 from trcvtui.project.tables import LEAST_INTERVAL_NS
-from trcvtui.snapshots.bench import PeerSnapshot, TrafficSnapshot
+from trcvtui.snapshots.bench import PeerSnapshot, TrafficCheckSnapshot
 
 if TYPE_CHECKING:
     from trcvtui.net.os.kernel import OsKernel
@@ -125,9 +125,9 @@ class TrafficCheck:
     def end(self) -> None:
         self._peer.queues.inbox.checker = None
 
-    def snapshot(self) -> TrafficSnapshot:
+    def snapshot(self) -> TrafficCheckSnapshot:
         data = self._data.tally() if self._data is not None else None
-        return TrafficSnapshot(self._sent, data, self._echo.tally())
+        return TrafficCheckSnapshot(self._sent, data, self._echo.tally())
 
 
 T = TypeVar("T")
@@ -165,15 +165,15 @@ class Bench:
         self.reports: Path | None = None  # folder for reports of internal errors, None: the state folder
         is_due = getattr(seam, "has_failed", None)  # of a replay
         self.containment = Containment(
-            self._record_exception, self._report_error, self._note, is_due, self._bypass
+            self._record_exception, self._report_error, self._note, is_due, self._do_past_seam
         )
         self._has_sessions = any(config.session is not None for config in project.connects)
         self.runtime = Runtime(
             project,
-            self._plc_kernel(),
+            self._make_plc_kernel(),
             self._make_resources(project),
             self._peer_port,
-            self._serial_port,
+            self._make_serial_port,
             self.containment,
         )
         if seam is not None:
@@ -203,7 +203,7 @@ class Bench:
 
     def _new_peer(self, decl: PeerDecl) -> Peer:
         policy, journal = self.project.rules.policy, self.runtime.ledger.write
-        return Peer(decl, self._peer_kernel(decl), self._listening_end, journal, policy)
+        return Peer(decl, self._make_peer_kernel(decl), self._listening_end, journal, policy)
 
     def _make_budget(self, now_ns: Callable[[], int]) -> ScanBudget:
         if self._seam is None:
@@ -215,15 +215,15 @@ class Bench:
     def _time(self) -> int:
         return self.now
 
-    def _plc_kernel(self) -> ReadyKernel:
+    def _make_plc_kernel(self) -> ReadyListKernel:
         make = self._make_layer_kernel if self._has_sessions else self._wire_kernel
         if self._seam is None:
             return make()
-        kernel = self._add_seam(self._seam, "PLC", make, is_noted=True)
+        kernel = self._wrap(self._seam, "PLC", make, is_noted=True)
         self._note_arrivals = kernel.note_arrivals
         return kernel
 
-    def _wire_kernel(self) -> ReadyKernel:
+    def _wire_kernel(self) -> ReadyListKernel:
         if self._seam is None:
             return self._faulty
         from trcvtui.recording.seam import make_wire_kernel
@@ -231,7 +231,7 @@ class Bench:
         return make_wire_kernel(self._seam, self._faulty, is_next=not self._has_sessions)
 
     @staticmethod
-    def _add_seam(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
+    def _wrap(seam: Seam, label: str, make: Callable[[], Kernel], is_noted: bool = False) -> SeamKernel:
         from trcvtui.recording.seam import wrap_kernel  # only a recorded bench needs it
 
         return wrap_kernel(seam, label, make, is_noted)
@@ -243,10 +243,10 @@ class Bench:
                 config.session.make_session(config.active)
         return LayerKernel(self._wire_kernel(), self._time, self._note_layer, self._on_error, work=self._work)
 
-    def _peer_kernel(self, decl: PeerDecl) -> Kernel:
+    def _make_peer_kernel(self, decl: PeerDecl) -> Kernel:
         if self._seam is None:
             return self._make_inner_kernel(decl)
-        return self._add_seam(self._seam, decl.name, lambda: self._make_inner_kernel(decl))
+        return self._wrap(self._seam, decl.name, lambda: self._make_inner_kernel(decl))
 
     def _make_inner_kernel(self, decl: PeerDecl) -> Kernel:
         if decl.session is None:
@@ -254,7 +254,7 @@ class Bench:
         of, work = self._note_layer, self._peers_work
         return LayerKernel(self._kernel, self._time, of, self._on_error, polls=False, work=work)
 
-    def _serial_port(self, owner: str, settings: SerialSettings) -> SerialPort:
+    def _make_serial_port(self, owner: str, settings: SerialSettings) -> SerialPort:
         if self._seam is None:
             return self._make_inner_port(owner, settings)
         from trcvtui.recording.seam import SeamPort
@@ -297,9 +297,9 @@ class Bench:
             self._on_wait(note.connect, EventKind(note.what), note.partner, note.why)
 
     def _record_exception(self, part: RunPart, report: Callable[[], ExceptionNote]) -> ExceptionNote | None:
-        return self._ask(part[1], EXCEPTION, part[:1], report)
+        return self._do_by_seam(part[1], EXCEPTION, part[:1], report)
 
-    def _bypass(self, do: Callable[[], object]) -> None:
+    def _do_past_seam(self, do: Callable[[], object]) -> None:
         is_busy = self._seam is not None and self._seam.is_busy
         if self._seam is not None:
             self._seam.is_busy = False
@@ -315,7 +315,7 @@ class Bench:
         lines = self.runtime.ledger.lines_since(0, MOST_LEDGER_LINES)
         return report_error(error, self.project, lines, self.reports)
 
-    def _ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
+    def _do_by_seam(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
         return do() if self._seam is None else self._seam.ask(owner, call, args, do)
 
     def _make_resources(self, project: Project) -> Resources:
@@ -332,7 +332,7 @@ class Bench:
         return Endpoint(config.local.address, port) if config and port is not None else None
 
     def is_free(self, end: Endpoint) -> bool:
-        return self._ask("bench", "is_free", (end,), lambda: self._is_free(end))
+        return self._do_by_seam("bench", "is_free", (end,), lambda: self._is_free(end))
 
     def _is_free(self, end: Endpoint) -> bool:
         handle = self._kernel.socket("bench")
@@ -354,14 +354,14 @@ class Bench:
         return self._sim
 
     def quiet_until(self) -> int | None:
-        """Return `now` if a program runs or checks, peers or sessions exist, else `Runtime.quiet_until`."""
+        """Return `now` if checks, peers or sessions exist or a program runs, else `Runtime.quiet_until`."""
         is_alone = self._program.is_over and not (self._checks or self.peers or self._has_sessions)
         return self.runtime.quiet_until() if is_alone else self.now
 
     # -- time ---------------------------------------------------------------------------------------
 
     def step(self, now: int | None = None) -> None:
-        """Let a scan pass at `now`, or at the next multiple of the interval. Peers act before and after."""
+        """Let a scan pass at `now` (None: next multiple of the interval). Peers act before and after it."""
         due = self.runtime.scans * self.runtime.interval_ns if now is None else now
         if self.peers and self._sim is not None:
             while isinstance(at := self._find_next_peer_time(due), int):
@@ -544,7 +544,7 @@ class Bench:
             if wrong:
                 return wrong
         self.project, self._works_on = edited, _connects_by_instance(edited)
-        if isinstance(command, words.AddEntry | words.Change | words.Remove | words.Undo):
+        if isinstance(command, words.AddEntry | words.Change | words.Remove | words.UndoEdit):
             self._renew_peer_routines()
         self.peers = {decl.name: self.peers[decl.name] for decl in edited.peers}
         self._links = [find_peer_link(decl, edited) for decl in edited.peers]
@@ -588,7 +588,7 @@ class Bench:
     def _enable_sessions(self, decl: object) -> None:
         if isinstance(decl, ConnectConfig) and decl.session is not None and not self._has_sessions:
             self._has_sessions = True
-            self.runtime.use_kernel(self._plc_kernel())
+            self.runtime.use_kernel(self._make_plc_kernel())
 
     def _add_peer(self, decl: PeerDecl, edited: Project) -> str:
         peer = self._new_peer(decl)
@@ -615,7 +615,7 @@ class Bench:
         return ""
 
     def set_link(self, command: words.SetLink) -> str:
-        wrong, how = self._ask(
+        wrong, how = self._do_by_seam(
             command.connect,
             "link",
             (command.up,),

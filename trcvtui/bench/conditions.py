@@ -9,7 +9,7 @@ from trcvtui.bench.peers.peer import Peer
 from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.table import outcome_field
 from trcvtui.commands import words
-from trcvtui.commands.table import pin_text
+from trcvtui.commands.table import pin_value_text
 from trcvtui.plc.port_hints import describe_port_fault
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import Project
@@ -37,7 +37,7 @@ def holds(bench: WatchedBench, condition: words.Condition) -> bool:
             return all(pin_now(bench, instance, pin) == value for pin, value in pins)
         case words.PeerIs(peer, state):
             return bench.peers[peer].is_in(state)
-        case words.PeerReceived(peer, payload):
+        case words.PeerHasReceived(peer, payload):
             return bench.peers[peer].has_received(payload)
         case words.DataIs(data, offset, payload):
             return bench.runtime.data(data)[offset : offset + len(payload)] == payload
@@ -48,11 +48,11 @@ def holds(bench: WatchedBench, condition: words.Condition) -> bool:
 def describe_now(bench: WatchedBench, condition: words.Condition) -> str:
     match condition:
         case words.PinsAre(instance, pins):
-            shown = " ".join(f"{pin}={pin_text(pin, pin_now(bench, instance, pin))}" for pin, _ in pins)
+            shown = " ".join(f"{pin}={pin_value_text(pin, pin_now(bench, instance, pin))}" for pin, _ in pins)
             return "; ".join(part for part in (shown, _describe_port_fault(bench, instance)) if part)
         case words.PeerIs(peer, _):
             return bench.peers[peer].snapshot().state
-        case words.PeerReceived(peer, _):
+        case words.PeerHasReceived(peer, _):
             return _hex(bytes(bench.peers[peer].snapshot().last_received)) or "nothing"
         case words.DataIs(data, offset, payload):
             return _hex(bench.runtime.data(data)[offset : offset + len(payload)])

@@ -1,6 +1,6 @@
 """The doctor of a bench: when it judges a run, and how `doctor` lines wait for its findings.
 
-Rule: the process of diagnosis/doctor_process.py judges. Its bounded answer is read between two scans.
+Rule: another process judges (diagnosis/doctor_process.py). Its bounded answer is read between two scans.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import msgspec
 from msgspec.structs import replace
 
 from trcvtui import clock
-from trcvtui.commands.words import Doctor
+from trcvtui.commands.words import AskDoctor
 from trcvtui.errors import UserError, mistake
 from trcvtui.plc.snapshot import ConnectionSnapshot
 from trcvtui.project.project import Project
@@ -42,7 +42,7 @@ class Judge(Protocol):
     def start_judging(self) -> None:
         """Start the judging process; raise UserError if there is nothing to judge."""
 
-    def advance(self) -> None:
+    def poll_process(self) -> None:
         """Find out whether the process has ended."""
 
 
@@ -51,12 +51,12 @@ class BenchDoctor:
 
     def __init__(self) -> None:
         self.snapshot = DoctorSnapshot()
-        self._waiting: list[tuple[int, str, Doctor]] = []
+        self._waiting: list[tuple[int, str, AskDoctor]] = []
         self._began_ns = self._ended_ns = self._took_ns = 0
         self._scan = 0
         self._looks = False
 
-    def ask(self, judge: Judge, bench: Bench, number: int, line: str, command: Doctor) -> str:
+    def ask(self, judge: Judge, bench: Bench, number: int, line: str, command: AskDoctor) -> str:
         """Start the judge if needed. Return the text to show until `advance` returns the answer."""
         if judge.looks_again or not self.snapshot.looks:
             self._start_judging(judge, bench)
@@ -88,7 +88,7 @@ class BenchDoctor:
                 self.snapshot = DoctorSnapshot(1, trouble=NOT_KEPT_TEXT)
             return ()
         if self._looks:
-            judge.advance()
+            judge.poll_process()
             seconds = (clock.now_ns() - self._began_ns) // 500_000_000 / 2
             self.snapshot = replace(self.snapshot, progress=f"{seconds:.1f} s: {judge.progress}".rstrip(": "))
             if not judge.is_judging:
@@ -152,8 +152,8 @@ def _port(end: str) -> str:
     return end.rpartition(":")[2]
 
 
-def answer_command(command: Doctor, seen: DoctorSnapshot, project: Project) -> tuple[str, str]:
-    """Return an error text or "", and the findings on an instance, on a CONNECT or on all as text."""
+def answer_command(command: AskDoctor, seen: DoctorSnapshot, project: Project) -> tuple[str, str]:
+    """Return an error text or "", and as text the findings on an instance, a CONNECT or all of them."""
     if seen.trouble:
         return seen.trouble, ""
     some = findings_of(command.name, seen.findings, project)
@@ -165,7 +165,7 @@ def answer_command(command: Doctor, seen: DoctorSnapshot, project: Project) -> t
 
 
 def findings_of(name: str, findings: Iterable[Finding], project: Project) -> tuple[Finding, ...]:
-    """Return the findings of an instance or a CONNECT, or all for "". Add findings without a CONNECT."""
+    """Return the findings of an instance or a CONNECT ("": all), and those that have no CONNECT."""
     decl = project.instance(name)
     connect = decl.connect if decl is not None else name
     return tuple(

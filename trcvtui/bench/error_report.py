@@ -36,7 +36,7 @@ _written_reports: dict[tuple[str, Path | None], str] = {}
 
 
 def write_report(trace: str, project: Project | None, lines: Sequence[Line], folder: Path | None) -> str:
-    """Write a report into `folder` or the state folder. Return "report PATH", or why there is no report."""
+    """Write a report into `folder` (None: state folder). Return "report PATH", or why there is none."""
     key = trace, folder
     if key in _written_reports and "\n" in trace:  # the same error again
         return _written_reports[key]
@@ -62,7 +62,7 @@ def write_report(trace: str, project: Project | None, lines: Sequence[Line], fol
 def report_error(
     error: BaseException, project: Project, lines: Sequence[Line], folder: Path | None
 ) -> ExceptionNote:
-    why = f"{locate_error(error)}; {write_report(trace_of(error), project, lines, folder)}"
+    why = f"{locate_error(error)}; {write_report(textless_trace(error), project, lines, folder)}"
     files = [Path(frame.filename).parent for frame in traceback.extract_tb(error.__traceback__)]
     return ExceptionNote(why, CONNECTION_FOLDER in files)
 
@@ -74,10 +74,10 @@ def locate_error(error: BaseException) -> str:
     return f"{type(error).__name__}{place}"
 
 
-def trace_of(error: BaseException) -> str:
+def textless_trace(error: BaseException) -> str:
     """Return the trace of an exception and its causes, without texts. The last line names the exception."""
     before = error.__cause__ or error.__context__
-    earlier = f"{trace_of(before)}\n\n" if before is not None else ""
+    earlier = f"{textless_trace(before)}\n\n" if before is not None else ""
     return f"{earlier}{''.join(traceback.format_tb(error.__traceback__))}{locate_error(error)}"
 
 

@@ -16,7 +16,7 @@ from trcvtui.commands.table import parse_script
 from trcvtui.errors import Problem, UserError
 from trcvtui.project.project import Project
 
-WRITE_COMMANDS: Final = (words.Set, words.Pulse, words.Write)
+WRITE_COMMANDS: Final = (words.SetInputs, words.PulseInput, words.WriteBytes)
 WAIT_COMMANDS: Final = (words.RunScans, words.RunFor, words.Wait)
 
 
@@ -55,12 +55,12 @@ class Program:
     def advance(self) -> None:
         """Do what is due before the next scan."""
         while self._at < len(self._steps):
-            if self._must_wait(self._steps[self._at]):
+            if self._do_or_wait(self._steps[self._at]):
                 return
             self._at, self._scans_to_pass = self._at + 1, None
         self.is_over = True
 
-    def _must_wait(self, step: words.Step) -> bool:
+    def _do_or_wait(self, step: words.Step) -> bool:
         match step.command:
             case words.RunScans(scans):
                 most = scans

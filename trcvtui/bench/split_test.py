@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from trcvtui.bench.bench import Bench
 from trcvtui.commands.words import PeerSend, TrySplits
-from trcvtui.snapshots.scenario import SplitRow, TrialSnapshot
+from trcvtui.snapshots.scenario import SplitRow, SplitTestSnapshot
 from trcvtui.wording import format_columns
 
 GAP_SCANS: Final = 3  # so that two whole scans pass between a chunk and the next one
@@ -34,7 +34,7 @@ class _RunResult(Struct):
     def received_size(self) -> int:
         return sum(size for size, _ in self.frames)
 
-    def walk_text(self) -> str:
+    def status_text(self) -> str:
         parts = []
         for (status, error), run in groupby(self.scans):
             parts.append(f"{status:04X}{'!' * error}{'+' * (len(list(run)) > 1)}")
@@ -147,7 +147,7 @@ class SplitTest:
             self._whole = run
         same = run.frames == self._whole.frames
         equal = bool(run.frames) and run.frames[-1][1] == self._command.payload
-        self._append(SplitRow(cut, cut, run.walk_text(), len(run.frames), run.lengths_text(), equal, same))
+        self._append(SplitRow(cut, cut, run.status_text(), len(run.frames), run.lengths_text(), equal, same))
         self._runs += 1
         self._differing += not same
         held = len(self._bench.runtime.job_bytes(self._command.instance))
@@ -170,8 +170,8 @@ class SplitTest:
 
     # -- the table -------------------------------------------------------------------------------------
 
-    def snapshot(self) -> TrialSnapshot:
-        return TrialSnapshot(
+    def snapshot(self) -> SplitTestSnapshot:
+        return SplitTestSnapshot(
             peer=self._command.peer,
             instance=self._command.instance,
             payload=self._command.payload,
@@ -188,7 +188,7 @@ def row_text(row: SplitRow) -> str:
     return f"{row.walk}, DONE {row.done}, RCVD_LEN {row.lengths or 0}, {data}"
 
 
-def trial_text(trial: TrialSnapshot) -> str:
+def trial_text(trial: SplitTestSnapshot) -> str:
     """Return the table as text, one line for each row."""
     size = len(trial.payload)
     lines = [f"{trial.peer}: {size} bytes to {trial.instance}, every split · {trial.summary()}"]
@@ -222,5 +222,5 @@ class ScreenSplitTest:
     def advance(self) -> None:
         next(self._under_way, None)
 
-    def snapshot(self) -> TrialSnapshot | None:
+    def snapshot(self) -> SplitTestSnapshot | None:
         return self._trial.snapshot() if self._trial is not None else None

@@ -66,7 +66,7 @@ class Job(Protocol):
     @property
     def last_bytes_at(self) -> int | None: ...
 
-    def partial_bytes(self) -> bytes: ...
+    def received_part(self) -> bytes: ...
 
 
 class NoJob:
@@ -77,7 +77,7 @@ class NoJob:
     adhoc = False
     last_bytes_at: int | None = None
 
-    def partial_bytes(self) -> bytes:
+    def received_part(self) -> bytes:
         return b""
 
 
@@ -111,7 +111,7 @@ class JoblessBlock:
     def detach(self, reason: str) -> None: ...
 
 
-class ScriptBlock(JoblessBlock):
+class ScriptedBlock(JoblessBlock):
     """A block that shows its script, one outcome a call."""
 
     def __init__(self) -> None:

@@ -127,13 +127,7 @@ BUSY_CONDITIONS: Final = frozenset(
     }
 )
 DONE_CONDITIONS: Final = frozenset(
-    {
-        Condition.LINK_DONE,
-        Condition.FINISHED,
-        Condition.NOTHING_TO_RESET,
-        Condition.SENT,
-        Condition.RECEIVED,
-    }
+    {Condition.LINK_DONE, Condition.FINISHED, Condition.NOTHING_TO_RESET, Condition.SENT, Condition.RECEIVED}
 )
 # The manual has RESETTING above its heading "exception": it is no error.
 ERROR_CONDITIONS: Final = frozenset(list(Condition)[list(Condition).index(Condition.NO_SOCKET) :])

@@ -11,7 +11,7 @@ from trcvtui.blocks.rules import VendorRules
 from trcvtui.net.connection.resources import Resources
 
 
-class BytesArrived(NamedTuple):
+class BytesBuffered(NamedTuple):
     """Bytes entered a ComBuffer. `position` is the first byte's place in the ring of received bytes."""
 
     buffer: str
@@ -20,7 +20,7 @@ class BytesArrived(NamedTuple):
     position: int = 0
 
 
-class BytesLost(NamedTuple):
+class BufferBytesLost(NamedTuple):
     """Bytes did not fit into a ComBuffer, or left it unread. `offset` is where the next byte enters."""
 
     buffer: str
@@ -44,7 +44,7 @@ class FrameEnded(NamedTuple):
 
 
 class PartialFrameDropped(NamedTuple):
-    """A partial frame was dropped, such as `incomplete, 2 bytes, connection closed`."""
+    """A partial frame was dropped. It is shown as `incomplete, 2 bytes, connection closed`."""
 
     instance: str
     buffer: str
@@ -63,17 +63,17 @@ class NoiseDropped(NamedTuple):
     offset: int = 0
 
 
-class LineHeld(NamedTuple):
+class FeederHold(NamedTuple):
     """The TRCV_C that feeds a full ComBuffer is held by EN_R = 0 from now on, or is no longer held."""
 
     buffer: str
     held: bool
 
 
-SerialNote = BytesArrived | BytesLost | FrameEnded | PartialFrameDropped | NoiseDropped | LineHeld
+SerialNote = BytesBuffered | BufferBytesLost | FrameEnded | PartialFrameDropped | NoiseDropped | FeederHold
 
 
-class JobStarted(NamedTuple):
+class ReceiveStarted(NamedTuple):
     """A receive job began. A static job needs `length` bytes, an ad-hoc job takes at most `length`."""
 
     instance: str
@@ -85,7 +85,7 @@ class JobStarted(NamedTuple):
     adhoc: bool
 
 
-class ModeChange(NamedTuple):
+class ModeChanged(NamedTuple):
     """The running receive job continues ad-hoc, or static."""
 
     instance: str
@@ -93,7 +93,7 @@ class ModeChange(NamedTuple):
     adhoc: bool
 
 
-class JobEnded(NamedTuple):
+class ReceiveEnded(NamedTuple):
     """A receive job ended. If `done`, `size` bytes of the stream went to DATA, from `offset` on.
 
     These bytes are contiguous unless a job of another priority has read in between: see BytesReceived.
@@ -133,7 +133,7 @@ class SendEnded(NamedTuple):
     reason: str
 
 
-JobNote = JobStarted | ModeChange | JobEnded | SendStarted | SendEnded | SerialNote
+JobNote = ReceiveStarted | ModeChanged | ReceiveEnded | SendStarted | SendEnded | SerialNote
 
 
 class Environment(Struct):

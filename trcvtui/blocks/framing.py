@@ -19,7 +19,7 @@ class FrameEnding(StrEnum):
 class Framing(Struct, frozen=True):
     """How to cut frames of at most `size` bytes. `timeout_ns` is the longest gap, and 0 sets no limit.
 
-    If `text`, frames are STRINGs. A byte 00 ends a frame. A frame that reaches `size` has not ended well.
+    If `text`, frames are STRINGs: a byte 00 ends a frame, and one that reaches `size` has not ended well.
     """
 
     size: int
@@ -46,7 +46,7 @@ class Frame(NamedTuple):
     ending: FrameEnding
 
 
-class FramerStep(NamedTuple):
+class FeedResult(NamedTuple):
     """The result of one call of a framer: the number of bytes taken, and a frame if one is complete."""
 
     used: int
@@ -85,7 +85,7 @@ class Framer:
         return bytes(self._part)
 
     @property
-    def queued(self) -> int:
+    def pending(self) -> int:
         """Return how many bytes of the incomplete frame have come."""
         return len(self._part)
 
@@ -99,25 +99,25 @@ class Framer:
         self._has_prefix = False
         return part
 
-    def feed(self, received: bytes, framing: Framing, now: int) -> FramerStep:
+    def feed(self, received: bytes, framing: Framing, now: int) -> FeedResult:
         """Take bytes up to the end of one frame; a call without bytes checks the gap."""
         self.had_false_start = False
         if not received:  # bytes that have come were in time: only silence makes a gap
-            return FramerStep(0, self._end_by_gap(framing, now))
+            return FeedResult(0, self._end_by_gap(framing, now))
         self._framing, self.last_byte = framing, now
         used = 0 if self._has_prefix else self._seek_prefix(received, framing)
         if not self._has_prefix:
-            return FramerStep(used)
+            return FeedResult(used)
         before = len(self._part)
         self._part += received[used : used + framing.size - before]
         used += len(self._part) - before
         found = self._find_end(before, framing)
         if found is None:
-            return FramerStep(used)
+            return FeedResult(used)
         end, ending = found
         used -= len(self._part) - end  # what follows the end is of the next frame
         del self._part[end:]
-        return FramerStep(used, Frame(self.flush(), ending))
+        return FeedResult(used, Frame(self.flush(), ending))
 
     def _end_by_gap(self, framing: Framing, now: int) -> Frame | None:
         if not self._part or not framing.timeout_ns or self.last_byte is None:
@@ -131,7 +131,7 @@ class Framer:
         joined = bytes(self._part) + received
         at = joined.find(head)
         self._has_prefix = at >= 0
-        start = at if self._has_prefix else len(joined) - _longest_prefix_start(joined, head)
+        start = at if self._has_prefix else len(joined) - _prefix_start_size(joined, head)
         end = start + len(head) if self._has_prefix else len(joined)
         self.had_false_start = head[:1] in joined[:start] if head else False
         self.discarded += start
@@ -155,13 +155,13 @@ class Framer:
         return framing.size, FrameEnding.SIZE if good else FrameEnding.OVERRUN
 
 
-def _longest_prefix_start(joined: bytes, head: bytes) -> int:
+def _prefix_start_size(joined: bytes, head: bytes) -> int:
     """Return the length of the longest end of `joined` with which `head` begins, shorter than `head`."""
     longest = min(len(head) - 1, len(joined))
     return next((n for n in range(longest, 0, -1) if joined.endswith(head[:n])), 0)
 
 
-class FrameMarks(NamedTuple):
+class FrameSummary(NamedTuple):
     """A delivered frame: its size, the sizes of its prefix and suffix, and what ended the frame."""
 
     size: int
@@ -175,7 +175,7 @@ class FrameMarks(NamedTuple):
 
 
 class FrameTally(NamedTuple):
-    """Counts of frames that ended well, by a gap or without suffix, and of dropped parts with a reason."""
+    """Counts frames that ended well, by a gap or without suffix, and dropped parts with the last reason."""
 
     good: int = 0
     gaps: int = 0
@@ -184,7 +184,7 @@ class FrameTally(NamedTuple):
     reason: str = ""
 
     @property
-    def frames(self) -> int:
+    def frame_count(self) -> int:
         return self.good + self.gaps + self.overruns
 
     def count_ending(self, ending: FrameEnding) -> FrameTally:
@@ -201,8 +201,8 @@ class FrameTally(NamedTuple):
 NO_FRAMES = FrameTally()
 
 
-def marks_of(frame: Frame, framing: Framing) -> FrameMarks:
+def summary_of(frame: Frame, framing: Framing) -> FrameSummary:
     """Return the marks of a frame; a frame that ended with a gap may have only part of the prefix."""
     size = len(frame.content)
     suffix = len(framing.suffix) if frame.ending is FrameEnding.SUFFIX else 0
-    return FrameMarks(size, min(size, len(framing.prefix)), suffix, frame.ending)
+    return FrameSummary(size, min(size, len(framing.prefix)), suffix, frame.ending)

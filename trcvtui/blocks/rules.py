@@ -31,7 +31,7 @@ PLAIN_SET_UP_CONDITIONS: Final[SetUpConditions] = {
 }
 
 
-class StatusSequence(Struct, frozen=True):
+class StatusRules(Struct, frozen=True):
     """Which condition a block shows in which scan. Each condition of a tuple shows for one scan.
     `reset`: what COM_RST shows. `reset_ends_send`: the error that shows first and ends a running send job.
     `rebuilding`: what shows between an error and "connecting" when the block reconnects.
@@ -119,7 +119,7 @@ class VendorRules(Struct, frozen=True):
     status: Mapping[Condition, int]
     status_of: Mapping[str, Mapping[Condition, int]] = field(default_factory=dict)  # codes of one block
     single_instructions: bool = False  # TCON, TSEND, ...: one job for each edge (blocks/single)
-    course: StatusSequence = field(default_factory=StatusSequence)
+    course: StatusRules = field(default_factory=StatusRules)
     area: DataAreaRules = field(default_factory=DataAreaRules)
     lacks: frozenset[str] = frozenset()  # pins that this vendor's blocks do not have
     labels: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # block -> pin -> its name here

@@ -25,7 +25,7 @@ class Reproducibility(StrEnum):
 class StatusRow(Struct, frozen=True):
     """One code. `manual` is the manual's section on this code, `blocks` the blocks that list the code.
 
-    `unreached` says why nothing on this bench shows it (Reproducibility.NEVER). `condition` may be None.
+    `unreached`: why nothing on this bench shows it (Reproducibility.NEVER). Then `condition` may be None.
     `unsure` says what no manual says about the code. There a real PLC may differ.
     """
 

@@ -24,7 +24,7 @@ class BlockRow(Struct, frozen=True):
     `datagrams` is its class on a CONNECT of UDP, `on_config` on a UDP_CONFIG, `serial` on a ComBuffer.
     `data_pin` is the manual's name of DATA, or "". `data_length` is the pin for the size of DATA.
     `buffer_pin` is the pin of its ComBuffer. A block with a ComBuffer has no CONNECT.
-    `pointers` are the variables of prefix, then suffix. `mark_lengths` are the pins for both lengths.
+    `pointers` are the pins of prefix, then suffix. `mark_lengths` are the pins for both lengths.
     `has_id`: the block has an ID pin if connections have IDs. `id_alone`: that pin replaces CONNECT.
     `runs_as` is the condition while its job runs. The STATUS of a single instruction does not show it.
     """
@@ -86,7 +86,7 @@ class BlockRow(Struct, frozen=True):
 
     @property
     def owns_link(self) -> bool:
-        """Return whether the block builds its own CONNECT. A ComBuffer needs the stream of such a block.
+        """Return whether the block builds its own CONNECT. A ComBuffer can use only such a block's stream.
 
         On a CONNECT of UDP the block needs an ADDR.
         """
@@ -230,7 +230,7 @@ _ROWS: Final = (
     ),
     BlockRow(
         "T_DIAG",
-        _req_and_lamps("rising edge reads the state of the connection into RESULT"),
+        _req_and_lamps("rising edge reads the state of the connection into RESULT (key data)"),
         single=f"{_SINGLE}.connect:TDiag",
         data_pin="RESULT",
         has_id=True,
@@ -317,12 +317,7 @@ _ROWS: Final = (
         data_pin="SendString",
         buffer_pin="TxBuffer",
     ),
-    BlockRow(
-        "ClearComBuffer",
-        (_EN,),
-        serial=f"{_SERIAL}.sending:ClearComBuffer",
-        buffer_pin="Buffer",
-    ),
+    BlockRow("ClearComBuffer", (_EN,), serial=f"{_SERIAL}.sending:ClearComBuffer", buffer_pin="Buffer"),
 )
 BLOCKS: Final[dict[str, BlockRow]] = {row.name: row for row in _ROWS}
 _NO_BLOCK: Final = BlockRow("")

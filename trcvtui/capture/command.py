@@ -10,7 +10,7 @@ from typing import Any, Final
 from trcvtui.capture.hosts import HostFact
 from trcvtui.capture.pcap import CaptureReader, Packet, open_capture
 from trcvtui.capture.plc_end import NO_KNOWN_ENDS, KnownEnds, PlcEnd, address_text, guess_plc, parse_plc
-from trcvtui.capture.quality import find_qualities
+from trcvtui.capture.quality import find_limits
 from trcvtui.capture.reassembly import Conversation, Conversations, WireDirection
 from trcvtui.errors import Problem, UserError
 from trcvtui.wording import count, json_text
@@ -62,18 +62,18 @@ def _read_packets(path: str, troubles: list[Problem]) -> Iterator[tuple[Packet, 
 
 
 def read_captures(paths: Sequence[str], found: Conversations, troubles: list[Problem]) -> None:
-    """Read all packets, of several files by time. Raise UserError for a file that is no capture."""
+    """Read all packets, several files in order of time. Raise UserError for a file that is no capture."""
     if len(paths) == 1:
         with open_capture(paths[0]) as reader:
             found.names = reader.interface_name
             found.add_packets(reader, reader.link_types)
-            found.drops = reader.drops
+            found.drops = reader.drop_count
             troubles += [reader.trouble] if reader.trouble else []
     else:
         for packet, reader in merge_packets(paths, troubles):
             found.names = reader.interface_name
             found.add_packet(packet, reader.link_types[packet.interface])
-            found.drops = max(found.drops, reader.drops)
+            found.drops = max(found.drops, reader.drop_count)
     found.close()
 
 
@@ -113,16 +113,13 @@ def capture_notes(found: Conversations, troubles: list[Problem], with_hosts: boo
     for why, number in found.not_read.items():
         yield f"not read: {number} {why.value}"
     if found.unlisted:
-        yield f"not read: {found.unlisted} packets of later conversations (at most {len(found.all)} are read)"
+        yield f"not read: {count(found.unlisted, 'packet')} of conversations after the first {len(found.all)}"
     for trouble in troubles:
         yield f"{trouble}; only the packets before that are read"
 
 
 def conversation_row(
-    found: Conversations,
-    conversation: Conversation,
-    given: PlcEnd | None,
-    known: KnownEnds = NO_KNOWN_ENDS,
+    found: Conversations, conversation: Conversation, given: PlcEnd | None, known: KnownEnds = NO_KNOWN_ENDS
 ) -> dict[str, Any]:
     guess = guess_plc(conversation, given, known)
     partner = guess.says.other
@@ -142,7 +139,7 @@ def conversation_row(
         "end": end,
         "to_plc": _counts(partner),
         "from_plc": _counts(guess.says),
-        "quality": [*find_qualities(conversation, found.drops)],
+        "quality": [*find_limits(conversation, found.drops)],
     }
 
 
@@ -153,7 +150,7 @@ def _fact_row(fact: HostFact, first_ns: int) -> dict[str, Any]:
 
 def _counts(direction: WireDirection) -> dict[str, int | None]:
     return {
-        "bytes": direction.bytes,
+        "bytes": direction.count,
         "segments": direction.segments,
         "retransmitted": direction.retransmitted,
         "missing": None if direction.has_jumped else direction.missing,
@@ -202,7 +199,7 @@ def _remarks(row: dict[str, Any]) -> tuple[str, ...]:
         counts = row[name]
         if counts["retransmitted"] or counts["missing"]:
             lines.append(
-                f"    {way}, {counts['segments']} segments: "
+                f"    {way}, {count(counts['segments'], 'segment')}: "
                 f"{counts['retransmitted']} B sent again, {counts['missing'] or 0} B missing"
             )
         if counts["copies"]:

@@ -1,7 +1,7 @@
 """What ARP and ICMP say about hosts: no answer, one address twice, packets that were not delivered.
 
 Rule 1: an address does not answer if a host asks for it repeatedly and then no packet comes from it.
-Rule 2: all lists are bounded, whatever comes. A full list drops its oldest entry.
+Rule 2: all lists are bounded, whatever comes. A full list of addresses drops its oldest address.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class IcmpNote(NamedTuple):
     size: int = 0
 
     @property
-    def flow(self) -> bytes:
+    def flow_key(self) -> bytes:
         """Return the key of the conversation to which the packet belongs."""
         return b"".join((b"U" if self.protocol == UDP else b"", self.source, self.target, self.ports))
 
@@ -186,7 +186,7 @@ class _AddressRequests:
     in_vain: float = 0.0  # how sure that is
 
 
-class _Change(NamedTuple):
+class _OwnerChange(NamedTuple):
     """An address moved to another device, `after_ns` after the old device was last seen."""
 
     ns: int
@@ -204,7 +204,7 @@ class _Owner:
     ns: int
     packet: int
     alone: int = 0
-    changes: list[_Change] = field(default_factory=list)
+    changes: list[_OwnerChange] = field(default_factory=list)
 
     @property
     def macs(self) -> set[bytes]:
@@ -252,7 +252,7 @@ class HostNotes:
         owner = _get_or_make(self._owners, note.sender, lambda: _Owner(note.mac, ns, packet))
         is_same = owner.mac == note.mac
         if not is_same and len(owner.changes) < MOST_CHANGES:
-            change = _Change(ns, ns - owner.ns, owner.mac, note.mac, (owner.packet, packet))
+            change = _OwnerChange(ns, ns - owner.ns, owner.mac, note.mac, (owner.packet, packet))
             owner.changes.append(change)
         owner.alone = owner.alone + 1 if is_same else 0
         owner.mac, owner.ns, owner.packet = note.mac, ns, packet
@@ -302,7 +302,7 @@ def _find_duplicates(address: bytes, owner: _Owner, addresses: Mapping[bytes, in
     others = addresses[met.old] > 1 or addresses[met.new] > 1
     old, new = (f"{mac.hex(':')} (packet {n})" for mac, n in zip(met[2:4], met.packets, strict=True))
     text = f"{ip_address(address)} is at {old} and at {new}" + ", in turns" * back
-    text += "; one of these devices has other addresses, too, and may answer for them" * others
+    text += "; one of them has another address, too, and may answer for other devices" * others
     yield HostFact(
         "duplicate-ip", 0.7 if others else 0.95 if back else 0.85, met.ns, text, met.packets, (address,)
     )

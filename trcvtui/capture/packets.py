@@ -31,7 +31,7 @@ _SCALE_OPTION: Final = 3  # options of TCP
 SACK_OPTION: Final = 5
 
 
-class SkippedPacket(Enum):
+class SkipReason(Enum):
     """Why a packet is not read."""
 
     JOURNAL = "packets of USER0: in a recording of trcvtui its journal"
@@ -155,7 +155,7 @@ def _count_bounded(known: Counter[tuple[bytes, ...]], ends: tuple[bytes, ...]) -
 
 
 def find_ip_header(link_type: int, data: bytes, types: tuple[bytes, ...] = _IP_TYPES) -> int:
-    """Return where the IP header or the content of another type in `types` begins, or -1 for neither."""
+    """Return where the IP header, or the content of another EtherType in `types`, begins. -1: neither."""
     if link_type in _ETHERTYPE_PLACES:
         kind, at = _parse_ethertype(link_type, data)
         return at if kind in types else -1
@@ -201,13 +201,13 @@ def _other_ip(protocol: int) -> OtherPacket:
     return OtherPacket(f"{_PROTOCOLS.get(protocol, 'IP')} packet", f" (IP protocol {protocol})")
 
 
-def ip_number(link_type: int, data: bytes) -> int:
+def ip_identification(link_type: int, data: bytes) -> int:
     """Return the Identification of IPv4, or 0 without IPv4. Most hosts count it up with each packet."""
     at = find_ip_header(link_type, data)
     return int.from_bytes(data[at + 4 : at + 6], "big") if at >= 0 and data[at] >> 4 == 4 else 0
 
 
-_CarriedContent = IpPayload | Fragment | SkippedPacket | OtherPacket
+_CarriedContent = IpPayload | Fragment | SkipReason | OtherPacket
 
 
 def parse_packet(link_type: int, data: bytes, length: int) -> _CarriedContent:
@@ -217,7 +217,7 @@ def parse_packet(link_type: int, data: bytes, length: int) -> _CarriedContent:
         read = None if at < 0 else _IP_PARSERS.get(data[at] >> 4)
         return read(data, at, length) if read else other_frame(link_type, data)
     except (IndexError, struct.error):
-        return SkippedPacket.CUT
+        return SkipReason.CUT
 
 
 def _parse_ip_v4(data: bytes, at: int, length: int) -> _CarriedContent:
@@ -231,7 +231,7 @@ def _parse_ip_v4(data: bytes, at: int, length: int) -> _CarriedContent:
     end = at + total if total else length
     if fragment & 0x3FFF:
         if end > len(data):
-            return SkippedPacket.CUT
+            return SkipReason.CUT
         of = source, target, number.to_bytes(2, "big"), bytes((protocol,))
         head = data[: at + 6] + b"\0\0" + data[at + 8 : start]
         place, is_last = (fragment & 0x1FFF) * 8, not fragment & 0x2000
@@ -250,7 +250,7 @@ def _parse_ip_v6(data: bytes, at: int, length: int) -> _CarriedContent:
             fragment = struct.unpack_from(">H", data, start + 2)[0]
             if fragment & 0xFFF9:  # not the only fragment (RFC 6946)
                 if end > len(data):
-                    return SkippedPacket.CUT
+                    return SkipReason.CUT
                 of = source, target, data[start + 4 : start + 8]
                 head = data[:type_at] + data[start : start + 1] + data[type_at + 1 : start]
                 content = data[start + 8 : end]

@@ -78,7 +78,7 @@ class Interface(NamedTuple):
 
 
 class Packet(NamedTuple):
-    """One packet. It had `length` bytes on the wire, `data` may have fewer. `at` is its offset in the file.
+    """One packet. It had `length` bytes on the wire; `data` may have fewer. `at` is its offset in the file.
 
     `sent` is True for packets from the PLC, False for packets to the PLC, None if unknown. Only our own
     recordings set it, with an interface of USER0. Elsewhere the direction flag is the capturing host's.
@@ -118,7 +118,7 @@ class CaptureReader:
         if magic[:4] in _PCAP_MAGICS:
             self._packets = self._read_pcap()
         elif magic[:4] == b"\x0a\x0d\x0d\x0a":
-            self._packets = self._pcapng()
+            self._packets = self._read_pcapng()
         else:
             from trcvtui.udt.other_files import refuse_other_file
 
@@ -153,7 +153,7 @@ class CaptureReader:
         return self._buffer
 
     @property
-    def drops(self) -> int:
+    def drop_count(self) -> int:
         return sum(self._dropped.values())
 
     def _read_drops(self, body: bytes, order: str) -> None:
@@ -161,14 +161,14 @@ class CaptureReader:
             if code in DROPPED_OPTIONS and len(value) == 8:
                 self._dropped[body[:4], code] = int.from_bytes(value, "little" if order == "<" else "big")
 
-    def _stop(self, at: int, found: str, expected: str) -> None:
+    def _fail(self, at: int, found: str, expected: str) -> None:
         self.trouble = self._bad_input or Problem(f"{self.name}: byte {self._start + at}", found, expected)
 
     def _note_cut(self, at: int) -> None:
         """If the file ends inside the packet or block at `at`, note this."""
         left = len(self._buffer) - at
         if left or self._bad_input:
-            self._stop(at, f"the end of the file after {left} bytes of a packet or block", "the rest of it")
+            self._fail(at, f"the end of the file after {left} bytes of a packet or block", "the rest of it")
 
     def _read_pcap(self) -> Iterator[Packet]:
         order, scale, head = _PCAP_MAGICS[self._buffer[:4]]
@@ -190,7 +190,7 @@ class CaptureReader:
                     return self._note_cut(0)
             seconds, parts, kept, length = unpack(buffer, at)
             if kept > MOST_BLOCK:
-                return self._stop(at, f"a packet of {kept} bytes", f"at most {MOST_BLOCK}")
+                return self._fail(at, f"a packet of {kept} bytes", f"at most {MOST_BLOCK}")
             after = data_at + kept
             if after > end:
                 self.last_ns = ns
@@ -203,7 +203,7 @@ class CaptureReader:
             yield make(Packet, (ns, 0, data, length if length > kept else kept, (), start + at, None))
             at = after
 
-    def _pcapng(self) -> Iterator[Packet]:
+    def _read_pcapng(self) -> Iterator[Packet]:
         buffer, at, end, start = self._buffer, 0, len(self._buffer), 0
         order, base, ns, make = "<", 0, 0, tuple.__new__
         unpack = struct.Struct("<IIIIIII").unpack_from  # type, length, then what a packet begins with
@@ -221,14 +221,14 @@ class CaptureReader:
             if buffer[at : at + 4] == b"\x0a\x0d\x0d\x0a":
                 mark = buffer[at + 8 : at + 12]
                 if mark not in (_LITTLE_MAGIC, _BIG_MAGIC):
-                    return self._stop(at, "a section whose byte order is unknown", "1A2B3C4D")
+                    return self._fail(at, "a section whose byte order is unknown", "1A2B3C4D")
                 order = "<" if mark == _LITTLE_MAGIC else ">"
                 unpack = struct.Struct(order + "IIIIIII").unpack_from
                 unpack_one = struct.Struct(order + "I").unpack_from
                 base, clocks = len(self.interfaces), []
             kind, size, interface, high, low, kept, length = unpack(buffer, at)
             if size < 12 or size & 3 or size > MOST_BLOCK:
-                return self._stop(at, f"a block of {size} bytes", f"12 to {MOST_BLOCK}, in steps of 4")
+                return self._fail(at, f"a block of {size} bytes", f"12 to {MOST_BLOCK}, in steps of 4")
             after = at + size
             if after > end:
                 self.last_ns = ns
@@ -237,7 +237,7 @@ class CaptureReader:
                 if after > end:
                     return self._note_cut(0)
             if unpack_one(buffer, after - 4)[0] != size:
-                return self._stop(at, "a block with two different lengths", f"{size} at both ends")
+                return self._fail(at, "a block with two different lengths", f"{size} at both ends")
             comments: tuple[str, ...] = ()
             sent = None
             if kind in (ENHANCED_PACKET, OLD_PACKET):
@@ -245,9 +245,9 @@ class CaptureReader:
                     interface = struct.unpack_from(order + "H", buffer, at + 8)[0]
                 options = at + 28 + ((kept + 3) & ~3)
                 if size < 32 or options > after - 4:
-                    return self._stop(at, f"a packet of {kept} bytes in a block of {size}", "a larger block")
+                    return self._fail(at, f"a packet of {kept} bytes in a block of {size}", "a larger block")
                 if interface >= len(clocks):
-                    return self._stop(at, f"interface {interface}", f"one of {len(clocks)}")
+                    return self._fail(at, f"interface {interface}", f"one of {len(clocks)}")
                 numerator, denominator, offset = clocks[interface]
                 ns = (high << 32 | low) * numerator // denominator + offset
                 if options + 4 < after:
@@ -258,15 +258,15 @@ class CaptureReader:
                 data = buffer[at + 28 : at + 28 + kept]
             elif kind == SIMPLE_PACKET:
                 if not clocks or size < 16:
-                    return self._stop(at, "a packet without an interface", "an interface before it")
+                    return self._fail(at, "a packet without an interface", "an interface before it")
                 length, interface, limit = interface, 0, self.interfaces[base].snaplen
                 kept = min(length, size - 16, limit or length)
                 data = buffer[at + 12 : at + 12 + kept]  # it has no time: that of the packet before it
             else:
                 if kind == INTERFACE_BLOCK:
-                    found = _interface(buffer, at, after, order)
+                    found = _parse_interface(buffer, at, after, order)
                     if found is None or len(self.interfaces) == MOST_INTERFACES:
-                        return self._stop(at, "a broken interface", f"one of {MOST_INTERFACES} at most")
+                        return self._fail(at, "a broken interface", f"one of {MOST_INTERFACES} at most")
                     self.interfaces.append(found)
                     self.link_types.append(found.link_type)
                     clocks.append((found.numerator, found.denominator, found.offset_ns))
@@ -283,7 +283,7 @@ class CaptureReader:
             at = after
 
 
-def _interface(buffer: bytes, at: int, after: int, order: str) -> Interface | None:
+def _parse_interface(buffer: bytes, at: int, after: int, order: str) -> Interface | None:
     """Return the interface of a block; None: the block is too short."""
     if after - at < 20:
         return None
@@ -367,13 +367,13 @@ def gunzip(read: Callable[[int], bytes], first: bytes) -> Callable[[int], bytes]
 
 def section_block(application: str, comments: tuple[str, ...] = ()) -> bytes:
     """Return the first block of a file: little-endian, length unknown (-1)."""
-    options = [*_comments(comments), _option(4, application.encode())]
+    options = [*_notes(comments), _option(4, application.encode())]
     return make_block(SECTION, _LITTLE_MAGIC + struct.pack("<HHq", 1, 0, -1), options)
 
 
 def interface_block(link_type: int, name: str, comments: tuple[str, ...] = (), snaplen: int = 0) -> bytes:
     """Return the block of an interface that counts nanoseconds; the first of a section has index 0."""
-    options = [*_comments(comments), _option(NAME_OPTION, name.encode()), _option(TIME_RESOLUTION, b"\x09")]
+    options = [*_notes(comments), _option(NAME_OPTION, name.encode()), _option(TIME_RESOLUTION, b"\x09")]
     return make_block(INTERFACE_BLOCK, struct.pack("<HHI", link_type, 0, snaplen), options)
 
 
@@ -394,7 +394,7 @@ def packet_block(
         head = _HEAD(ENHANCED_PACKET, total, interface, ns >> 32, ns & 0xFFFFFFFF, size, length or size)
         return b"".join((head, data, _PADDINGS[padding], options, total.to_bytes(4, "little")))
     head = struct.pack("<IIIII", interface, ns >> 32, ns & 0xFFFFFFFF, size, length or size)
-    options = b"".join(_comments(comments)) + (_SENT_OPTIONS[sent] or _END_OF_OPTIONS)
+    options = b"".join(_notes(comments)) + (_SENT_OPTIONS[sent] or _END_OF_OPTIONS)
     return make_block(ENHANCED_PACKET, head + data + _PADDINGS[-size & 3] + options)
 
 
@@ -419,7 +419,7 @@ _SENT_OPTIONS: Final = {
 }
 
 
-def _comments(comments: tuple[str, ...]) -> list[bytes]:
+def _notes(comments: tuple[str, ...]) -> list[bytes]:
     return [_option(COMMENT, text.encode()) for text in comments]
 
 

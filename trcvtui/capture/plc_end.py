@@ -39,7 +39,7 @@ class PlcEnd(NamedTuple):
 
 
 class PlcGuess(NamedTuple):
-    """A guess which end is the PLC: the direction in which it sends, the confidence (0 to 1), and why."""
+    """Which end is the PLC: the direction in which it sends, the confidence (0 to 1, 1: known), and why."""
 
     says: WireDirection
     confidence: float

@@ -11,7 +11,7 @@ LARGEST: Final = 1460  # bytes of a segment on Ethernet; larger ones were put to
 FEW_SEGMENTS: Final = 3  # with fewer segments equal time stamps say nothing
 
 
-class Quality(StrEnum):
+class CaptureLimit(StrEnum):
     """One word for each thing that a capture may lack."""
 
     STARTS_LATE = "starts-late"  # no SYN of either end
@@ -28,7 +28,7 @@ class Quality(StrEnum):
     SESSION = "session"  # TLS or ISO-on-TCP where plain bytes were expected
 
 
-def find_qualities(conversation: Conversation, drops: int = 0) -> tuple[Quality, ...]:
+def find_limits(conversation: Conversation, drops: int = 0) -> tuple[CaptureLimit, ...]:
     """Return what a conversation lacks; a recording of ours lacks nothing."""
     if conversation.sent is not None or conversation.protocol == "serial":
         return ()
@@ -39,16 +39,16 @@ def find_qualities(conversation: Conversation, drops: int = 0) -> tuple[Quality,
         conversation.first_ns == conversation.last_ns and sum(e.segments for e in ends) >= FEW_SEGMENTS
     )
     rows = (
-        (Quality.STARTS_LATE, starts_late),
-        (Quality.NO_LIFE, starts_late and not all(end.is_heard for end in ends)),
-        (Quality.GAPS, is_tcp and any(end.missing > end.cut or end.has_jumped for end in ends)),
-        (Quality.SNAPLEN, conversation.is_cut),
-        (Quality.DUPLICATED, any(end.copies for end in ends)),
-        (Quality.ONE_DIRECTION, is_tcp and any(e.told_ack < 0 and e.other.told_ack > 0 for e in ends)),
-        (Quality.CLOCK, conversation.goes_back or is_stopped),
-        (Quality.ACKS_MISSING, any(end.has_overrun for end in ends)),
-        (Quality.ENDS_EARLY, is_tcp and conversation.end is None),
-        (Quality.DROPS, drops > 0),
-        (Quality.LARGE_SEGMENTS, any(end.largest > LARGEST for end in ends)),
+        (CaptureLimit.STARTS_LATE, starts_late),
+        (CaptureLimit.NO_LIFE, starts_late and not all(end.is_heard for end in ends)),
+        (CaptureLimit.GAPS, is_tcp and any(end.missing > end.cut or end.has_jumped for end in ends)),
+        (CaptureLimit.SNAPLEN, conversation.is_cut),
+        (CaptureLimit.DUPLICATED, any(end.copies for end in ends)),
+        (CaptureLimit.ONE_DIRECTION, is_tcp and any(e.told_ack < 0 and e.other.told_ack > 0 for e in ends)),
+        (CaptureLimit.CLOCK, conversation.goes_back or is_stopped),
+        (CaptureLimit.ACKS_MISSING, any(end.has_overrun for end in ends)),
+        (CaptureLimit.ENDS_EARLY, is_tcp and conversation.end is None),
+        (CaptureLimit.DROPS, drops > 0),
+        (CaptureLimit.LARGE_SEGMENTS, any(end.largest > LARGEST for end in ends)),
     )
     return tuple([quality for quality, holds in rows if holds])

@@ -2,7 +2,7 @@
 
 Rule 1: the first copy of a byte counts. A later copy that differs is an event.
 Rule 2: bytes that the receiver acknowledged but the capture lacks are a hole. Nothing fills a hole.
-Rule 3: bytes that wait for earlier bytes or for comparison are bounded, for each direction and for all.
+Rule 3: bytes that wait for earlier bytes or for comparison are bounded, for each direction and in total.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from trcvtui.capture.packets import (
     Fragments,
     IpPayload,
     OtherPacket,
-    SkippedPacket,
+    SkipReason,
     find_ip_header,
-    ip_number,
+    ip_identification,
     other_frame,
     parse_packet,
     read_macs,
@@ -159,7 +159,7 @@ class WireDirection:
         self.waiting_since: int | None = None
 
     @property
-    def bytes(self) -> int:
+    def count(self) -> int:
         return self.position - self.missing
 
     def allows_fast_path(self) -> bool:
@@ -226,7 +226,7 @@ class Conversations:
         self.noted: Callable[[int, bytes], object] | None = None  # called with the notes of our tap
         self.is_tapped = False  # our tap announces each conversation: there are no others
         self.all: list[Conversation] = []
-        self.not_read: Counter[SkippedPacket] = Counter()
+        self.not_read: Counter[SkipReason] = Counter()
         self.others: Counter[OtherPacket] = Counter()
         self.drops = 0  # packets that the capturing program lost
         self.unlisted = 0  # packets of conversations above the limit
@@ -327,7 +327,7 @@ class Conversations:
                 self._skip_missing(conversation.last_ns, direction, direction.position + left)
 
     def forget_silent(self, ns: int) -> list[int]:
-        """Forget conversations that have been silent for too long. Return their numbers."""
+        """Forget conversations silent for long: UDP, ended, or any if many. Return their numbers."""
         is_full = len(self.all) > MOST_CONVERSATIONS // 2
         over = [
             each for each in self.all if ns - each.last_ns > (SILENT_NS if is_full else each.forget_after_ns)
@@ -352,7 +352,7 @@ class Conversations:
         data = packet.data
         if link_type == USER0:  # none of the line's packets
             if self.names(packet.interface) != NOTES:
-                self.not_read[SkippedPacket.JOURNAL] += 1
+                self.not_read[SkipReason.JOURNAL] += 1
                 self.recorded_to = packet.ns
             elif self.noted is not None:
                 self.noted(packet.ns, data)
@@ -366,7 +366,7 @@ class Conversations:
         if isinstance(found, Fragment):
             self._add_fragment(packet, link_type, found)
             return
-        if isinstance(found, SkippedPacket):
+        if isinstance(found, SkipReason):
             self.not_read[found] += 1
         elif isinstance(found, OtherPacket):
             if not self._read_host_note(packet, link_type):
@@ -376,7 +376,7 @@ class Conversations:
         elif len(data) >= found.at + 16:
             self._add_tcp_packet(packet, link_type, found)
         else:
-            self.not_read[SkippedPacket.CUT] += 1
+            self.not_read[SkipReason.CUT] += 1
 
     def _count_skipped(self, kind: OtherPacket) -> None:
         is_known = kind in self.others or len(self.others) < MOST_KINDS
@@ -392,7 +392,7 @@ class Conversations:
         if at >= 0 and data[at] >> 4 == 4:
             self.hosts.mark_heard(data[at + 12 : at + 16])
         if note is not None:
-            flow = self._flows.get(note.flow)
+            flow = self._flows.get(note.flow_key)
             notes = self.hosts.icmps if flow is None else flow.conversation.undelivered
             append_note(notes, packet.ns, self.packets, note)
         return note is not None
@@ -404,7 +404,7 @@ class Conversations:
             for end in (each.there, each.back):
                 host = end.address[0]
                 heard_ns[host] = max(heard_ns.get(host, 0), end.last_ns)
-        is_whole = not (self.drops or self.not_read[SkippedPacket.CUT])
+        is_whole = not (self.drops or self.not_read[SkipReason.CUT])
         lacking = self._fragments.count_lost() if is_whole else {}
         return sorted(self.hosts.facts(heard_ns, lacking), key=lambda fact: fact.ns)[:MOST_FACTS]
 
@@ -424,7 +424,7 @@ class Conversations:
             if len(data) >= _SERIAL_HEAD:
                 self._count_skipped(other_frame(RTAC_SERIAL, data))
             else:
-                self.not_read[SkippedPacket.CUT] += 1
+                self.not_read[SkipReason.CUT] += 1
             return
         name = self.names(packet.interface).encode()
         direction = self._flows.get(b"S%d" % sender + name)
@@ -450,7 +450,7 @@ class Conversations:
         direction = direction or self._open_conversation(packet, link_type, key, found, "tcp")
         if direction is None:
             return
-        ns, size, number = packet.ns, max(end - begin, 0), ip_number(link_type, packet.data)
+        ns, size, number = packet.ns, max(end - begin, 0), ip_identification(link_type, packet.data)
         direction.conversation.is_cut |= packet.length > len(packet.data)
         if self._is_copy(ns, number, (key, number, seq, ack, flags, size), direction):
             direction.copies += 1
@@ -510,12 +510,12 @@ class Conversations:
         return False
 
     def _add_fragment(self, packet: Packet, link_type: int, piece: Fragment) -> None:
-        self.not_read[SkippedPacket.FRAGMENT] += 1
+        self.not_read[SkipReason.FRAGMENT] += 1
         whole = self._fragments.add(piece, packet.ns)
         if whole is None:
             return
         data, count = whole
-        self.not_read[SkippedPacket.FRAGMENT] -= count
+        self.not_read[SkipReason.FRAGMENT] -= count
         self.not_read += Counter()  # drops the counts that are 0 now
         self._add_packet_slowly(packet._replace(data=data, length=len(data)), link_type)
 
@@ -534,7 +534,7 @@ class Conversations:
     def _make_conversation(
         self, ns: int, protocol: str, ends: TwoEnds, macs: tuple[bytes, bytes]
     ) -> WireDirection | None:
-        """Make a conversation and return its first direction. Return None if too many or `is_tapped`."""
+        """Make a conversation and return its first direction. None: too many exist, or `is_tapped`."""
         if len(self.all) >= MOST_CONVERSATIONS or self.is_tapped:
             self.unlisted += 1
             return None
@@ -648,7 +648,7 @@ class Conversations:
                 direction.waiting_since = None
             elif direction.waiting_since is None:
                 direction.waiting_since = ns
-        if not direction.is_firm and not direction.bytes and distance(ack, direction.next) > 0:
+        if not direction.is_firm and not direction.count and distance(ack, direction.next) > 0:
             direction.next = ack
 
     def _take_segment(
@@ -691,13 +691,13 @@ class Conversations:
             if direction.fin is not None and at + size > direction.fin:
                 size = max(direction.fin - at, 0)
                 payload = payload[:size]
-            self._place(ns, direction, at, payload)
+            self._place_bytes(ns, direction, at, payload)
             if size > len(payload) and at + size > direction.position:  # cut by the capture's own limit
                 direction.cut += size - len(payload)
                 self._skip_missing(ns, direction, at + size)
         since = direction.waiting_since
         if since is not None and ns - since > PATIENCE_NS:
-            self._give_up(ns, direction)
+            self._give_up_waiting(ns, direction)
         self._handle_fin(ns, direction)
 
     def _handle_fin(self, ns: int, direction: WireDirection) -> None:
@@ -718,11 +718,11 @@ class Conversations:
 
     # -- bytes -------------------------------------------------------------------------------------------
 
-    def _place(self, ns: int, direction: WireDirection, at: int, data: bytes) -> None:
+    def _place_bytes(self, ns: int, direction: WireDirection, at: int, data: bytes) -> None:
         """Put bytes into their place. Early bytes wait. No delivered or waiting byte changes (rule 1)."""
         old = direction.position - at
         if old > 0:
-            self._compare(ns, direction, at, data[:old])
+            self._compare_copy(ns, direction, at, data[:old])
             at, data = direction.position, data[old:]
         if data and at == direction.position and not direction.waiting:
             self._deliver(ns, direction, data)
@@ -775,7 +775,7 @@ class Conversations:
         if ready:
             direction.waiting_since = None
 
-    def _give_up(self, ns: int, direction: WireDirection) -> None:
+    def _give_up_waiting(self, ns: int, direction: WireDirection) -> None:
         direction.waiting_since = None
         left = distance(direction.acked, direction.next)
         if direction.waiting and left > 0:
@@ -809,7 +809,7 @@ class Conversations:
         if self._on_event is not None:
             self._report_event(ns, direction, SegmentKind.BYTES, at, size, data)
 
-    def _compare(self, ns: int, direction: WireDirection, at: int, data: bytes) -> None:
+    def _compare_copy(self, ns: int, direction: WireDirection, at: int, data: bytes) -> None:
         first = bytearray(data)
         for begin, kept, _, _ in islice(reversed(direction.kept or ()), MOST_COMPARED):
             if begin + len(kept) <= at:

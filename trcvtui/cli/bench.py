@@ -21,10 +21,10 @@ from trcvtui.cli.options import (
     add_theme,
     dialect_names,
     find_file,
-    load_bench,
+    load_bench_project,
     print_lines,
     record_target,
-    run_writer,
+    run_sink,
 )
 from trcvtui.cli.screen import open_screen, run_screen
 from trcvtui.cli.streams import has_terminal
@@ -69,7 +69,7 @@ def _serve(args: Args) -> int:
     if sys.platform == "win32":
         raise mistake("trcvtui serve", "Windows", "Linux or macOS: its tabs need a Unix socket")
     refuse_root(args.write, args.as_root)
-    load_bench(args.project)
+    load_bench_project(args.project)
     serve(args.project, args.kernel, args.port, args.write, args.theme)
     return GOOD
 
@@ -135,7 +135,7 @@ def _record(args: Args) -> int:
 
     limits = read_limits(args.ring, args.split, args.on, args.before, args.after)
     secrets = not args.no_secrets
-    return record(args.project, args.out, args.kernel, limits, args.on, args.duration, secrets, run_writer())
+    return record(args.project, args.out, args.kernel, limits, args.on, args.duration, secrets, run_sink())
 
 
 def set_up_replay(parser: CommandParser) -> None:

@@ -14,13 +14,13 @@ from trcvtui.cli.options import (
     add_no_secrets,
     add_project,
     add_theme,
-    load_bench,
-    run_writer,
+    load_bench_project,
+    run_sink,
 )
 from trcvtui.cli.streams import has_terminal
 from trcvtui.errors import mistake, require
 
-BROKER_HELP = "MQTT broker; the variables TRCVTUI_MQTT_USER and TRCVTUI_MQTT_PASSWORD log in"
+BROKER_HELP = "MQTT broker; user and password: $TRCVTUI_MQTT_USER, $TRCVTUI_MQTT_PASSWORD"
 
 
 def _add_certificates(parser: CommandParser) -> None:
@@ -69,14 +69,14 @@ def _agent(args: Args) -> int:
     if args.mqtt is not None:
         broker = parse_broker(args.mqtt, args.mqtt_ca, args.mqtt_cert, args.mqtt_key)
         require("paho.mqtt.client", "fleet", "--mqtt", "no paho-mqtt")
-    project, record = load_bench(path), None
+    project, record = load_bench_project(path), None
     if args.record is not None:
         from trcvtui.files import make_folder
 
         for folder in (args.record, args.record / path.stem):
             make_folder(folder, "--record")
         limits = read_limits(args.ring, None, None, None, None)
-        record = RecordTarget(args.record / path.stem, False, not args.no_secrets, limits, run_writer())
+        record = RecordTarget(args.record / path.stem, False, not args.no_secrets, limits, run_sink())
     name = args.name or default_name(path)
     try:
         packets = tuple(shlex.split(args.packets or ""))

@@ -19,9 +19,9 @@ from trcvtui.cli.options import (
     add_set,
     dialect_names,
     find_file,
-    load_bench,
+    load_bench_project,
     print_lines,
-    run_writer,
+    run_sink,
 )
 from trcvtui.cli.screen import run_screen
 from trcvtui.cli.streams import has_terminal
@@ -77,10 +77,10 @@ def _watch_stdin(args: Args, shadows: tuple[Path | None, str | None, str | None]
         found = "a closed input" if sys.stdin is None else "a terminal"
         raise mistake("stdin", found, "packets: dumpcap -q -i eth0 -w - | trcvtui watch -")
     if args.format is None and has_terminal(1, 2):
-        from trcvtui.line.live_screen import make_live_driver
+        from trcvtui.line.live_screen import make_stdin_driver
 
         sys.stderr.write("waiting for packets on stdin\n")
-        return run_screen(lambda: make_live_driver(shadows))
+        return run_screen(lambda: make_stdin_driver(shadows))
     from trcvtui.line.watch_command import watch_stdin
 
     watch_stdin(*shadows, args.format)
@@ -145,7 +145,7 @@ def _tap(args: Args) -> int:
     return forward(routes, settings, args.record)
 
 
-def tap_screen(tap: str, asked: str, kernel: str) -> int:
+def show_tap(tap: str, asked: str, kernel: str) -> int:
     """Show a tap in a child of the forwarding process. `tap` is the number of the socket to the parent."""
     import json
 
@@ -160,7 +160,7 @@ def tap_screen(tap: str, asked: str, kernel: str) -> int:
 
 def _routes_of_taps(project: Path | None) -> list[Route]:
     """Return the taps of a project; raise UserError if the project has no tap."""
-    taps = () if project is None else load_bench(project).taps
+    taps = () if project is None else load_bench_project(project).taps
     if not taps:
         raise mistake("trcvtui tap", "no ends", "LISTEN and CONNECT, or a --project with [[tap]]")
     from trcvtui.net.tap import make_route
@@ -187,7 +187,7 @@ def _conversations(args: Args) -> int:
     if args.project is not None:
         from trcvtui.line.shadows import list_known_ends
 
-        known = list_known_ends(load_bench(args.project))
+        known = list_known_ends(load_bench_project(args.project))
     return print_lines(format_conversations(args.files, args.plc, args.format, known))
 
 
@@ -218,12 +218,12 @@ def _doctor(args: Args) -> int:
     sets = tuple(args.set) if args.project is None else ()  # else they change the project
     question = DoctorQuestion(args.plc, _receivers(args), partial(_read_recorded_facts, sets))
     projects = [Path(file) for file in args.files if file.endswith(".toml")]
-    lints = [judge_project(load_bench(path, args.set)) for path in projects]
+    lints = [judge_project(load_bench_project(path, args.set)) for path in projects]
     files = [file for file in args.files if not file.endswith(".toml")]
     if args.suggest is not None:
-        from trcvtui.diagnosis.readings.suggest import suggest_project
+        from trcvtui.diagnosis.readings.suggest import write_suggested_project
 
-        for line in suggest_project(files, args.plc, args.suggest):
+        for line in write_suggested_project(files, args.plc, args.suggest):
             sys.stderr.write(f"{line}\n")
     if args.time is None:
         return run_doctor(files, question, args.format, args.jobs, lints, scheduler=args.scheduler)
@@ -242,7 +242,7 @@ def _receivers(args: Args) -> tuple[Receiver, ...]:
         from trcvtui.diagnosis.lint import list_receivers
         from trcvtui.replay.what_if import find_changed_pins
 
-        receivers = list_receivers(load_bench(args.project, args.set), find_changed_pins(args.set))
+        receivers = list_receivers(load_bench_project(args.project, args.set), find_changed_pins(args.set))
     if args.udt is None:
         return receivers
     from trcvtui.udt.command import read_file_layout
@@ -272,7 +272,7 @@ def _record_run(path: Path, args: Args, folder: str) -> list[str]:
 
     out = Path(folder) / str(len(list(Path(folder).iterdir())))
     limits = read_limits(None, None, None, None, None)
-    record(path, out, args.kernel, limits, None, args.time, True, run_writer(), is_kept=False)
+    record(path, out, args.kernel, limits, None, args.time, True, run_sink(), is_kept=False)
     return [str(file) for file in sorted(out.iterdir())]
 
 
@@ -323,16 +323,16 @@ def set_up_messages(parser: CommandParser) -> None:
 
 
 def _messages(args: Args) -> int:
-    from trcvtui.report.messages import MessagesQuestion, write_messages
+    from trcvtui.report.messages import MessagesOptions, write_messages
     from trcvtui.udt.literals import parse_time
 
     layout, time_ns = None, None if args.time is None else parse_time(args.time, "--for")
     if time_ns is not None and time_ns <= 0:
         raise mistake("--for", args.time, "more than T#0s")
     if args.udt is not None:
-        from trcvtui.udt.command import layout_of
+        from trcvtui.udt.command import read_layout
 
-        layout = layout_of(Args(file=args.udt, others=(), constant=(), text=None, pointer_size=None,
+        layout = read_layout(Args(file=args.udt, others=(), constant=(), text=None, pointer_size=None,
                                 string_even=None, type=args.type, layout=args.layout,
                                 byte_order=args.byte_order))  # fmt: skip
     else:
@@ -340,7 +340,7 @@ def _messages(args: Args) -> int:
             if getattr(args, option) is not None:
                 raise mistake(f"--{option.replace('_', '-')}", "no --udt", "--udt FILE with the type")
     fields = args.files, args.project, args.plc, layout, args.instance, args.members, args.where
-    return write_messages(MessagesQuestion(*fields, args.format, args.out, args.kernel, time_ns))
+    return write_messages(MessagesOptions(*fields, args.format, args.out, args.kernel, time_ns))
 
 
 COMMANDS = {

@@ -1,4 +1,4 @@
-"""Commands that look up a code, a call or a type, and shell completion."""
+"""Shell completion, and the commands that look up a code, a call or a type."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from trcvtui.cli.options import (
     add_format,
     add_project,
     dialect_names,
-    load_bench,
+    load_bench_project,
     print_text,
 )
 from trcvtui.cli.udt import set_up_udt
@@ -71,7 +71,7 @@ def _print_calls(args: Args) -> int:
     from trcvtui.commands.table import collect_written_data, parse_script
     from trcvtui.project.st_call import CallForm, st_text
 
-    project = load_bench(args.project)
+    project = load_bench_project(args.project)
     names = [args.instance] if args.instance else [decl.name for decl in project.instances]
     steps = parse_script(project.start, project, f"{project.path}: start")
     form = CallForm(args.short, args.multi, collect_written_data(steps, project))

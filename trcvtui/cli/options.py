@@ -42,7 +42,7 @@ class _WideHelpFormatter(argparse.HelpFormatter):
 
 
 class CommandParser(argparse.ArgumentParser):
-    """A parser that prints a mistake as one line. `make_epilog` makes the last lines when help is shown."""
+    """Prints a mistake as one line. `make_epilog` makes the last lines of the help when it is shown."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(formatter_class=_WideHelpFormatter, allow_abbrev=False, **settings)
@@ -118,7 +118,7 @@ def add_netns(parser: CommandParser) -> None:
 
 def add_no_secrets(parser: CommandParser) -> None:
     parser.add_argument(
-        "--no-secrets", action="store_true", help="leave out TLS keys, zero TLS data; prevents a replay"
+        "--no-secrets", action="store_true", help="no TLS keys, TLS data as zeros: no replay of a TLS run"
     )
 
 
@@ -133,19 +133,19 @@ def record_target(args: Args) -> RecordTarget | None:
         return None
     from trcvtui.recording.files import RecordTarget
 
-    return RecordTarget(Path(args.record), args.overwrite, not args.no_secrets, follow=run_writer())
+    return RecordTarget(Path(args.record), args.overwrite, not args.no_secrets, follow=run_sink())
 
 
-def run_writer() -> Callable[[FileSink, str], EntrySink]:
-    from trcvtui.replay.follower import RecordedRunWriter
+def run_sink() -> Callable[[FileSink, str], EntrySink]:
+    from trcvtui.replay.follower import KeyframingSink
 
-    return RecordedRunWriter
+    return KeyframingSink
 
 
-def load_bench(path: Path, sets: Sequence[str] = ()) -> Project:
-    from trcvtui.scenario.scenario import load_bench
+def load_bench_project(path: Path, sets: Sequence[str] = ()) -> Project:
+    from trcvtui.scenario.scenario import load_bench_project
 
-    return load_bench(path, sets)
+    return load_bench_project(path, sets)
 
 
 def find_file(text: str) -> str:

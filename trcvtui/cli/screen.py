@@ -1,6 +1,6 @@
 """The screen, and the process that sends its pictures.
 
-Rule: start that process before importing the screen library, so that it reads the project meanwhile.
+Rule: start that process before importing the screen library: the process reads the project meanwhile.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trcvtui.cli.options import FAILED, WRONG_INPUT, load_bench
+from trcvtui.cli.options import FAILED, WRONG_INPUT, load_bench_project
 from trcvtui.cli.streams import has_terminal
 from trcvtui.errors import mistake
 
@@ -34,7 +34,7 @@ def open_screen(
 
         enter_own_network(kernel)  # before the screen, so that you see the error
     if not has_terminal() and "WebDriver" not in os.environ.get("TEXTUAL_DRIVER", ""):  # of `serve`
-        load_bench(path)
+        load_bench_project(path)
         raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
     if not read_only and not _ensure_project(path):
         return WRONG_INPUT

@@ -81,7 +81,7 @@ def _printer(answer: str, bad: int = FAILED) -> Callable[[Args], int]:
     return run
 
 
-def _add_plain(parser: CommandParser) -> None:
+def _add_shown_type(parser: CommandParser) -> None:
     _add_type(parser, ("text", "json"))
 
 
@@ -117,7 +117,7 @@ def _add_compare(parser: CommandParser) -> None:
 
 
 def _add_fit(parser: CommandParser) -> None:
-    _add_plain(parser)
+    _add_shown_type(parser)
     parser.description = (
         "Ranks layouts, byte orders and other causes (a header of 1 to 64 bytes, bytes after a message, "
         "exchanged words or bytes, one byte short or long) by the bytes that arrived. Exit 0: one fits best, "
@@ -146,8 +146,8 @@ def _cure(args: Args) -> int:
 
 
 COMMANDS = {
-    "types": ("list all types of a file", _add_plain, _printer("list_types", bad=WRONG_INPUT)),
-    "show": ("show offset, size and type of each member, and padding", _add_plain, _printer("show")),
+    "types": ("list all types of a file", _add_shown_type, _printer("list_types", bad=WRONG_INPUT)),
+    "show": ("show offset, size and type of each member, and padding", _add_shown_type, _printer("show")),
     "decode": ("turn bytes into values, also if bytes are missing", _add_decode, _printer("decode")),
     "encode": ("turn values into bytes, as hex on stdout", _add_encode, _printer("encode")),
     "export": ("write a dissector of the type for Wireshark", _add_export, _printer("export")),

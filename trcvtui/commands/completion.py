@@ -9,7 +9,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.commands.peer import ALL_PEER_VERBS as PEER_VERBS
 from trcvtui.commands.reader import can_be_fed
 from trcvtui.commands.tokens import FORMS
-from trcvtui.project.edit import fields_of, find_kinds, keys_of_line, propose_name
+from trcvtui.project.edit import command_keys_of, fields_of, find_kinds, propose_name
 from trcvtui.project.keys import OFFERED_KINDS as KINDS
 from trcvtui.project.keys import names_of
 from trcvtui.project.project import Project
@@ -55,7 +55,7 @@ def _instances(project: Project) -> Iterable[str]:
     return (instance.name for instance in project.instances)
 
 
-def _names_with_marks(project: Project) -> Iterable[str]:
+def _framing_instances(project: Project) -> Iterable[str]:
     return (instance.name for instance in project.instances if block_row(instance.block).affix_pins)
 
 
@@ -64,9 +64,9 @@ after_doctor: Final = _offer(lambda project: (*_instances(project), *project.lin
 after_link: Final = _offer(lambda project: project.links(), "down", "up", is_last=False)
 after_write: Final = _offer(lambda project: (data.name for data in project.data), "hex", is_last=False)
 after_expect: Final = _offer(_instances, "STATUS=", "DONE=", "BUSY=", "ERROR=", "RCVD_LEN=", is_last=False)
-after_mark: Final = _offer(_names_with_marks, "hex", "text", "none")
+after_mark: Final = _offer(_framing_instances, "hex", "text", "none")
 after_framing: Final = _offer(
-    lambda project: (*_names_with_marks(project), *(buffer.name for buffer in project.combuffers)), "apply"
+    lambda project: (*_framing_instances(project), *(buffer.name for buffer in project.combuffers)), "apply"
 )
 after_feed: Final = _offer(
     lambda project: (buffer.name for buffer in project.combuffers if can_be_fed(buffer)),
@@ -76,7 +76,7 @@ after_feed: Final = _offer(
 
 def after_set(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
-        return (*_instances(project), *_part_names(project), *KINDS)
+        return (*_instances(project), *_entry_names(project), *KINDS)
     kind = words[1] if words[1] in KINDS else next(iter(find_kinds(words[1], project)), "")
     if words[1] in KINDS and len(words) == 2:
         return names_of(kind, project)
@@ -91,11 +91,11 @@ def after_set(words: list[str], project: Project) -> Iterable[str]:
 
 def after_remove(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
-        return (*_part_names(project), *_instances(project), *KINDS)
+        return (*_entry_names(project), *_instances(project), *KINDS)
     return names_of(words[1], project) if len(words) == 2 and words[1] in KINDS else ()
 
 
-def _part_names(project: Project) -> list[str]:
+def _entry_names(project: Project) -> list[str]:
     return [
         name for kind in KINDS if kind not in ("instance", "certificate") for name in names_of(kind, project)
     ]
@@ -103,7 +103,7 @@ def _part_names(project: Project) -> list[str]:
 
 def _missing_keys(kind: str, words: list[str], project: Project, block: str) -> Iterable[str]:
     given = {word.partition("=")[0] for word in words}
-    given |= keys_of_line(kind, project).bare
+    given |= command_keys_of(kind, project).bare
     fields = [field for field in fields_of(kind, project, block) if field.key not in given]
     return (*(f"{f.key}={choice}" for f in fields for choice in f.choices), *(f"{f.key}=" for f in fields))
 

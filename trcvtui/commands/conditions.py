@@ -28,12 +28,12 @@ from trcvtui.commands.words import (
     Expect,
     ExpectTrace,
     MemberIs,
+    PeerHasReceived,
     PeerIs,
-    PeerReceived,
     PinsAre,
     SetFrameMark,
     Wait,
-    Write,
+    WriteBytes,
 )
 from trcvtui.errors import UserError
 from trcvtui.project.project import DataDecl, InstanceDecl, PeerDecl, Project
@@ -48,7 +48,7 @@ VALUE_FORM: Final = "a value, or hex and bytes"
 _TARGET_PATTERN: Final = re.compile(r"([^\s\d.\[+][^\s.\[+]*)(?:\+([0-9]{1,9})|((?:\.|\[).*))?")
 
 
-class Target(Struct, frozen=True):
+class DataTarget(Struct, frozen=True):
     """A part of a variable: `size` bytes from `offset` on. `path` has no leading dot; "" is the whole."""
 
     decl: DataDecl
@@ -74,7 +74,7 @@ def base_name(word: str) -> str:
     return re.split(r"[.\[+]", word, maxsplit=1)[0]
 
 
-def parse_target(words: Words, project: Project) -> Target:
+def parse_target(words: Words, project: Project) -> DataTarget:
     """Return the target that the next word names. Raise UserError if the word is no part of a variable."""
     word = words.next("the name of a DATA variable")
     decl = project.data_decl(base_name(word))
@@ -90,10 +90,10 @@ def parse_target(words: Words, project: Project) -> Target:
     offset = int(byte)
     if offset >= decl.size:
         raise words.error(f"byte {offset} of '{decl.name}'", f"a byte from 0 to {decl.size - 1}")
-    return Target(decl, "", offset, decl.size - offset, True)
+    return DataTarget(decl, "", offset, decl.size - offset, True)
 
 
-def _member_target(decl: DataDecl, path: str, words: Words) -> Target:
+def _member_target(decl: DataDecl, path: str, words: Words) -> DataTarget:
     try:
         number, node = find_node(decl.layout.root, path)
     except LookupError as unknown:
@@ -102,18 +102,18 @@ def _member_target(decl: DataDecl, path: str, words: Words) -> Target:
         ) from None
     # A part begins where its first value does: no layout has a gap before the first member.
     offset = decl.layout.leaf(number).offset if node.leaves else 0
-    return Target(decl, path.removeprefix("."), offset, node.size if node.leaves else 0, False)
+    return DataTarget(decl, path.removeprefix("."), offset, node.size if node.leaves else 0, False)
 
 
-def parse_write(words: Words, project: Project) -> Write:
+def parse_write(words: Words, project: Project) -> WriteBytes:
     """Read `write rx.speed 12.5`, `write rx hex 01 02` or `write rx {speed=1.5}`, or raise UserError."""
     start = words.place
     target = parse_target(words, project)
     payload = _parse_write_bytes(target, words, project)
-    return Write(target.decl.name, target.offset, payload, words.text_since(start))
+    return WriteBytes(target.decl.name, target.offset, payload, words.text_since(start))
 
 
-def _parse_write_bytes(target: Target, words: Words, project: Project) -> bytes:
+def _parse_write_bytes(target: DataTarget, words: Words, project: Project) -> bytes:
     if words.peek() in FORMS:
         return _check_fits(target, parse_payload(words, project).content, words)
     if words.peek().startswith("{") and not target.is_raw:
@@ -127,13 +127,13 @@ def _parse_write_bytes(target: Target, words: Words, project: Project) -> bytes:
     return leaf_bytes(target.decl.layout, leaf, value, words.where)
 
 
-def _check_fits(target: Target, payload: bytes, words: Words) -> bytes:
+def _check_fits(target: DataTarget, payload: bytes, words: Words) -> bytes:
     if len(payload) > target.size:
         raise words.error(f"{len(payload)} bytes", f"at most {count(target.size, 'byte')} at this place")
     return payload
 
 
-def _parse_struct_bytes(target: Target, braces: str, words: Words) -> bytes:
+def _parse_struct_bytes(target: DataTarget, braces: str, words: Words) -> bytes:
     if target.path:
         braces = f"{{{target.path}={braces}}}"
     whole = struct_bytes(target.decl.layout, braces, words.where)
@@ -152,9 +152,7 @@ def parse_data_condition(words: Words, project: Project) -> Condition:
     words.expect_end()
     layout = target.decl.layout
     return MemberIs(
-        target.decl.name,
-        leaf.path,
-        decode_leaf(layout, leaf, leaf_bytes(layout, leaf, value, words.where)),
+        target.decl.name, leaf.path, decode_leaf(layout, leaf, leaf_bytes(layout, leaf, value, words.where))
     )
 
 
@@ -185,7 +183,7 @@ def _read_within(words: Words) -> int | None:
     if not tail:
         return None
     if len(tail) != 2:
-        raise words.error(quote(" ".join(tail)), "one duration after it, such as within T#2s")
+        raise words.error(quote(" ".join(tail)), "one duration after within, such as within T#2s")
     return parse_delay(tail[1], "within ", words.where)
 
 
@@ -224,12 +222,12 @@ def _read_peer_condition(words: Words, project: Project) -> Condition:
     if state == "received" and words.peek() == NOTHING_WORD:
         words.next(NOTHING_WORD)
         words.expect_end()
-        return PeerReceived(peer.name, b"")
+        return PeerHasReceived(peer.name, b"")
     if state == "received":
         payload = parse_payload(words, project)
         if len(payload.content) > KEPT_BYTES:
             raise words.error(f"{len(payload.content)} bytes", f"at most {KEPT_BYTES} bytes, a peer's limit")
-        return PeerReceived(peer.name, payload.content, payload.text)
+        return PeerHasReceived(peer.name, payload.content, payload.text)
     words.expect_end()
     if state not in PEER_STATES:
         raise words.make_unknown_error(state, (*PEER_STATES, "received"), "state")

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
-from trcvtui.snapshots.bench import TrafficTally
+from trcvtui.snapshots.bench import TrafficCheckTally
 from trcvtui.udt.compare.checksums import CHECKSUMS
 
 # A frame: C5 5C, the number (4 bytes), filling, CRC32 of all before; numbers big-endian.
@@ -39,7 +39,7 @@ class FrameChecker:
         self._is_shifted = False  # looking for the next frame
         self._frames = self._lost = self._doubled = self._shifts = self._strange = 0
 
-    def begin(self) -> None:
+    def begin_stream(self) -> None:
         """Begin with a new stream: an incomplete frame of the old one is dropped."""
         self._kept.clear()
         self._is_shifted = False
@@ -74,8 +74,8 @@ class FrameChecker:
         self._lost += number - self._next
         self._next = number + 1
 
-    def tally(self) -> TrafficTally:
-        return TrafficTally(self._frames, self._lost, self._doubled, self._shifts, self._strange)
+    def tally(self) -> TrafficCheckTally:
+        return TrafficCheckTally(self._frames, self._lost, self._doubled, self._shifts, self._strange)
 
 
 BINARY_NUMBER, DECIMAL_DIGITS = "n", "digits"

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from trcvtui.blocks.table import affix_pin_names, block_row
 from trcvtui.commands.peer import (
-    check_library,
+    check_all_messages,
     check_message,
     check_routine,
     check_sequence,
@@ -23,7 +23,7 @@ from trcvtui.commands.peer import (
     read_routines,
 )
 from trcvtui.commands.tokens import Words, prefix_problems, unquote
-from trcvtui.commands.words import AddEntry, AddVariable, Change, EditCommand, Remove, Undo
+from trcvtui.commands.words import AddEntry, AddVariable, Change, EditCommand, Remove, UndoEdit
 from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.files import is_disk_replaced
 from trcvtui.net.connection.config import ConnectConfig, UdpConfig
@@ -34,11 +34,11 @@ from trcvtui.project.edit import (
     find_broken_users,
     find_entry,
     find_kinds,
+    inverse_edits,
     make_addition,
     make_change,
-    read_change,
+    read_changed,
     read_entry,
-    undo_edits,
 )
 from trcvtui.project.key_rows import KeyValue
 from trcvtui.project.keys import EDITED, TABLES, array_keys, forms_of, free_name, keys_of, kind_name, names_of
@@ -161,7 +161,7 @@ def parse_add(words: Words, project: Project) -> AddEntry | AddVariable:
         called = {"name": name}
     content = {**called, **_CONTENT_READERS.get(kind, _read_pairs)(words)}
     if kind == INSTANCE:
-        return _add_with_parts(content, project, where, words.text_since(start))
+        return _make_add_entry(content, project, where, words.text_since(start))
     decl = read_entry(kind, content, project, where)
     if isinstance(decl, DataDecl):
         return AddVariable(decl.name, decl.type_name, decl)
@@ -207,7 +207,7 @@ def _types_with_file(decl: UdtFile, project: Project) -> tuple[TypeSet, list[str
 
 def _describe_types(decl: UdtFile, project: Project) -> str:
     types, names, wrong = _types_with_file(decl, project)
-    sender, here = types.sender(names[0]), project.layout
+    sender, here = types.sender_layout(names[0]), project.layout
     of_sender = f"sender's {sender.source} {sender.layout}" if sender.layout else "sender's layout not known"
     lines = [f"{count(len(names), 'type')}, here {here.name} {here.byte_order}, {of_sender}"]
     for name in names[:MOST_TYPES_SHOWN]:
@@ -221,7 +221,7 @@ def _describe_types(decl: UdtFile, project: Project) -> str:
     return "\n".join([*lines, *(f"bad: {problem}" for problem in wrong[:1])])
 
 
-def _add_with_parts(content: dict[str, Any], project: Project, where: str, written: str) -> AddEntry:
+def _make_add_entry(content: dict[str, Any], project: Project, where: str, written: str) -> AddEntry:
     whole, made = complete_instance(content, project, where)
     grown = apply_edits(project, tuple([make_addition(decl, project) for decl in made]))
     decl = read_entry(INSTANCE, whole, grown, where)
@@ -233,7 +233,7 @@ def _add_with_parts(content: dict[str, Any], project: Project, where: str, writt
 
 
 def _check_messages(decl: Declaration, project: Project, where: str) -> None:
-    """Raise UserError for mistakes in messages, steps and routines that the table's reader cannot find."""
+    """Raise UserError for mistakes that the table's reader cannot find, in messages, steps and routines."""
     match decl:
         case MessageDecl():
             check_message(decl, project, where)
@@ -308,14 +308,14 @@ def parse_change(words: Words, project: Project) -> Change | None:
     if before is None:
         names = names_of(kind, project)
         raise words.make_unknown_error(name, names, kind)
-    decl = read_change(before, _read_changes(kind, words), project, where)
+    decl = read_changed(before, _read_changes(kind, words), project, where)
     _check_messages(decl, apply_edits(project, (make_change(before, decl, project),)), where)
     _check_users((make_change(before, decl, project),), project, where)
     return Change(kind, name, written, before, decl)
 
 
 def _read_kind_and_name(words: Words, project: Project) -> tuple[str, str]:
-    """Return kind and name after `set` or `remove`, and consume a written kind. "" is an unknown kind."""
+    """Return kind and name after `set` or `remove`. Consume a written kind. Kind "": unknown name."""
     if words.peek() in PART_KINDS and words.peek(1) and "=" not in words.peek(1):
         return words.next(""), words.peek()
     name = words.peek()
@@ -372,13 +372,13 @@ def parse_remove(words: Words, project: Project) -> Remove:
     return Remove(kind, name, decl)
 
 
-def parse_undo(words: Words, project: Project) -> Undo:
+def parse_undo(words: Words, project: Project) -> UndoEdit:
     """Read `undo`. Raise UserError if there is no edit to take back."""
-    edits = undo_edits(project)
+    edits = inverse_edits(project)
     if not edits:
         raise words.error("undo without an edit", "an add, set or remove of a part before it")
     _check_users(edits, project, f"{words.where}: undo")
-    return Undo()
+    return UndoEdit()
 
 
 def _check_users(edits: Edits, project: Project, where: str) -> None:
@@ -391,7 +391,7 @@ def _check_users(edits: Edits, project: Project, where: str) -> None:
         reason = f" ({wrong.where.lstrip(': ')}: expected {wrong.expected})" if changed else ""
         raise mistake(where, f"in use by {', '.join(names)}{reason}", NOT_IN_USE_TEXT)
     after = apply_edits(project, edits)
-    for check in (read_routines, read_replies, check_library):
+    for check in (read_routines, read_replies, check_all_messages):
         try:
             check(after)
         except UserError as wrong:
@@ -412,8 +412,8 @@ def make_edits(command: EditCommand, project: Project) -> Edits:
         case Remove(kind, name):
             gone = find_entry(kind, name, project)
             return (make_change(gone, None, project),) if gone is not None else ()
-        case Undo():
-            return undo_edits(project)
+        case UndoEdit():
+            return inverse_edits(project)
 
 
 def describe_edit(command: EditCommand, project: Project) -> str:
@@ -425,7 +425,7 @@ def describe_edit(command: EditCommand, project: Project) -> str:
         return f"with {', '.join(map(_describe_made_part, made))}" if made else ""
     changes = [_describe_entry_edit(edit) for edit in make_edits(command, project)]
     anew = dict.fromkeys(what for edit in make_edits(command, project) for what in _restarts(edit, project))
-    back = "taken back: " if isinstance(command, Undo) else ""
+    back = "taken back: " if isinstance(command, UndoEdit) else ""
     return back + ", ".join(changes) + (f"; restarts: {', '.join(anew)}" if anew else "")
 
 
@@ -484,7 +484,7 @@ def _restarts(edit: Edit, project: Project) -> list[str]:
     ]
 
 
-def add_line(command: AddEntry | AddVariable) -> str:
+def format_add(command: AddEntry | AddVariable) -> str:
     """Return the line from which `parse_add` makes this command."""
     if isinstance(command, AddEntry) and command.text:
         return command.text

@@ -46,9 +46,9 @@ from trcvtui.commands.words import (
     PeerPlaySequence,
     PeerSend,
     RemoveReplies,
-    Starts,
+    StartsWith,
+    StopTrySplits,
     TrySplits,
-    TryStop,
 )
 from trcvtui.errors import Problem, UserError, collect_problems, raise_all_problems
 from trcvtui.project.project import MessageDecl, PeerDecl, Project, SequenceDecl
@@ -96,7 +96,7 @@ def parse_send(words: Words, project: Project, peer: str, holes_in_text: bool = 
             given[key] = parse_delay(text, "every=", words.where)
         else:
             fills.append(_parse_fill_option(key, text, project, words))
-    content = _make_room(payload.content, fills, words)
+    content = _extend_for_fills(payload.content, fills, words)
     return PeerSend(
         peer=peer,
         payload=content,
@@ -197,7 +197,7 @@ def _fill_byte_order(kind: str, width: int, order: str | None, project: Project)
     return cast(ByteOrder, order or own)
 
 
-def _make_room(content: bytes, fills: list[Fill], words: Words) -> bytes:
+def _extend_for_fills(content: bytes, fills: list[Fill], words: Words) -> bytes:
     for fill in sorted(fills, key=lambda fill: fill.offset):
         if fill.offset > len(content):
             found = f"{fill.kind}={fill.offset} for a message of {count(len(content), 'byte')}"
@@ -218,7 +218,9 @@ def parse_any_send(words: Words, project: Project, peer: str) -> PeerSend:
     words.next("")
     name = words.next("the name of a message")
     words.expect_end()
-    return _parse_send(_find_message(name, peer, project, words), peer, project, _place(project, name))
+    return _parse_message(
+        _find_message(name, peer, project, words), peer, project, _message_place(project, name)
+    )
 
 
 def parse_play(words: Words, project: Project, peer: str) -> PeerPlaySequence:
@@ -237,11 +239,11 @@ def _find_message(name: str, peer: str, project: Project, words: Words) -> Messa
     return known[name]
 
 
-def _place(project: Project, message: str) -> str:
+def _message_place(project: Project, message: str) -> str:
     return f"{project.path}: {MESSAGE_WORD} {message}"
 
 
-def _parse_send(message: MessageDecl, peer: str, project: Project, where: str) -> PeerSend:
+def _parse_message(message: MessageDecl, peer: str, project: Project, where: str) -> PeerSend:
     send = parse_send(Words(message.text, where), project, peer)
     return replace(send, text=f"{MESSAGE_WORD} {message.name}")
 
@@ -256,17 +258,17 @@ def _parse_steps(
             pause += parse_delay(step, "", words.where)
         else:
             message = _find_message(step, peer, project, words)
-            steps.append((pause, _parse_send(message, peer, project, _place(project, step))))
+            steps.append((pause, _parse_message(message, peer, project, _message_place(project, step))))
             pause = 0
     return tuple(steps)
 
 
-def check_library(project: Project) -> None:
+def check_all_messages(project: Project) -> None:
     """Raise UserError with every mistake in the messages and sequences of a project."""
     with raise_all_problems() as problems:
         for message in project.messages:
             with collect_problems(problems):
-                check_message(message, project, _place(project, message.name))
+                check_message(message, project, _message_place(project, message.name))
         for sequence in project.sequences:
             with collect_problems(problems):
                 check_sequence(sequence, project, f"{project.path}: sequence {sequence.name}")
@@ -275,7 +277,7 @@ def check_library(project: Project) -> None:
 def check_message(message: MessageDecl, project: Project, where: str) -> None:
     """Raise UserError if a message cannot be sent."""
     first = project.peers[0].name if project.peers else ""
-    _parse_send(message, message.peer or first, project, where)
+    _parse_message(message, message.peer or first, project, where)
 
 
 def check_sequence(sequence: SequenceDecl, project: Project, where: str) -> None:
@@ -299,10 +301,10 @@ DIFFER_KIND: Final = integer(0, LONGEST_TRIAL - 1)
 ANY_WORD: Final = "any"
 
 
-def parse_trial(words: Words, project: Project, peer: str) -> TrySplits | TryStop:
+def parse_trial(words: Words, project: Project, peer: str) -> TrySplits | StopTrySplits:
     if words.peek() == "stop":
         words.next("")
-        return TryStop(peer)
+        return StopTrySplits(peer)
     aim = words.cut_tail(lambda word: word == "on")
     payload = parse_payload(words, project)
     if not 2 <= len(payload.content) <= LONGEST_TRIAL:
@@ -415,7 +417,7 @@ def _read_field_match(words: Words, project: Project) -> FieldIs:
 
 MATCH_READERS: Final[dict[str, Callable[[Words, Project], Match]]] = {
     "contains": lambda words, project: Contains(*_read_match_bytes(words, project)),
-    "starts": lambda words, project: Starts(*_read_match_bytes(words, project)),
+    "starts": lambda words, project: StartsWith(*_read_match_bytes(words, project)),
     "field": _read_field_match,
 }
 

@@ -24,31 +24,31 @@ from trcvtui.commands.words import (
     TIMES_FOREVER,
     AddEntry,
     AddVariable,
+    AskDoctor,
     BenchCommand,
     Change,
-    Create,
-    Delete,
-    Doctor,
+    CreateBlock,
+    DeleteBlock,
     FaultClear,
     FaultOn,
     FeedSerial,
     PlcRun,
     PlcStop,
-    Pulse,
+    PulseInput,
     Remove,
     Retype,
     RunFor,
     RunScans,
-    Set,
+    SetInputs,
     SetLink,
     TapAct,
-    Undo,
+    UndoEdit,
 )
 from trcvtui.errors import UserError
 from trcvtui.net.faults import DEFAULT_ERROR, KNOWN_ERRORS
 from trcvtui.net.kernel import KERNEL_CALLS
 from trcvtui.net.serial_line import SERIAL_CALLS
-from trcvtui.project.edit import apply_step, undo_step
+from trcvtui.project.edit import apply_as_step, undo_step
 from trcvtui.project.file import RESERVED_NAMES
 from trcvtui.project.keys import link_key
 from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, DataDecl, InstanceDecl, Project
@@ -60,7 +60,7 @@ from trcvtui.udt.sources import parse_type
 # Later lines are read with the project as these commands leave it: see `project_after`.
 
 
-def parse_create(words: Words, project: Project) -> Create:
+def parse_create(words: Words, project: Project) -> CreateBlock:
     """Read `create BLOCK NAME connect=C1 data=rx [task=MAIN] [PIN=VALUE ...]`, or raise UserError."""
     blocks = known_blocks(project.dialect.blocks)
     block = words.next_known(blocks, "block", "a block such as TRCV_C")
@@ -78,7 +78,7 @@ def parse_create(words: Words, project: Project) -> Create:
     made = InstanceDecl(
         name, block, link.name, data, task, inputs, link.addr, link.is_config, tuple(pointers)
     )
-    return Create(made)
+    return CreateBlock(made)
 
 
 class _Link(NamedTuple):
@@ -179,13 +179,13 @@ def declare_data(name: str, type_name: str, project: Project, where: str) -> Dat
 
 def project_after(command: BenchCommand, project: Project) -> Project:
     match command:
-        case Create(decl):
+        case CreateBlock(decl):
             return replace(project, instances=(*project.instances, decl))
         case AddEntry() | AddVariable() | Change() | Remove():
-            return apply_step(project, make_edits(command, project))
-        case Undo():
+            return apply_as_step(project, make_edits(command, project))
+        case UndoEdit():
             return undo_step(project)
-        case Delete(name):
+        case DeleteBlock(name):
             return replace(project, instances=tuple(i for i in project.instances if i.name != name))
         case Retype(_, _, decl):
             return replace(project, data=tuple(decl if d.name == decl.name else d for d in project.data))
@@ -223,7 +223,7 @@ COUNT_KIND: Final = integer(1, 1_000_000_000)
 # -- inputs ----------------------------------------------------------------------------------------------
 
 
-def parse_set(words: Words, project: Project) -> Set | Change:
+def parse_set(words: Words, project: Project) -> SetInputs | Change:
     change = parse_change(words, project)
     if change is not None:
         return change
@@ -238,15 +238,15 @@ def parse_set(words: Words, project: Project) -> Set | Change:
             pins.append((pin.name, "blink"))
         else:
             pins.append((pin.name, parse_pin_value(pin, text, words.where)))
-    return Set(instance.name, tuple(pins))
+    return SetInputs(instance.name, tuple(pins))
 
 
-def parse_pulse(words: Words, project: Project) -> Pulse:
+def parse_pulse(words: Words, project: Project) -> PulseInput:
     instance = parse_instance(words, project)
     pin = _find_input(words.next("an input such as EN_R"), instance, words, project)
     if not pin.is_bool:
         raise words.error(f"'{pin.name}', a {pin.iec_type}", "a BOOL input")
-    return Pulse(instance.name, pin.name)
+    return PulseInput(instance.name, pin.name)
 
 
 def _find_input(name: str, instance: InstanceDecl, words: Words, project: Project) -> Pin:
@@ -271,14 +271,14 @@ def parse_link(words: Words, project: Project) -> SetLink:
     return SetLink(name, words.next_choice("down", "up") == "up")
 
 
-def parse_doctor(words: Words, project: Project) -> Doctor:
+def parse_doctor(words: Words, project: Project) -> AskDoctor:
     """Read `doctor [NAME] [CAUSE]`. A word that names no instance and no CONNECT is a cause."""
     names = {each.name for each in project.instances} | set(project.links())
     name = words.next("") if words and words.peek() in names else ""
     cause = words.next("") if words else ""
     if not _CAUSE_PATTERN.fullmatch(cause):
         raise words.error(quote(cause), "an instance, a CONNECT, a cause such as frame-short, or healthy")
-    return Doctor(name, cause)
+    return AskDoctor(name, cause)
 
 
 _CAUSE_PATTERN: Final = re.compile("[a-z-]*")

@@ -17,17 +17,17 @@ from trcvtui.blocks.table import block_row, is_time_pin
 from trcvtui.commands import completion, reader, words
 from trcvtui.commands.conditions import parse_expect, parse_instance, parse_mark, parse_wait, parse_write
 from trcvtui.commands.counters_and_checksums import DECIMAL_DIGITS, NUMBER_KINDS, Fill
-from trcvtui.commands.edit import add_line, parse_add, parse_remove, parse_undo
+from trcvtui.commands.edit import format_add, parse_add, parse_remove, parse_undo
 from trcvtui.commands.peer import SIMPLE_VERBS, PeerActions, parse_peer_command
 from trcvtui.commands.reader import parse_create, parse_resize, project_after
 from trcvtui.commands.tokens import Words
-from trcvtui.commands.words import BenchCommand, Contains, EditCommand, FieldIs, Match, Starts, Step
+from trcvtui.commands.words import BenchCommand, Contains, EditCommand, FieldIs, Match, StartsWith, Step
 from trcvtui.errors import Problem, UserError, collect_problems, raise_all_problems
 from trcvtui.plc import commands
 from trcvtui.project.keys import link_key
 from trcvtui.project.project import Project
 from trcvtui.udt.layout.coding import Value
-from trcvtui.udt.literals import format_time, quote_text
+from trcvtui.udt.literals import format_duration, quote_text
 from trcvtui.udt.resolve import KNOWN_TYPE
 
 MILLISECOND: Final = 1_000_000
@@ -35,22 +35,22 @@ _LITERAL_PATTERN: Final = re.compile(r"[A-Z]+#[-\w.:]+", re.ASCII)  # T#5s and t
 
 
 def _pins_text(pins: tuple[tuple[str, Any], ...]) -> str:
-    return " ".join(f"{name}={pin_text(name, value)}" for name, value in pins)
+    return " ".join(f"{name}={pin_value_text(name, value)}" for name, value in pins)
 
 
-def pin_text(name: str, value: bool | int | str) -> str:
+def pin_value_text(name: str, value: bool | int | str) -> str:
     if isinstance(value, str):
         return value
     if is_time_pin(name):
-        return format_time(value * MILLISECOND)
+        return format_duration(value * MILLISECOND)
     return f"{value:04X}" if name == "STATUS" else str(int(value))
 
 
-def _bytes_text(data: str, offset: int, payload: bytes) -> str:
+def _data_bytes_text(data: str, offset: int, payload: bytes) -> str:
     return f"{data}{f'+{offset}' if offset else ''} hex {payload.hex(' ')}"
 
 
-def create_line(c: words.Create) -> str:
+def format_create(c: words.CreateBlock) -> str:
     decl = c.decl
     parts = [f"create {decl.block} {decl.name} {link_key(decl.block)}={decl.connect}"]
     parts += [f"data={decl.data}"] if decl.data is not None else []
@@ -60,7 +60,7 @@ def create_line(c: words.Create) -> str:
     return " ".join(parts + [_pins_text(decl.inputs)] * bool(decl.inputs))
 
 
-def feed_line(c: words.FeedSerial) -> str:
+def format_feed(c: words.FeedSerial) -> str:
     return f"feed {c.buffer} {'break' if c.payload is None else c.text or 'hex ' + c.payload.hex(' ')}"
 
 
@@ -73,11 +73,11 @@ def message_text(c: words.PeerSend) -> str:
     if c.split:
         parts.append(f"split={','.join(map(str, c.split))}")
     if c.gap_ns or c.gaps_ns:
-        parts.append(f"gap={','.join(map(format_time, c.gaps_ns or (c.gap_ns,)))}")
+        parts.append(f"gap={','.join(map(format_duration, c.gaps_ns or (c.gap_ns,)))}")
     if c.repeat != 1:
         parts.append(f"repeat={c.repeat}")
     if c.every_ns:
-        parts.append(f"every={format_time(c.every_ns)}")
+        parts.append(f"every={format_duration(c.every_ns)}")
     return " ".join(parts)
 
 
@@ -97,35 +97,35 @@ def match_text(match: Match) -> str:
     match match:
         case Contains(payload, text):
             return f"contains {text or 'hex ' + payload.hex(' ')}"
-        case Starts(payload, text):
+        case StartsWith(payload, text):
             return f"starts {text or 'hex ' + payload.hex(' ')}"
         case FieldIs(type_name, path, value):
             return f"field {type_name}.{path} = {value_text(value)}"
 
 
-def check_line(c: words.NumberedFramesOn) -> str:
-    parts = [f"peer {c.peer} check on size={c.size} every={format_time(c.every_ns)}"]
+def format_check(c: words.NumberedFramesOn) -> str:
+    parts = [f"peer {c.peer} check on size={c.size} every={format_duration(c.every_ns)}"]
     return " ".join(parts + [f"on {c.instance}"] * bool(c.instance))
 
 
-def try_splits_line(c: words.TrySplits) -> str:
+def format_try_splits(c: words.TrySplits) -> str:
     parts = [f"peer {c.peer} try-splits {c.text or 'hex ' + c.payload.hex(' ')} on {c.instance}"]
     if c.gap_ns:
-        parts.append(f"gap={format_time(c.gap_ns)}")
+        parts.append(f"gap={format_duration(c.gap_ns)}")
     if c.differ != 0:
         parts.append(f"differ={'any' if c.differ is None else c.differ}")
     return " ".join(parts)
 
 
-def tap_line(c: words.TapAct) -> str:
-    sizes = format_time(c.sizes[0]) if c.verb == "delay" else ",".join(map(str, c.sizes))
+def format_tap(c: words.TapAct) -> str:
+    sizes = format_duration(c.sizes[0]) if c.verb == "delay" else ",".join(map(str, c.sizes))
     data = c.text or (f"hex {c.payload.hex(' ')}" if c.payload else "")
     newest = f"conversation {c.conversation}" if c.conversation else ""
     parts = "tap", c.tap, "to-plc" if c.to_plc else "from-plc", c.verb, sizes, data, newest
     return " ".join(filter(None, parts))
 
 
-def fault_line(c: words.FaultOn) -> str:
+def format_fault(c: words.FaultOn) -> str:
     parts = ["fault", c.call]
     if c.error is not None:
         parts.append(c.error)
@@ -138,13 +138,13 @@ def fault_line(c: words.FaultOn) -> str:
     return " ".join(parts)
 
 
-def wait_line(c: words.Wait) -> str:
-    limit = "" if c.within_ns == words.DEFAULT_LIMIT_NS else f" within {format_time(c.within_ns)}"
+def format_wait(c: words.Wait) -> str:
+    limit = "" if c.within_ns == words.DEFAULT_LIMIT_NS else f" within {format_duration(c.within_ns)}"
     return f"wait {condition_text(c.condition)}{limit}"
 
 
-def expect_line(c: words.Expect) -> str:
-    limit = "" if c.within_ns is None else f" within {format_time(c.within_ns)}"
+def format_expect(c: words.Expect) -> str:
+    limit = "" if c.within_ns is None else f" within {format_duration(c.within_ns)}"
     return f"expect {condition_text(c.condition)}{limit}"
 
 
@@ -155,10 +155,10 @@ def condition_text(condition: words.Condition) -> str:
             return f"{instance} {_pins_text(pins)}"
         case words.PeerIs(peer, state):
             return f"peer {peer} {state}"
-        case words.PeerReceived(peer, payload, text):
+        case words.PeerHasReceived(peer, payload, text):
             return f"peer {peer} received {text or ('hex ' + payload.hex(' ') if payload else 'nothing')}"
         case words.DataIs(data, offset, payload, text):
-            return text or _bytes_text(data, offset, payload)
+            return text or _data_bytes_text(data, offset, payload)
         case words.MemberIs(data, path, value):
             return f"{data}{'.' if path and not path.startswith('[') else ''}{path} {value_text(value)}"
 
@@ -216,25 +216,25 @@ class BenchActions(Protocol):
     def clear_faults(self) -> str: ...
 
 
-class WordRow(Struct, frozen=True):
-    """One frozen command. `write` returns its line. Without `act` a runner does it, and scans may pass."""
+class RecordRow(Struct, frozen=True):
+    """One frozen command. `write` returns its line, `act` does it (None: a runner does, scans may pass)."""
 
     record: type
     write: Callable[[Any], str]
     act: Callable[[BenchActions, Any], str] | None = None
 
 
-class CommandRow(Struct, frozen=True):
+class VerbRow(Struct, frozen=True):
     """All commands of one verb. `next_words` offers the words that may come next in a line."""
 
     verb: str
     read: Callable[[Words, Project], BenchCommand]
     next_words: completion.NextWords
-    records: tuple[WordRow, ...]
+    records: tuple[RecordRow, ...]
     at_prompt: bool = True
 
 
-def _set_inputs(bench: BenchActions, c: words.Set) -> str:
+def _set_inputs(bench: BenchActions, c: words.SetInputs) -> str:
     orders = [
         commands.BlinkInput(c.instance, pin)
         if isinstance(value, str)
@@ -245,62 +245,64 @@ def _set_inputs(bench: BenchActions, c: words.Set) -> str:
 
 
 _EDIT_ROWS: Final = tuple(
-    WordRow(record, write, lambda bench, c: bench.edit_project(c))
+    RecordRow(record, write, lambda bench, c: bench.edit_project(c))
     for record, write in (
         (words.Change, lambda c: f"set {c.kind} {c.name} {c.written}"),
-        (words.AddEntry, add_line),
-        (words.AddVariable, add_line),
+        (words.AddEntry, format_add),
+        (words.AddVariable, format_add),
         (words.Remove, lambda c: f"remove {c.kind} {c.name}"),
-        (words.Undo, lambda c: "undo"),
+        (words.UndoEdit, lambda c: "undo"),
     )
 )
 
 
 _PEER_ROWS: Final = (
-    WordRow(
+    RecordRow(
         words.PeerSend,
         lambda c: f"peer {c.peer} send {message_text(c)}",
         lambda bench, c: bench.peers[c.peer].send(c, bench.now),
     ),
-    WordRow(
+    RecordRow(
         words.PeerPlaySequence,
         lambda c: f"peer {c.peer} play {c.name}",
         lambda bench, c: bench.peers[c.peer].play(c, bench.now),
     ),
-    WordRow(
+    RecordRow(
         words.PeerAction,
         lambda c: f"peer {c.peer} {c.verb}",
         lambda bench, c: SIMPLE_VERBS[c.verb](bench.peers[c.peer], bench.now),
     ),
-    WordRow(
+    RecordRow(
         words.AddReply,
         lambda c: f"peer {c.peer} reply on {rule_text(c)}",
         lambda bench, c: bench.peers[c.peer].replies.add(c),
     ),
-    WordRow(
+    RecordRow(
         words.RemoveReplies,
         lambda c: f"peer {c.peer} reply off{f' {c.number}' if c.number else ''}",
         lambda bench, c: bench.peers[c.peer].replies.remove(c.number, c.peer),
     ),
-    WordRow(words.NumberedFramesOn, check_line, lambda bench, c: bench.start_check(c)),
-    WordRow(
+    RecordRow(words.NumberedFramesOn, format_check, lambda bench, c: bench.start_check(c)),
+    RecordRow(
         words.NumberedFramesOff, lambda c: f"peer {c.peer} check off", lambda bench, c: bench.stop_check(c)
     ),
-    WordRow(words.TrySplits, try_splits_line),
+    RecordRow(words.TrySplits, format_try_splits),
     # a test of splits in a scenario has ended with its step
-    WordRow(words.TryStop, lambda c: f"peer {c.peer} try-splits stop", lambda bench, c: ""),
+    RecordRow(words.StopTrySplits, lambda c: f"peer {c.peer} try-splits stop", lambda bench, c: ""),
 )
-_MARK_ROW: Final = WordRow(words.SetFrameMark, lambda c: c.line(), lambda bench, c: bench.submit(*c.orders()))
+_MARK_ROW: Final = RecordRow(
+    words.SetFrameMark, lambda c: c.line(), lambda bench, c: bench.submit(*c.orders())
+)
 
 
 def _make_row(
     verb: str,
     read: Callable[[Words, Project], BenchCommand],
     next_words: completion.NextWords,
-    *records: WordRow,
+    *records: RecordRow,
     at_prompt: bool = True,
-) -> CommandRow:
-    return CommandRow(verb, read, next_words, records, at_prompt)
+) -> VerbRow:
+    return VerbRow(verb, read, next_words, records, at_prompt)
 
 
 # In the order in which completion offers them.
@@ -309,15 +311,15 @@ COMMAND_ROWS: Final = (
         "set",
         reader.parse_set,
         completion.after_set,
-        WordRow(words.Set, lambda c: f"set {c.instance} {_pins_text(c.pins)}", _set_inputs),
+        RecordRow(words.SetInputs, lambda c: f"set {c.instance} {_pins_text(c.pins)}", _set_inputs),
         _EDIT_ROWS[0],
     ),
     _make_row(
         "pulse",
         reader.parse_pulse,
         completion.after_pulse,
-        WordRow(
-            words.Pulse,
+        RecordRow(
+            words.PulseInput,
             lambda c: f"pulse {c.instance} {c.pin}",
             lambda bench, c: bench.submit(commands.PulseInput(c.instance, c.pin)),
         ),
@@ -327,9 +329,9 @@ COMMAND_ROWS: Final = (
         "write",
         parse_write,
         completion.after_write,
-        WordRow(
-            words.Write,
-            lambda c: f"write {c.text or _bytes_text(c.data, c.offset, c.payload)}",
+        RecordRow(
+            words.WriteBytes,
+            lambda c: f"write {c.text or _data_bytes_text(c.data, c.offset, c.payload)}",
             lambda bench, c: bench.submit(commands.WriteData(c.data, c.offset, c.payload)),
         ),
     ),
@@ -337,14 +339,14 @@ COMMAND_ROWS: Final = (
         "fault",
         reader.parse_fault,
         completion.after_fault,
-        WordRow(words.FaultOn, fault_line, lambda bench, c: bench.arm_fault(c)),
-        WordRow(words.FaultClear, lambda c: "fault clear", lambda bench, c: bench.clear_faults()),
+        RecordRow(words.FaultOn, format_fault, lambda bench, c: bench.arm_fault(c)),
+        RecordRow(words.FaultClear, lambda c: "fault clear", lambda bench, c: bench.clear_faults()),
     ),
     _make_row(
         "link",
         reader.parse_link,
         completion.after_link,
-        WordRow(
+        RecordRow(
             words.SetLink,
             lambda c: f"link {c.connect} {'up' if c.up else 'down'}",
             lambda bench, c: bench.set_link(c),
@@ -354,47 +356,49 @@ COMMAND_ROWS: Final = (
         "plc",
         reader.parse_plc_command,
         completion.offer_words("stop", "run"),
-        WordRow(words.PlcStop, lambda c: "plc stop", lambda bench, c: bench.submit(commands.StopPlc())),
-        WordRow(words.PlcRun, lambda c: "plc run", lambda bench, c: bench.submit(commands.RunPlc())),
+        RecordRow(words.PlcStop, lambda c: "plc stop", lambda bench, c: bench.submit(commands.StopPlc())),
+        RecordRow(words.PlcRun, lambda c: "plc run", lambda bench, c: bench.submit(commands.RunPlc())),
     ),
     _make_row(
         "run",
         reader.parse_run,
         completion.offer_none,
-        WordRow(words.RunScans, lambda c: f"run {c.scans}"),
-        WordRow(words.RunFor, lambda c: f"run {format_time(c.ns)}"),
+        RecordRow(words.RunScans, lambda c: f"run {c.scans}"),
+        RecordRow(words.RunFor, lambda c: f"run {format_duration(c.ns)}"),
     ),
     _make_row(
         "expect",
         parse_expect,
         completion.after_expect,
-        WordRow(words.Expect, expect_line),
-        WordRow(words.ExpectTrace, lambda c: f"expect {c.instance} trace {c.pattern}"),
+        RecordRow(words.Expect, format_expect),
+        RecordRow(words.ExpectTrace, lambda c: f"expect {c.instance} trace {c.pattern}"),
     ),
     _make_row(
         "create",
         parse_create,
         completion.after_create,
-        WordRow(
-            words.Create, create_line, lambda bench, c: bench.apply_change(c, commands.CreateInstance(c.decl))
+        RecordRow(
+            words.CreateBlock,
+            format_create,
+            lambda bench, c: bench.apply_change(c, commands.CreateInstance(c.decl)),
         ),
     ),
     _make_row(
         "delete",
-        lambda line, project: words.Delete(parse_instance(line, project).name),
+        lambda line, project: words.DeleteBlock(parse_instance(line, project).name),
         completion.after_instance_verb,
-        WordRow(
-            words.Delete,
+        RecordRow(
+            words.DeleteBlock,
             lambda c: f"delete {c.instance}",
             lambda bench, c: bench.apply_change(c, commands.DeleteInstance(c.instance)),
         ),
     ),
     _make_row(
         "download",
-        lambda line, project: words.InitialDownload(parse_instance(line, project).name),
+        lambda line, project: words.DownloadBlock(parse_instance(line, project).name),
         completion.after_instance_verb,
-        WordRow(
-            words.InitialDownload,
+        RecordRow(
+            words.DownloadBlock,
             lambda c: f"download {c.instance}",
             lambda bench, c: bench.apply_change(c, commands.DownloadInstance(c.instance)),
         ),
@@ -403,7 +407,7 @@ COMMAND_ROWS: Final = (
         "resize",
         parse_resize,
         completion.after_resize,
-        WordRow(
+        RecordRow(
             words.Retype,
             lambda c: f"resize {c.data} {c.type_name}",
             lambda bench, c: bench.apply_change(c, commands.ResizeData(c.decl)),
@@ -416,9 +420,9 @@ COMMAND_ROWS: Final = (
         "feed",
         reader.parse_feed,
         completion.after_feed,
-        WordRow(
+        RecordRow(
             words.FeedSerial,
-            feed_line,
+            format_feed,
             lambda bench, c: bench.submit(commands.FeedBuffer(c.buffer, c.payload)),
         ),
     ),
@@ -428,14 +432,14 @@ COMMAND_ROWS: Final = (
         "doctor",
         reader.parse_doctor,
         completion.after_doctor,
-        WordRow(words.Doctor, lambda c: " ".join(filter(None, ("doctor", c.name, c.cause)))),
+        RecordRow(words.AskDoctor, lambda c: " ".join(filter(None, ("doctor", c.name, c.cause)))),
     ),
-    _make_row("wait", parse_wait, completion.offer_none, WordRow(words.Wait, wait_line), at_prompt=False),
+    _make_row("wait", parse_wait, completion.offer_none, RecordRow(words.Wait, format_wait), at_prompt=False),
     _make_row(
         "tap",
         reader.parse_tap,
         completion.after_tap,
-        WordRow(words.TapAct, tap_line, lambda bench, c: bench.order_tap(c)),
+        RecordRow(words.TapAct, format_tap, lambda bench, c: bench.order_tap(c)),
     ),
 )
 COMMANDS: Final = {row.verb: row for row in COMMAND_ROWS}
@@ -446,7 +450,7 @@ def format_command(command: BenchCommand) -> str:
     return find_record_row(type(command)).write(command)
 
 
-def find_record_row(record: type) -> WordRow:
+def find_record_row(record: type) -> RecordRow:
     return next(known for row in COMMANDS.values() for known in row.records if known.record is record)
 
 
@@ -502,7 +506,7 @@ def collect_written_data(steps: Iterable[Step], project: Project) -> dict[str, b
     """Return the variables that `write` commands change, each with its bytes after all steps."""
     found = {decl.name: bytearray(decl.size) for decl in project.data}
     writes = [
-        write for step in steps if isinstance(write := step.command, words.Write) and write.data in found
+        write for step in steps if isinstance(write := step.command, words.WriteBytes) and write.data in found
     ]
     for write in writes:
         found[write.data][write.offset : write.offset + len(write.payload)] = write.payload

@@ -40,7 +40,7 @@ class AddVariable:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """`set connect C2 LocalPort=2500`: new values for an entry. All users of the entry are built anew."""
+    """`set connect C2 LocalPort=2500`: new values for an entry. What uses the entry is built anew."""
 
     kind: str
     name: str
@@ -58,12 +58,12 @@ class Remove:
     decl: Declaration = field(compare=False)
 
 
-class Undo(Struct, frozen=True):
+class UndoEdit(Struct, frozen=True):
     """`undo`: takes the newest edit of the project back."""
 
 
-EditCommand = AddEntry | AddVariable | Change | Remove | Undo
-EDIT_COMMANDS = (AddEntry, AddVariable, Change, Remove, Undo)
+EditCommand = AddEntry | AddVariable | Change | Remove | UndoEdit
+EDIT_COMMANDS = (AddEntry, AddVariable, Change, Remove, UndoEdit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class Contains:
 
 
 @dataclass(frozen=True, slots=True)
-class Starts:
+class StartsWith:
     """`starts hex 01 02`: the connection or a scan begins with these bytes."""
 
     payload: bytes
@@ -84,7 +84,7 @@ class Starts:
 
 @dataclass(frozen=True, slots=True)
 class FieldIs:
-    """`field Telegram.id = 7`: a Telegram has this value. The stream's first byte begins a Telegram."""
+    """`field Telegram.id = 7`: a Telegram has this value. The stream is cut from its first byte on."""
 
     type_name: str
     path: str
@@ -92,7 +92,7 @@ class FieldIs:
     layout: Layout = field(compare=False, repr=False)
 
 
-Match = Contains | Starts | FieldIs
+Match = Contains | StartsWith | FieldIs
 
 
 NO_MARK: Final = "none"
@@ -129,14 +129,14 @@ TIMES_FOREVER: Final = 0  # FaultOn.times
 PEER_STATES: Final = ("connected", "listening", "closed", "reset", "refused")
 
 
-class Set(Struct, frozen=True):
+class SetInputs(Struct, frozen=True):
     """`set TRCV_C_1 CONT=1 EN_R=1 REQ=blink`: write inputs."""
 
     instance: str
     pins: tuple[tuple[str, PinValue | Literal["blink"]], ...]
 
 
-class Pulse(Struct, frozen=True):
+class PulseInput(Struct, frozen=True):
     """`pulse TSEND_C_1 REQ`: TRUE for one call, then FALSE."""
 
     instance: str
@@ -144,7 +144,7 @@ class Pulse(Struct, frozen=True):
 
 
 @dataclass(frozen=True, slots=True)
-class Write:
+class WriteBytes:
     """`write rx hex 01 02`, `write rx+4 hex 03`, `write rx.speed 12.5`: write bytes of a DATA variable."""
 
     data: str
@@ -153,19 +153,19 @@ class Write:
     text: str = field(default="", compare=False)
 
 
-class Create(Struct, frozen=True):
+class CreateBlock(Struct, frozen=True):
     """`create TRCV_C TRCV_C_2 connect=C1 data=rx EN_R=1`: a new instance."""
 
     decl: InstanceDecl
 
 
-class Delete(Struct, frozen=True):
-    """`delete TRCV_C_1`: removes the instance, but not its connection nor the lock of a running job."""
+class DeleteBlock(Struct, frozen=True):
+    """`delete TRCV_C_1`: removes the instance, but not its connection or the lock of a running job."""
 
     instance: str
 
 
-class InitialDownload(Struct, frozen=True):
+class DownloadBlock(Struct, frozen=True):
     """`download TRCV_C_1`: incremental download of a changed initial value. The instance is made anew."""
 
     instance: str
@@ -270,7 +270,7 @@ class TrySplits:
     text: str = field(default="", compare=False)
 
 
-class TryStop(Struct, frozen=True):
+class StopTrySplits(Struct, frozen=True):
     """`peer P1 try-splits stop`: ends the running trial, or closes the table of the last trial."""
 
     peer: str
@@ -307,10 +307,10 @@ class TapAct(Struct, frozen=True):
     conversation: int = 0
 
 
-class Doctor(Struct, frozen=True):
+class AskDoctor(Struct, frozen=True):
     """`doctor TRCV_C_1 frame-short`: what is wrong with an instance or a CONNECT. A `name` of "" means all.
 
-    `cause` is the expected first finding or `healthy`. If `cause` is "", any finding will do.
+    `cause` is the expected first finding or `healthy`. If `cause` is "", any result will do.
     """
 
     name: str = ""
@@ -361,7 +361,7 @@ class PeerIs(Struct, frozen=True):
 
 
 @dataclass(frozen=True, slots=True)
-class PeerReceived:
+class PeerHasReceived:
     """`peer P1 received hex 01 02`, `peer P1 received nothing`: see `Peer.has_received`."""
 
     peer: str
@@ -387,7 +387,7 @@ class MemberIs(Struct, frozen=True):
     value: Value
 
 
-Condition = PinsAre | PeerIs | PeerReceived | DataIs | MemberIs
+Condition = PinsAre | PeerIs | PeerHasReceived | DataIs | MemberIs
 
 
 class Wait(Struct, frozen=True):
@@ -412,10 +412,10 @@ class ExpectTrace(Struct, frozen=True):
 
 
 BenchCommand = (
-    Set | Pulse | Write | Create | Delete | EditCommand | InitialDownload | Retype | PlcStop | PlcRun
-    | PeerAction | PeerSend | PeerPlaySequence | NumberedFramesOn | NumberedFramesOff | AddReply
-    | RemoveReplies | TrySplits | TryStop | FeedSerial | SetFrameMark | SetLink | TapAct | Doctor | FaultOn
-    | FaultClear | RunScans | RunFor | Wait | Expect | ExpectTrace
+    SetInputs | PulseInput | WriteBytes | CreateBlock | DeleteBlock | EditCommand | DownloadBlock | Retype
+    | PlcStop | PlcRun | PeerAction | PeerSend | PeerPlaySequence | NumberedFramesOn | NumberedFramesOff
+    | AddReply | RemoveReplies | TrySplits | StopTrySplits | FeedSerial | SetFrameMark | SetLink | TapAct
+    | AskDoctor | FaultOn | FaultClear | RunScans | RunFor | Wait | Expect | ExpectTrace
 )  # fmt: skip
 
 

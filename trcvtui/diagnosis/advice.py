@@ -113,11 +113,11 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
         link.explain_lost_connection,
     ),
     *make_rules(Condition.ENDPOINT_GONE, link.explain_lost_connection),
-    *make_rules(Condition.PORT_IN_USE, link.name_fault, link.explain_failure, job.suggest_another_port),
+    *make_rules(Condition.PORT_IN_USE, link.find_fault, link.explain_failure, job.suggest_another_port),
     *make_rules(Condition.PORT_RESERVED, job.explain_description_flaw, job.suggest_another_port),
     *make_rules(
         Condition.REFUSED,
-        link.name_fault,
+        link.find_fault,
         job.explain_refused_selector,
         link.explain_failure,
         link.suggest_peer_action,
@@ -134,7 +134,7 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
             Condition.ACCEPT_FAILED,
             Condition.CONNECT_FAILED,
         ),
-        link.name_fault,
+        link.find_fault,
         link.explain_connection_limit,
         link.explain_failure,
         link.suggest_peer_action,
@@ -208,7 +208,7 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
     ),
     *make_rules(
         Condition.ESTABLISHING,
-        link.name_fault,
+        link.find_fault,
         link.explain_refused_caller,
         link.explain_failure,
         link.explain_wrong_partner,
@@ -224,7 +224,7 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
         link.explain_failure,
         link.suggest_peer_action,
     ),
-    *make_rules(Condition.LINK_DEAD, link.name_fault, link.explain_dead_link),
+    *make_rules(Condition.LINK_DEAD, link.find_fault, link.explain_dead_link),
     *make_rules((Condition.SENDING, Condition.SEND_BUFFER_FULL), job.explain_stall, job.explain_not_reading),
     *make_rules(Condition.CONNECT_IN_USE, job.explain_connect_holder),
     *make_rules(
@@ -239,7 +239,7 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
             Condition.SEND_FAILED,
             Condition.RECEIVE_FAILED,
         ),
-        link.name_fault,
+        link.find_fault,
         handshake.explain_handshake_failure,
         link.explain_partner_end,
         link.explain_long_frame,
@@ -267,8 +267,8 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
     *make_rules(
         Condition.RECEIVED, receive.explain_cut_datagram, receive.explain_short_datagram, of=DATAGRAMS
     ),
-    *make_rules(Condition.RECEIVE_FAILED, link.name_fault, receive.explain_cut_datagram, of=DATAGRAMS),
-    *make_rules(Condition.SEND_FAILED, link.name_fault, of=DATAGRAMS),
+    *make_rules(Condition.RECEIVE_FAILED, link.find_fault, receive.explain_cut_datagram, of=DATAGRAMS),
+    *make_rules(Condition.SEND_FAILED, link.find_fault, of=DATAGRAMS),
     *make_rules(Condition.CONNECT_IN_USE, job.explain_connect_holder, of=ALL_DATAGRAMS),
     *make_rules(Condition.LENGTH_WRONG, job.explain_wrong_length, of=ALL_DATAGRAMS),
     *make_rules(Condition.DATA_EMPTY, job.explain_missing_data, of=ALL_DATAGRAMS),
@@ -295,10 +295,7 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
         of=(Traffic.DATAGRAMS_OF_A_CONNECT, Traffic.DATAGRAM_JOBS),
     ),
     *make_rules(
-        Condition.SEND_BUFFER_FULL,
-        link.name_fault,
-        receive.explain_sent,
-        of=Traffic.DATAGRAMS_OF_A_CONNECT,
+        Condition.SEND_BUFFER_FULL, link.find_fault, receive.explain_sent, of=Traffic.DATAGRAMS_OF_A_CONNECT
     ),
     # TUSEND and TURCV
     *make_rules(
@@ -314,7 +311,7 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
     ),
     *make_rules(Condition.RECEIVED, receive.explain_short_datagram, of=Traffic.DATAGRAM_JOBS),
     *make_rules(Condition.SENT, receive.explain_sent, of=Traffic.DATAGRAM_JOBS),
-    *make_rules((Condition.RECEIVE_FAILED, Condition.SEND_FAILED), link.name_fault, of=Traffic.DATAGRAM_JOBS),
+    *make_rules((Condition.RECEIVE_FAILED, Condition.SEND_FAILED), link.find_fault, of=Traffic.DATAGRAM_JOBS),
     *make_rules(Condition.NOT_CONNECTED, receive.explain_closed_socket, of=Traffic.DATAGRAM_JOBS),
     *make_rules(Condition.NEEDS_ADDR, receive.explain_empty_addr, of=Traffic.DATAGRAM_JOBS),
     *make_rules(Condition.FINISHED, receive.explain_result_layout, of=Traffic.RESULT),
@@ -362,7 +359,7 @@ def _ask_rules(e: Evidence, rules: Iterable[AdviceFunction]) -> list[tuple[Advic
 
 
 def _select_rules(e: Evidence) -> tuple[AdviceFunction, ...]:
-    found = _find_rules(e, _traffic_of(e)) or _find_rules(e, Traffic.ANYTHING) or (link.name_fault,)
+    found = _find_rules(e, _traffic_of(e)) or _find_rules(e, Traffic.ANYTHING) or (link.find_fault,)
     return (*found, job.suggest_description_key)
 
 
@@ -383,7 +380,7 @@ def _traffic_of(e: Evidence) -> Traffic:
         return Traffic.RESULT
     if e.is_datagram:
         return Traffic.DATAGRAMS_OF_A_CONNECT
-    return Traffic.MESSAGES if e.is_message else Traffic.ANYTHING
+    return Traffic.MESSAGES if e.has_messages else Traffic.ANYTHING
 
 
 def _condition(e: Evidence) -> Condition:
@@ -431,7 +428,11 @@ def describe_cause(cause: Cause, block: str) -> str:
 def _format_sizes(cause: Cause, block: str) -> str:
     row = block_row(block)
     if cause.have is not None and cause.need is not None:
-        if cause.pin and cause.value is None:  # what the pin points to, beside what the job needs
+        if (
+            cause.value is None
+            and (cause.pin or cause.why is CauseKind.PARAMETER)
+            and cause.have < cause.need
+        ):
             return f": {cause.have} of {count(cause.need, 'byte')}"
         if cause.pin:
             whole = f" ({count(cause.have, 'byte')})" if cause.value != cause.have else ""
@@ -442,7 +443,7 @@ def _format_sizes(cause: Cause, block: str) -> str:
             return f", {count(cause.have, 'byte')}"
         if cause.have > cause.need:
             return f": {count(cause.have, 'byte')}, at most {cause.need} fit"
-        where = "taken" if row.sends_on_net else "received"
+        where = "taken" if row.sends_on_net or row.writes_tx_buffer else "received"
         return f", {cause.have} of {count(cause.need, 'byte')} {where}"
     if cause.pin and cause.value is not None and cause.pin not in cause.name:
         return f" ({cause.pin} is {cause.value})"

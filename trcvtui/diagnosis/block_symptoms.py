@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import BUSY_CONDITIONS, DONE_CONDITIONS, Condition
-from trcvtui.blocks.environment import JobEnded, SendEnded
+from trcvtui.blocks.environment import ReceiveEnded, SendEnded
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.advice import make_advice
 from trcvtui.diagnosis.evidence import NO_FACTS, make_past_evidence
@@ -84,7 +84,7 @@ class BlockSymptoms:
                     self._mark_errors_over(event.instance, LINK_ERRORS)
                 if event.outputs.done:
                     self._mark_errors_over(event.instance)
-            case JobEnded() | SendEnded() if event.done:
+            case ReceiveEnded() | SendEnded() if event.done:
                 self._mark_errors_over(event.instance)
             case InputEdge(instance, "CONT" | "REQ", value) if value:
                 self._linked_ns[instance] = t_ns
@@ -114,23 +114,23 @@ class BlockSymptoms:
     def list_findings(self, is_running: bool) -> tuple[Finding, ...]:
         """Return the symptoms. While the run continues, leave out an ERROR that is over and old."""
         snapshot = self._bench.runtime.snapshot()
-        found = [*self._find_lasting_errors(is_running)]
+        found = [*self._find_error_symptoms(is_running)]
         named = {one.instance for one in found}
         for shown in snapshot.instances:
             if shown.name not in named:
-                found += [*self._unconnected(shown), *self._unfinished(shown)]
+                found += [*self._find_unconnected(shown), *self._find_unfinished(shown)]
         return tuple(found)
 
-    def _find_lasting_errors(self, is_running: bool) -> Iterator[Finding]:
+    def _find_error_symptoms(self, is_running: bool) -> Iterator[Finding]:
         newest = {name: record for (name, _), record in sorted(self._errors.items(), key=_last_error_ns)}
         for (name, _), record in self._errors.items():
             is_old = record.good >= GOOD_JOBS or self._bench.now - record.last_ns >= RECENT_NS
             if record.is_over and (not record.has_recurred or (is_running and is_old)):
                 continue
             if record is newest[name] or record.times > 1:  # else another ERROR replaced it
-                yield self._symptom(record)
+                yield self._make_symptom(record)
 
-    def _symptom(self, record: _ErrorRecord) -> Finding:
+    def _make_symptom(self, record: _ErrorRecord) -> Finding:
         bench, edge, scan, t_ns = self._bench, record.edge, record.line.scan, record.line.t_ns
         name, word = edge.instance, f"{edge.outputs.status:04X}"
         row = bench.project.dialect.row(edge.outputs.status, edge.block)
@@ -142,18 +142,18 @@ class BlockSymptoms:
         shown = bench.runtime.snapshot().instance(name)
         stays = shown is not None and shown.outputs.error and shown.condition == edge.condition
         often = f"from scan {scan} to the end" if stays and record.times == 1 else times(record.times)
-        connect, is_session = self._find_connect(name), edge.cause.call == "session"
+        connect, is_session = self._trace_connect_name(name), edge.cause.call == "session"
         said = self._handshakes.get(connect, "") if is_session else ""
         text = ": ".join(filter(None, (f"{name} showed {word} {often}", card.why, said)))
         is_tls = is_session and Condition(edge.condition).name.startswith("TLS_")
-        found = self._finding(
+        found = self._make_finding(
             name, "tls-refused" if is_tls else "block-error", text, t_ns, connect=connect, scan=scan,
             evidence=(text, *card.causes), status=(word,), mend=tuple([Remedy(each) for each in checks]),
             is_fact=is_session and bool(card.do), leads_to=(Condition(edge.condition),),
         )  # fmt: skip
         return self._explain_by_framing(found) if edge.condition in OVERRUN_CONDITIONS else found
 
-    def _finding(self, name: str, cause: str, text: str, t_ns: int, **more: Any) -> Finding:
+    def _make_finding(self, name: str, cause: str, text: str, t_ns: int, **more: Any) -> Finding:
         at, scan = (self._wall_ns + t_ns, 0, 0, 0), t_ns // self._bench.runtime.interval_ns + 1
         made = Finding(FACT_CONFIDENCE, (text,), "", at, name, cause=cause, explains=(text,), scan=scan)
         return replace(made, **more)
@@ -175,7 +175,7 @@ class BlockSymptoms:
         evidence = (*found.explains, *texts)
         return replace(found, cause="framing", confidence=FRAMING_CONFIDENCE, evidence=evidence, mend=(mend,))
 
-    def _find_connect(self, name: str) -> str:
+    def _trace_connect_name(self, name: str) -> str:
         """Return the CONNECT of an instance; on a ComBuffer, the CONNECT of the instance that feeds it."""
         project = self._bench.project
         decl = project.instance(name)
@@ -184,7 +184,7 @@ class BlockSymptoms:
         feeds = project.instance(source)
         return feeds.connect if feeds is not None else own
 
-    def _unconnected(self, shown: InstanceSnapshot) -> Iterator[Finding]:
+    def _find_unconnected(self, shown: InstanceSnapshot) -> Iterator[Finding]:
         """Yield a finding if a requested connection does not exist and no ERROR says so."""
         config = self._bench.project.connect(shown.connect)
         is_stream = config is not None and not config.is_datagram
@@ -193,9 +193,9 @@ class BlockSymptoms:
         now, since = self._bench.now, self._linked_ns.get(shown.name, 0)
         if now - since >= UNCONNECTED_NS:
             text = f"{shown.name} has requested a connection for {format_ns(now - since)}, and there is none"
-            yield self._finding(shown.name, "not-connected", text, since, connect=shown.connect)
+            yield self._make_finding(shown.name, "not-connected", text, since, connect=shown.connect)
 
-    def _unfinished(self, shown: InstanceSnapshot) -> Iterator[Finding]:
+    def _find_unfinished(self, shown: InstanceSnapshot) -> Iterator[Finding]:
         """Yield a finding if a job waits 2 usual pauses, at least QUIET_NS; without any, 10 QUIET_NS."""
         last = shown.last_receive_ns
         if not block_row(shown.block).receives_on_net or not 0 < shown.have < shown.need or last is None:
@@ -209,7 +209,7 @@ class BlockSymptoms:
         text = f"{here}, and none came for {format_ns(quiet)}"
         sure = 0.85 if pauses else 0.7  # a single message has no known period
         more = {"connect": shown.connect, "confidence": sure, "mend": self._offer_com_rst(shown)}
-        yield self._finding(shown.name, "job-waits", text, last, **more)
+        yield self._make_finding(shown.name, "job-waits", text, last, **more)
 
     def _offer_com_rst(self, shown: InstanceSnapshot) -> tuple[Remedy, ...]:
         """Return the remedy COM_RST if the next job will want another length than the running job."""

@@ -16,9 +16,9 @@ from typing import Final, NamedTuple
 
 from msgspec.structs import replace
 
-from trcvtui.capture.quality import Quality
-from trcvtui.diagnosis.frame_causes import FEW_MESSAGES, FRAME_RULES, is_session
-from trcvtui.diagnosis.host_causes import DOUBLE_EFFECTS, find_icmp_reports, judge_mtu, make_host_finding
+from trcvtui.capture.quality import CaptureLimit
+from trcvtui.diagnosis.frame_causes import FEW_MESSAGES, FRAME_RULES, speaks_session
+from trcvtui.diagnosis.host_causes import DOUBLE_EFFECTS, judge_icmp_reports, judge_mtu, make_host_finding
 from trcvtui.diagnosis.line_facts import (
     MOST_SHOWN,
     ClosedWindow,
@@ -30,7 +30,7 @@ from trcvtui.diagnosis.line_facts import (
 )
 from trcvtui.diagnosis.receiver import LOOPBACK, Receiver
 from trcvtui.diagnosis.remedies import CauseRule, RemedyOffer
-from trcvtui.diagnosis.restarts import find_restarts, judge_half_open
+from trcvtui.diagnosis.restarts import find_half_open, judge_half_open
 from trcvtui.diagnosis.session_causes import TPKT, is_http, judge_serial_errors, judge_tls, judge_wrong_tsap
 from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import SECOND, count, format_ns, times
@@ -49,7 +49,7 @@ UNTRIED_CONFIDENCE: Final = 0.85
 MOST_AROUND: Final = 64  # conversations that one is compared with
 
 
-class EndsGroup:
+class LineGroup:
     """The conversations between the same two ends, in the order of time."""
 
     def __init__(self, lines: tuple[LineFacts, ...], restarts: Mapping[LineFacts, LineFacts] = {}) -> None:
@@ -71,7 +71,7 @@ class EndsGroup:
 
     @cached_property
     def sequential_lines(self) -> tuple[LineFacts, ...]:
-        """Return built conversations of which each begins after the previous conversation has ended."""
+        """Return built conversations. Each begins after the one before it in the result has ended."""
         found: list[LineFacts] = []
         for one in self.built:
             if not found or found[-1].last_ns <= one.first_ns:
@@ -110,7 +110,7 @@ class EndsGroup:
     @cached_property
     def ordinary_end_count(self) -> int:
         """Return how many conversations the caller ended after both sent and it acknowledged all."""
-        return sum(1 for one in self.ended_lines if _is_ordinary(one))
+        return sum(1 for one in self.ended_lines if _has_ordinary_end(one))
 
     @cached_property
     def turned_away_count(self) -> int:
@@ -137,9 +137,9 @@ class LineCase(NamedTuple):
     """A conversation. `group` has all conversations of its ends, `older` earlier calls to its listener."""
 
     line: LineFacts
-    group: EndsGroup
+    group: LineGroup
     older: tuple[LineFacts, ...]
-    reverse: EndsGroup  # the other end calls
+    reverse: LineGroup  # the other end calls
     receiver: Receiver | None
     receivers: tuple[Receiver, ...]
     last_ns: int
@@ -156,7 +156,7 @@ def _is_tcp(case: LineCase) -> bool:
 def _judge_refused(case: LineCase) -> Finding | None:
     line = case.line
     reset = line.listener.reset
-    by_icmp = find_icmp_reports(line, case.receivers, "port")
+    by_icmp = judge_icmp_reports(line, case.receivers, "port")
     if by_icmp is not None:
         return by_icmp
     if not _is_tcp(case) or not line.has_begin or line.is_built or reset is None or not line.caller.syns:
@@ -191,7 +191,7 @@ def _judge_turned_away(case: LineCase) -> Finding | None:
 
 def _judge_filtered(case: LineCase) -> Finding | None:
     line, syns = case.line, case.line.caller.syns
-    by_icmp = find_icmp_reports(line, case.receivers, "host", "admin")
+    by_icmp = judge_icmp_reports(line, case.receivers, "host", "admin")
     if by_icmp is not None:
         return by_icmp
     if not _is_tcp(case) or not line.has_begin or line.is_built or line.end is not None or not syns:
@@ -277,14 +277,14 @@ def _is_one_message(line: LineFacts) -> bool:
         end is not None
         and not end.by_plc
         and end.kind == "fin"
-        and (len(line.messages) == 1 or _is_short(line.to_plc.writes))
+        and (len(line.messages) == 1 or _is_short_burst(line.to_plc.writes))
         and len(line.answers) <= 1
         and (line.has_begin or len(line.to_plc.writes) == 1)
         and end.ns - line.messages[0].ns < 5 * SECOND
     )
 
 
-def _is_short(writes: Sequence[SegmentFacts]) -> bool:
+def _is_short_burst(writes: Sequence[SegmentFacts]) -> bool:
     return 0 < len(writes) <= 3 and writes[-1].ns - writes[0].ns < AT_ONCE_NS // 40
 
 
@@ -301,7 +301,7 @@ def _judge_closes(case: LineCase) -> Finding | None:
     return Finding(sure, texts, way="to-plc", at=at)
 
 
-def _is_ordinary(line: LineFacts) -> bool:
+def _has_ordinary_end(line: LineFacts) -> bool:
     end = line.end
     is_caller = end is not None and end.by_plc == bool(line.plc_calls)
     return is_caller and bool(line.to_plc.bytes and line.from_plc.bytes) and not line.listener.unacked
@@ -359,11 +359,11 @@ def _judge_resets(case: LineCase) -> Finding | None:
     part = _describe_partial_job(line, case.receiver) or _describe_partial_frame(line)
     if part:
         return finding(0.96, part)
-    if Quality.NO_LIFE in line.qualities:
+    if CaptureLimit.NO_LIFE in line.qualities:
         is_new = any(0 <= ns - end.ns < RECONNECT_NS for ns in later)
         if case.receiver is None or is_new:
             return finding(0.0, "the RST answers a packet of an old connection", is_remark=True)
-    if lost.unacked and lost.is_heard and line.has_begin and Quality.ACKS_MISSING not in line.qualities:
+    if lost.unacked and lost.is_heard and line.has_begin and CaptureLimit.ACKS_MISSING not in line.qualities:
         return finding(0.85, f"{count(lost.unacked, 'byte')} of {other} were not acknowledged and are lost")
     sizes = [one.size for one in line.messages]
     is_even = len(sizes) > 2 and sizes.count(sizes[-1]) * 5 >= 4 * len(sizes)
@@ -386,7 +386,7 @@ def _describe_partial_job(line: LineFacts, receiver: Receiver | None) -> str:
         while at + 4 <= len(content) and content[at] == TPKT:
             at += max(int.from_bytes(content[at + 2 : at + 4], "big"), 4)
         return "inside a unit of ISO-on-TCP" if len(content) == flow.bytes and at != len(content) else ""
-    is_static = receiver.need and not receiver.adhoc and Quality.SESSION not in line.qualities
+    is_static = receiver.need and not receiver.adhoc and CaptureLimit.SESSION not in line.qualities
     part = flow.bytes % receiver.need if is_static else 0
     return f"inside a job: {part} of {receiver.need} bytes had arrived" if part else ""
 
@@ -394,7 +394,7 @@ def _describe_partial_job(line: LineFacts, receiver: Receiver | None) -> str:
 def _describe_partial_frame(line: LineFacts) -> str:
     sizes = [one.size for one in line.messages]
     usual = max(set(sizes), key=sizes.count) if sizes else 0
-    if line.qualities & {Quality.SNAPLEN, Quality.CLOCK}:
+    if line.qualities & {CaptureLimit.SNAPLEN, CaptureLimit.CLOCK}:
         return ""
     if sizes.count(usual) < 3 or sizes.count(usual) * 2 <= len(sizes) or sizes[-1] >= usual:
         return ""
@@ -623,7 +623,7 @@ def _judge_slow_ack(case: LineCase) -> Finding | None:
         packets = tuple([one.write.packet for one in slow[:MOST_SHOWN]])
         texts = (
             f"{count(len(slow), 'small write')} of {flow.segments} waited {usual / 1e6:.0f} ms for an ACK, "
-            "and the next write left as soon as it came",
+            "and the next write left as soon as the ACK came",
         )
         sure = 0.92 if len(slow) > 4 else 0.75
         return Finding(sure, texts, way=way, at=slow[0].write, packets=packets)
@@ -654,7 +654,7 @@ def _judge_loss(case: LineCase) -> Finding | None:
         is_often = odd >= 3 and odd * 100 >= flow.segments
         is_long = flow.longest_wait_ns >= SECOND and odd * 20 >= flow.segments >= 3
         of_all = flow.segments + flow.resent
-        text = f"of {of_all} segments {flow.resent} were sent again and {flow.late} came late: {share:.1%}"
+        text = f"of {of_all} segments: {flow.resent} sent again, {flow.late} late: {share:.1%}"
         at, packets = flow.first_of("resent") or flow.first_of("early"), flow.packets_of("resent")
         if is_often or is_long:
             waited = f"the longest wait for a repeated segment was {format_ns(flow.longest_wait_ns)}"
@@ -674,12 +674,12 @@ def _judge_loss(case: LineCase) -> Finding | None:
 
 
 def _judge_capture_incomplete(case: LineCase) -> Finding | None:
-    if Quality.GAPS not in case.line.qualities:
+    if CaptureLimit.GAPS not in case.line.qualities:
         return None
     texts, at = [], None
     for flow, way in ((case.line.to_plc, "to the PLC"), (case.line.from_plc, "from the PLC")):
         size = "more bytes than possible" if flow.has_jumped else count(flow.missing, "byte")
-        texts += [f"the capture lacks {size} {way}, but the other end received them"] if flow.missing else []
+        texts += [f"the capture lacks {size} {way} that the other end received"] if flow.missing else []
         at = at or flow.first_of("missing")
     texts = texts or ["the sequence numbers jump further than any window"]
     return Finding(0.0, tuple(texts), at=at, is_remark=True)
@@ -706,15 +706,15 @@ def _adapt_frame_rule(row: CauseRule) -> Callable[[LineCase], Finding | None]:
     return lambda case: row.judge(case.line, case.receiver)
 
 
-_LACKS_CLOCK: Final = (Quality.CLOCK,)
-_LACKS_ACKS: Final = (Quality.ONE_DIRECTION, Quality.ACKS_MISSING, Quality.CLOCK)
+_LACKS_CLOCK: Final = (CaptureLimit.CLOCK,)
+_LACKS_ACKS: Final = (CaptureLimit.ONE_DIRECTION, CaptureLimit.ACKS_MISSING, CaptureLimit.CLOCK)
 STALL_CAUSES: Final = ("dead-link", "mtu", "plc-not-reading", "partner-not-reading")
 _GONE_TEXT: Final = "the other end answers no ARP request: it is off, or its cable is unplugged"
 _REFUSALS: Final = ("second-client", "turned-away", "wrong-tsap", "tls-refused")
 _MISREAD_CAUSES: Final = ("frame-short", "frame-long", "adhoc-missing", "padding", "header", "byte-order")
-_LACKS_COPIES: Final = (Quality.GAPS, Quality.DROPS, Quality.ONE_DIRECTION, Quality.CLOCK)
+_LACKS_COPIES: Final = (CaptureLimit.GAPS, CaptureLimit.DROPS, CaptureLimit.ONE_DIRECTION, CaptureLimit.CLOCK)
 CAUSE_RULES: Final = (
-    CauseRule("address", _judge_address, blind=(Quality.ONE_DIRECTION,)),
+    CauseRule("address", _judge_address, blind=(CaptureLimit.ONE_DIRECTION,)),
     CauseRule("duplicate-ip", lambda case: case.line.doubled and make_host_finding(case.line.doubled, ())),
     CauseRule("second-client", _judge_second_client, ("address",)),
     CauseRule("refused", _judge_refused, ("address", "second-client")),
@@ -743,12 +743,12 @@ CAUSE_RULES: Final = (
     CauseRule("slow-ack", _judge_slow_ack, blind=_LACKS_ACKS),
     CauseRule("loss", _judge_loss, STALL_CAUSES, blind=_LACKS_COPIES),
     CauseRule("capture-incomplete", _judge_capture_incomplete),
-    *(row._replace(judge=_adapt_frame_rule(row), blind=(Quality.SESSION,)) for row in FRAME_RULES),
+    *(row._replace(judge=_adapt_frame_rule(row), blind=(CaptureLimit.SESSION,)) for row in FRAME_RULES),
 )
 
 
-def judge_case(case: LineCase) -> tuple[tuple[Finding, ...], list[Finding], dict[str, Quality]]:
-    """Return the findings, surest first, the remarks, and the causes that cannot be judged with reasons."""
+def judge_case(case: LineCase) -> tuple[tuple[Finding, ...], list[Finding], dict[str, CaptureLimit]]:
+    """Return the findings, surest first; the remarks; the causes that cannot be judged, and why."""
     blind = {rule.cause: each for rule in CAUSE_RULES for each in rule.blind if each in case.line.qualities}
     seen = {rule.cause: rule for rule in CAUSE_RULES if rule.cause not in blind}
 
@@ -777,8 +777,8 @@ def weigh_findings(
 ) -> tuple[Finding, ...]:
     """Return the findings that no other cause silences, the surest first.
 
-    Each remedy is tried: `judge` returns the findings for the receiver with the remedy. If these findings
-    contain the cause or a new cause, the remedy is not offered.
+    Remedies with a `cured` receiver are tried: `judge` returns the findings for it. If these findings
+    contain the cause or a new cause, these remedies are not offered.
     """
     found: list[tuple[float, Finding]] = []  # each with the confidence of its rule
     for rule in rules:
@@ -807,9 +807,9 @@ def make_cases(
     for line in lines:
         between.setdefault(_ends_key(line), []).append(line)
         calls.setdefault(_hosts_key(line), []).append(line)
-    restarts = find_restarts(lines, between.values())
-    groups = {ends: EndsGroup(tuple(found), restarts) for ends, found in between.items()}
-    reverses = {hosts: EndsGroup(tuple(found)) for hosts, found in calls.items()}
+    restarts = find_half_open(lines, between.values())
+    groups = {ends: LineGroup(tuple(found), restarts) for ends, found in between.items()}
+    reverses = {hosts: LineGroup(tuple(found)) for hosts, found in calls.items()}
     only = _only_receiver(lines, receivers)
     fitting = [_find_receiver(line, receivers, only) for line in lines]
     pairs = [*zip(lines, fitting, strict=True)]
@@ -834,7 +834,7 @@ def _find_receiver(line: LineFacts, receivers: Sequence[Receiver], only: Receive
     if found is not None:
         line.since_ns, line.until_ns = found.since_ns, found.until_ns
         is_seen = found.need and not (found.is_whole or found.is_secure)
-        line.qualities |= {Quality.SESSION} if is_seen and is_session(line, found) else set()
+        line.qualities |= {CaptureLimit.SESSION} if is_seen and speaks_session(line, found) else set()
     if found is not None and found.need and not found.adhoc and not line.is_wire:
         line.reads = RecordedReads(found.need, found.interval_ns)
     return found
@@ -848,7 +848,7 @@ def _only_receiver(lines: Sequence[LineFacts], receivers: Sequence[Receiver]) ->
 
 
 _EndsKey = tuple[str, bytes, tuple[bytes, int]]
-_EMPTY_GROUP: Final = EndsGroup(())
+_EMPTY_GROUP: Final = LineGroup(())
 
 
 def _ends_key(line: LineFacts) -> _EndsKey:

@@ -93,7 +93,7 @@ class MessageCutter:
         self._rest = (to_next - size) % self._record if is_known else UNKNOWN_REST
         self._last = ns, 0
 
-    def handle_turn(self, ns: int) -> None:
+    def handle_answer(self, ns: int) -> None:
         """The other end answers: end the message, unless its last segment is full and more must follow."""
         if self._held and not self._is_full:
             self.end_message(ns)
@@ -178,7 +178,7 @@ class MessageCutters:
             cutter.add_datagram(ns, data, size)
         elif kind is SegmentKind.BYTES:
             if other is not None:
-                other.handle_turn(ns)
+                other.handle_answer(ns)
             cutter.add_segment(ns, data, direction.largest if conversation.sent is None else 0)
         elif kind is SegmentKind.MISSING:
             if conversation.protocol != "udp":

@@ -64,7 +64,7 @@ class SwappedMember:
 
 
 @dataclass(frozen=True, slots=True)
-class Suspicion:
+class SwapSuspicion:
     """The members that make sense only in the byte order `other`, not in `order`."""
 
     order: str
@@ -83,14 +83,14 @@ class Suspicion:
         )
 
 
-def byte_order_suspicion(layout: Layout, content: bytes) -> Suspicion | None:
+def byte_order_suspicion(layout: Layout, content: bytes) -> SwapSuspicion | None:
     """Return the members that make sense only with swapped bytes, or None without clear evidence."""
     order = layout.rules.byte_order
     here, there = BYTE_ORDERS[order], BYTE_ORDERS[OTHER_BYTE_ORDER[order]]
     suspects: list[SwappedMember] = []
     clear = asked = 0
     for leaf in layout.leaves(0, min(layout.leaf_count, MOST_LEAVES)):
-        row = _number(leaf)
+        row = _find_number_type(leaf)
         part = content[leaf.offset : leaf.offset + leaf.size]
         if row is None or len(part) < leaf.size or leaf.bit is not None:
             continue
@@ -105,10 +105,10 @@ def byte_order_suspicion(layout: Layout, content: bytes) -> Suspicion | None:
     if not clear or len(suspects) < min(2, asked):
         return None
     suspects.sort(key=lambda suspect: not isinstance(suspect.as_read, float))  # REALs show it best
-    return Suspicion(order, OTHER_BYTE_ORDER[order], tuple(suspects))
+    return SwapSuspicion(order, OTHER_BYTE_ORDER[order], tuple(suspects))
 
 
-def _number(leaf: Leaf) -> Elementary | None:
+def _find_number_type(leaf: Leaf) -> Elementary | None:
     row = leaf.type.base if isinstance(leaf.type, Enumeration) else leaf.type
     if isinstance(row, Elementary) and row.kind in NUMBER_KINDS and row.size > 1:
         return row
@@ -119,12 +119,12 @@ def _format_number(value: float) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-class Offer(NamedTuple):
+class LayoutOffer(NamedTuple):
     choice: LayoutChoice
     why: str
 
 
-def find_layout_offer(decl: DataDecl, size: int | None, content: bytes) -> Offer | None:
+def find_layout_offer(decl: DataDecl, size: int | None, content: bytes) -> LayoutOffer | None:
     """Return a layout for DATA. Messages of `size` bytes came. `content` is the newest or a part of it.
 
     Return None if the layout fits, if several sizes came, or if no other layout fits better.
@@ -136,12 +136,12 @@ def find_layout_offer(decl: DataDecl, size: int | None, content: bytes) -> Offer
             return None
         name = found.rules.name
         why = f"{count(size, 'byte')} came: the size of {decl.type_name} in the layout {name}"
-        return Offer(LayoutChoice(name, None if rules_for(name).byte_order == order else order), why)
+        return LayoutOffer(LayoutChoice(name, None if rules_for(name).byte_order == order else order), why)
     suspicion = byte_order_suspicion(decl.layout, content)
     if suspicion is None:
         return None
     choice = decl.choice._replace(byte_order=suspicion.other)
-    return Offer(choice, f"the members make sense as {suspicion.other}-endian")
+    return LayoutOffer(choice, f"the members make sense as {suspicion.other}-endian")
 
 
 def _find_layout_of_size(decl: DataDecl, size: int) -> Layout | None:
@@ -159,7 +159,7 @@ def _order(layout: Layout, content: bytes) -> str | None:
     if byte_order_suspicion(layout, content) is not None:
         return OTHER_BYTE_ORDER[own]
     swapped = lay_out(layout.type, replace(layout.rules, byte_order=OTHER_BYTE_ORDER[own]))
-    has_order = any(map(_number, layout.leaves(0, min(layout.leaf_count, MOST_LEAVES))))
+    has_order = any(map(_find_number_type, layout.leaves(0, min(layout.leaf_count, MOST_LEAVES))))
     return own if not has_order or byte_order_suspicion(swapped, content) is not None else None
 
 

@@ -1,4 +1,4 @@
-"""`trcvtui doctor` judges captures and recordings, as text or as one JSON object for each conversation."""
+"""`trcvtui doctor` judges captures and recordings. It writes text, or a JSON object for each verdict."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.capture.command import capture_notes
-from trcvtui.capture.packets import SkippedPacket
+from trcvtui.capture.packets import SkipReason
 from trcvtui.capture.plc_end import KnownEnds, PlcEnd, make_no_match_error, parse_plc
-from trcvtui.capture.quality import Quality
+from trcvtui.capture.quality import CaptureLimit
 from trcvtui.diagnosis.cause_words import CAUSE_WORDS, default_remedies
 from trcvtui.diagnosis.causes import LineCase, judge_case, make_cases
 from trcvtui.diagnosis.host_causes import list_host_facts, make_host_finding
@@ -52,9 +52,9 @@ class LineVerdict(Struct, forbid_unknown_fields=True):
 
     conversation: Ends | None
     findings: list[Finding]
-    quality: list[Quality] = []
+    quality: list[CaptureLimit] = []
     remarks: list[Finding] = []
-    not_judged: dict[str, Quality] = {}
+    not_judged: dict[str, CaptureLimit] = {}
     is_judged: bool = True
     file: str = ""
 
@@ -68,7 +68,7 @@ class RecordedFacts(NamedTuple):
     """Facts of one of our recordings that its packets do not show. `connects` is as in KnownEnds.
 
     `harms` has the times (UTC) of ERRORs and lost jobs of the blocks of each CONNECT. `until_ns` is the UTC
-    of the last scan. Silence until then is a fact. `lint` judges the project with the pins at the end.
+    of the last scan. Silence until then is a fact. `lint` has findings on the project and its last pins.
     """
 
     receivers: tuple[Receiver, ...]
@@ -124,7 +124,7 @@ def judge_capture(path: str, asked: DoctorQuestion) -> tuple[list[LineVerdict], 
     if facts.troubles and not facts.found.packets:  # else the part before the trouble is judged
         raise UserError(facts.troubles)
     if known is not None:
-        facts.found.not_read.pop(SkippedPacket.JOURNAL, None)  # its journal
+        facts.found.not_read.pop(SkipReason.JOURNAL, None)  # its journal
         for each in facts.lines:
             each.harms = known.harms.get(each.connect or "", ())
     cases = [*make_cases(_select_lines(facts, asked), asked.receivers, facts.last_ns)]
@@ -175,7 +175,7 @@ def _judge_hosts(
 
 
 def _assign_line(one: Finding, cases: Sequence[LineCase]) -> tuple[LineFacts | None, Finding]:
-    """Return the conversation at a finding's time, or the last before, or the first, and the finding."""
+    """Return the conversation at a finding's time (else last before, else first), and the finding."""
     ns = one.at[0] if one.at is not None else 0
     lines = [case.line for case in cases if case.line.connect in (None, one.connect)]
     line = next((each for each in lines if each.first_ns <= ns <= each.last_ns), None)
@@ -234,7 +234,7 @@ def _sort_by_confidence(some: Iterable[Finding]) -> list[Finding]:
 
 
 def _select_lines(facts: CaptureFacts, asked: DoctorQuestion) -> tuple[LineFacts, ...]:
-    """Return the conversations of the PLC that `--plc` names. Raise UserError if there are none."""
+    """Return the conversations of the PLC end that `--plc` names. Raise UserError if there are none."""
     if asked.plc is None:
         return facts.lines
     found = tuple([line for line in facts.lines if line.guess.why == "--plc"])
@@ -283,10 +283,10 @@ def _merge_findings(troubles: Sequence[Finding], found: list[Finding]) -> list[F
 
 def judge_project(project: Project) -> LineVerdict:
     """Return what is wrong with a project before it runs, by lint and by a dry run of three seconds."""
-    from trcvtui.diagnosis.dry_run import find_refusals
+    from trcvtui.diagnosis.dry_run import find_errors
     from trcvtui.diagnosis.lint import lint
 
-    known = RecordedFacts((), {}, {}, (), lint=lint(project, has_run=False), symptoms=find_refusals(project))
+    known = RecordedFacts((), {}, {}, (), lint=lint(project, has_run=False), symptoms=find_errors(project))
     shown = _judge_symptoms(known, [], [], [])
     known_rows = {(one.cause, one.evidence) for one in shown}
     rows = [fill_finding(one) for one in known.lint if (one.cause, one.evidence) not in known_rows]
@@ -347,7 +347,7 @@ def run_doctor(
     names: Mapping[str, str] | None = None,
     scheduler: str | None = None,
 ) -> int:
-    """Write the verdicts on captures as they come. Return 0 if healthy, 1 for findings, 2 if none judged.
+    """Write the verdicts on captures as they come. Return 0: all healthy, 1: findings, 2: nothing judged.
 
     `names` has other names for files in their verdicts. With a Dask `scheduler`, its cluster judges instead
     of `jobs` processes.
@@ -495,7 +495,7 @@ def _notes(some: Sequence[LineVerdict]) -> Iterator[str]:
     remarks = Counter(f"{one.cause}: {''.join(one.evidence[-1:])}" for made in some for one in made.remarks)
     yield from (f"  remark {text}" + (f" ({often} times)" if often > 1 else "") for text, often in
                 remarks.most_common(MOST_LINES))  # fmt: skip
-    qualities = Counter(each for made in some for each in made.quality if each != Quality.ENDS_EARLY)
+    qualities = Counter(each for made in some for each in made.quality if each != CaptureLimit.ENDS_EARLY)
     if qualities:
         texts = [f"{each} {often}" if often > 1 else each for each, often in qualities.items()]
         yield f"  quality: {', '.join(texts)}"

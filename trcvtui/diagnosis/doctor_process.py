@@ -88,7 +88,7 @@ def _first_packet_ns(path: str) -> int:
         return next((packet.ns for packet in reader), 0)
 
 
-class DoctorInput:
+class DoctorWorker:
     """Gets a question about files, or null and then a run's journal. Writes the findings when closed."""
 
     trouble = ""

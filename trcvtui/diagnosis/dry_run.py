@@ -8,7 +8,7 @@ from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import block_row
 from trcvtui.commands.table import parse_script
-from trcvtui.commands.words import Set
+from trcvtui.commands.words import SetInputs
 from trcvtui.diagnosis.block_symptoms import BlockSymptoms
 from trcvtui.diagnosis.symptoms import LINK_ERRORS
 from trcvtui.snapshots.doctor import Finding
@@ -22,7 +22,7 @@ CONNECTED_NS: Final = SECOND  # by then all possible connections exist: EN_R ris
 IGNORED: Final = frozenset({Condition.NOT_CONNECTED, Condition.STILL_ASKED})  # the doctor sets EN_R
 
 
-def find_refusals(project: Project) -> tuple[Finding, ...]:
+def find_errors(project: Project) -> tuple[Finding, ...]:
     """Return each ERROR that the blocks show while CONT and EN_R are 1, or raise UserError.
 
     An ERROR of the link counts only if the partner is in the project, as nothing else is on this network.
@@ -57,7 +57,7 @@ def _set_pin(bench: Bench, pin: str, names: list[str]) -> None:
     for name in names:
         shown = bench.runtime.snapshot().instance(name)
         if shown is not None and pin in dict(shown.inputs):
-            bench.do(Set(name, ((pin, True),)))
+            bench.do(SetInputs(name, ((pin, True),)))
 
 
 def _list_sole_receivers(project: Project) -> list[str]:

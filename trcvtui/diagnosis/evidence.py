@@ -66,7 +66,7 @@ class Evidence:
         return self.link is not None and self.link.udp
 
     @property
-    def is_message(self) -> bool:
+    def has_messages(self) -> bool:
         """Return whether messages over its connection arrive whole, one per job (ISO-on-TCP)."""
         return self.config is not None and self.config.is_message_oriented and not self.is_datagram
 

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 from msgspec.structs import replace
 
 from trcvtui.diagnosis.data_values import describe_odd_values, find_unwritten_members, make_data_layout
-from trcvtui.diagnosis.frame_readings import read_frames
+from trcvtui.diagnosis.frame_readings import judge_readings
 from trcvtui.diagnosis.line_facts import LineFacts, LineMessage, SegmentFacts
 from trcvtui.diagnosis.message_joints import find_head_and_body, find_joined_messages
 from trcvtui.diagnosis.receiver import Receiver
@@ -78,7 +78,7 @@ def measure_sizes(messages: Sequence[LineMessage]) -> MessageSizes:
     return MessageSizes(usual, often / len(messages), len(counted), len(messages))
 
 
-def _select_receiver(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | None:
+def _receiver_of_kind(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | None:
     if receiver is None or not receiver.need or receiver.is_whole or receiver.is_secure:
         return None
     if (
@@ -88,7 +88,7 @@ def _select_receiver(line: LineFacts, receiver: Receiver | None, kind: str) -> R
     ):
         return None  # the window cut the stream, not pauses
     known = DATAGRAM if line.protocol == "udp" else AD_HOC if receiver.adhoc else STATIC
-    is_read = known == kind and line.to_plc.writes and not is_session(line, receiver)
+    is_read = known == kind and line.to_plc.writes and not speaks_session(line, receiver)
     return receiver if is_read else None
 
 
@@ -112,7 +112,7 @@ def _has_right_frames(line: LineFacts, need: int) -> bool:
 
 
 def _find_static_mismatch(line: LineFacts, receiver: Receiver | None) -> tuple[Receiver, MessageSizes] | None:
-    found = _select_receiver(line, receiver, STATIC)
+    found = _receiver_of_kind(line, receiver, STATIC)
     if found is None or not line.messages or _has_right_frames(line, found.need):
         return None
     return found, measure_sizes(select_whole_messages(line))
@@ -125,7 +125,7 @@ def _len_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     length = Remedy(f"set LEN to {size}", f"set {name} LEN={size}", f"instance.{name}.LEN={size}")
     if not receiver.room or size <= receiver.room:
         left = find_unwritten_members(receiver, size)
-        then = f"; then {left.names} is not written" if left else f", and give DATA {size} bytes"
+        then = f"; not written then: {left.names}" if left else f", and give DATA {size} bytes"
         return (replace(length, text=f"set LEN to {size}{then}"), *offer_frame_reset(receiver))
     more = _room_remedies(receiver, size)
     mends = (*more, length) if has_len and more[0].set else more
@@ -214,13 +214,13 @@ def _judge_frame_long(line: LineFacts, receiver: Receiver | None) -> Finding | N
         left = sizes.usual % wanted.need
         of_all = f"{sizes.share:.0%} of {count(sizes.messages, 'message')} have {sizes.usual} bytes"
         text = f"{of_all}, but a job takes {wanted.need}"
-        more = f"the next frame begins with the last {count(left, 'byte')} of the message before"
+        more = f"the next frame begins with the end ({count(left, 'byte')}) of the message before"
         sure = 0.95 if sizes.messages >= 5 else 0.8
         if (members := _make_reading_judge("frame-long")(line, receiver)) is not None:
             return replace(members, evidence=(text, more, *members.evidence))
         offer = _offer_len(wanted, sizes.usual, line)
         return finding_to_plc(wanted, sure, (text, more), _segment(line.messages[0]), offer)
-    room = _select_receiver(line, receiver, AD_HOC)
+    room = _receiver_of_kind(line, receiver, AD_HOC)
     if room is None:
         return None
     sizes = measure_sizes(select_whole_messages(line))
@@ -280,7 +280,7 @@ def _judge_shifted(line: LineFacts, receiver: Receiver | None) -> Finding | None
         return None
     odd, later = messages[since], off[since:]
     what = f"this began after {f'a message of {odd.size}' if odd.size % need else 'missing'} bytes"
-    before = f"{since} messages before fitted" if since else "no message before fitted"
+    before = f"{count(since, 'message')} before fitted" if since else "no message before fitted"
     where = f"at byte {later[0]} of" if min(later) == max(later) else "inside"
     text = f"since {line.to_seconds(odd.ns):.3f} s messages begin {where} frames of {need} bytes"
     is_first = line.has_begin and not odd.at
@@ -295,7 +295,7 @@ def _judge_shifted(line: LineFacts, receiver: Receiver | None) -> Finding | None
 
 
 def _judge_adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    wanted = _select_receiver(line, receiver, AD_HOC)
+    wanted = _receiver_of_kind(line, receiver, AD_HOC)
     messages = select_whole_messages(line)
     if wanted is None or len(messages) < FEW_MESSAGES:
         return None
@@ -338,11 +338,11 @@ def _judge_merged(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     if (
         line.protocol == "udp"
         or len(line.to_plc.writes) < 4
-        or _select_receiver(line, receiver, STATIC) is not None
+        or _receiver_of_kind(line, receiver, STATIC) is not None
     ):
         return None
-    known = _select_receiver(line, receiver, AD_HOC)
-    if (receiver is not None and known is None) or is_session(line):
+    known = _receiver_of_kind(line, receiver, AD_HOC)
+    if (receiver is not None and known is None) or speaks_session(line):
         return None
     writes = line.to_plc.writes
     if (found := _judge_merged_by_border(line, known)) is not None:
@@ -386,7 +386,7 @@ def _judge_merged_by_border(line: LineFacts, receiver: Receiver | None) -> Findi
     if found is None or several * 12 < len(parts):
         return None
     at = next(one for one, number in zip(known, found.numbers, strict=True) if number > 1)
-    texts = f"{several} of {len(parts)} segments hold 2 to {max(found.numbers)} messages", found.proof
+    texts = f"several messages in {several} of {len(parts)} segments, up to {max(found.numbers)}", found.proof
     if receiver is None:
         return Finding(0.7, texts, "to-plc", at, is_remark=True)
     return finding_to_plc(receiver, 0.92, texts, at, RemedyOffer((Remedy(found.mend),)))
@@ -409,7 +409,7 @@ def _offer_one_per_job(receiver: Receiver, base: int) -> RemedyOffer:
     return RemedyOffer((mend, *offer_frame_reset(receiver)), receiver._replace(adhoc=False, need=base))
 
 
-def is_session(line: LineFacts, receiver: Receiver | None = None) -> bool:
+def speaks_session(line: LineFacts, receiver: Receiver | None = None) -> bool:
     """Return whether the ends speak TLS or ISO-on-TCP: whole units by their lengths, without gaps.
 
     If the project declares the connection as plain, both ends have to send such units, and a handshake.
@@ -457,7 +457,7 @@ def _has_repeated_begin(line: LineFacts, base: int) -> bool:
 
 
 def _judge_datagram_size(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    wanted = _select_receiver(line, receiver, DATAGRAM)
+    wanted = _receiver_of_kind(line, receiver, DATAGRAM)
     if wanted is None:
         return None
     large = [one for one in line.to_plc.writes if one.size > wanted.need]
@@ -486,7 +486,7 @@ def _judge_framing(line: LineFacts, receiver: Receiver | None) -> Finding | None
             usual, often = seen.most_common(1)[0]
             texts = [f"{hits} of {len(messages)} messages have the expected {place} {shown}"]
             if often * 2 > len(messages):
-                texts.append(f"{often} of them have {usual.hex(' ').upper()} instead")
+                texts.append(f"{often} messages have {usual.hex(' ').upper()} instead")
             return finding_to_plc(receiver, 0.9, tuple(texts), _segment(line.messages[0]))
     return None
 
@@ -517,7 +517,7 @@ def _can_read(line: LineFacts, receiver: Receiver) -> bool:
     """Return whether the bytes of messages are known and reach DATA as they are: no TLS, no ISO-on-TCP."""
     if receiver.is_whole or receiver.is_secure or not line.messages or line.to_plc.cut:
         return False
-    return not is_session(line, receiver)
+    return not speaks_session(line, receiver)
 
 
 def _contents(line: LineFacts) -> list[bytes]:
@@ -530,7 +530,7 @@ _READING_CACHE: Final[dict[tuple[object, ...], Finding | None]] = {}
 MOST_CACHED_READINGS: Final = 256
 
 
-def _find_reading(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+def _judge_reading(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     """If the bytes make sense in another reading than the PLC's, return a finding with its `cause`."""
     if receiver is None or receiver.type is None or receiver.rules is None or not _can_read(line, receiver):
         return None
@@ -541,7 +541,7 @@ def _find_reading(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     if key not in _READING_CACHE:
         if len(_READING_CACHE) >= MOST_CACHED_READINGS:
             _READING_CACHE.clear()
-        _READING_CACHE[key] = read_frames(frames, receiver, receiver.type, receiver.rules)
+        _READING_CACHE[key] = judge_readings(frames, receiver, receiver.type, receiver.rules)
     found = _READING_CACHE[key]
     return found and replace(found, at=_segment(line.messages[0]))
 
@@ -580,7 +580,7 @@ def _judge_header(line: LineFacts, receiver: Receiver | None) -> Finding | None:
 
 def _make_reading_judge(cause: str) -> Callable[[LineFacts, Receiver | None], Finding | None]:
     def judge(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-        found = _find_reading(line, receiver)
+        found = _judge_reading(line, receiver)
         return found if found is not None and found.cause == cause else None
 
     return judge
@@ -600,7 +600,7 @@ def _judge_unwritten(line: LineFacts, receiver: Receiver | None) -> Finding | No
             return None
         size = min(size, sizes.usual)
     left = find_unwritten_members(receiver, size)
-    if left is None or is_session(line) or (receiver.adhoc and not left.is_cut):
+    if left is None or speaks_session(line) or (receiver.adhoc and not left.is_cut):
         return None
     text = f"frames of {size} bytes never write {left.names} of {receiver.type_name}"
     offer = RemedyOffer(_type_remedies(receiver, size))
@@ -610,7 +610,7 @@ def _judge_unwritten(line: LineFacts, receiver: Receiver | None) -> Finding | No
 def _judge_odd_values(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     if receiver is None or not receiver.need or receiver.is_whole or receiver.type is None:
         return None
-    if not line.messages or is_session(line) or line.to_plc.cut:
+    if not line.messages or speaks_session(line) or line.to_plc.cut:
         return None
     content, need = bytes(line.to_plc.content), receiver.need
     if receiver.adhoc or line.protocol == "udp":

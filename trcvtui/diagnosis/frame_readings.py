@@ -29,11 +29,13 @@ NOT_KNOWN: Final = "not known"
 UNSURE_CONFIDENCE: Final = 0.8  # of a reading with bytes that nothing explains
 
 
-def read_frames(frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules) -> Finding | None:
+def judge_readings(
+    frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules
+) -> Finding | None:
     from trcvtui.udt.compare.fit import drop_near_drifts, rank
 
     if len(frames) < 2 and len(frames[0]) != receiver.need:
-        return _read_single_frame(frames, receiver, type_, rules)
+        return _judge_single_frame(frames, receiver, type_, rules)
     fits = drop_near_drifts(rank(type_, frames, receiver.type_name, own=rules, sender=receiver.sender))
     own = next((one for one in fits if not one.cause.kind and _has_rules(one, rules)), None)
     best = _choose_plainest(fits, rules)
@@ -63,7 +65,7 @@ def _choose_plainest(fits: Sequence[Fit], rules: LayoutRules) -> Fit | None:
     return min(near, key=lambda one: (one.cause.front > 0) + (not _has_rules(one, rules)), default=None)
 
 
-def _read_single_frame(
+def _judge_single_frame(
     frames: list[bytes], receiver: Receiver, type_: Type, rules: LayoutRules
 ) -> Finding | None:
     """Read the only message in another layout of exactly its size, if machines send such values."""

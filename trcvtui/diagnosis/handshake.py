@@ -19,17 +19,17 @@ _OWN_CERT_REFUSED: Final = (
 # fmt: off
 _PEER_ERRORS: Final[dict[str, tuple[str, str]]] = {  # what is wrong with the partner's certificate
     TlsError.WRONG_NAME: ("the certificate of {peer} is not valid for {name}",
-        "get a certificate with {name} in its subjectAltName, or call {peer} by a name in its certificate"),
+        "give {peer} a certificate with {name} in its subjectAltName, or call {peer} by a name in that"),
     TlsError.NO_CA: ("{trusts} trusts no signer of the certificate of {peer}",
-        "set {trusts} to its CA; if the certificate is self-signed, to itself once you know it is genuine"),
+        "set {trusts} to the CA of that certificate; if self-signed, to it once you know it is genuine"),
     TlsError.EXPIRED: ("the certificate of {peer} has expired, or the clock here is wrong",
         "compare the clock here with the last day of the certificate; renew the certificate at {peer}"),
     TlsError.DISCARDED: ("the certificate of {peer} is not valid yet, or cannot be used for another reason",
         "compare the clocks of both ends with the first day of the certificate"),
     TlsError.UNSUPPORTED: ("{peer} showed a certificate for another use, or with too short a key",
-        "get a certificate for this use, with a longer key"),
+        "give {peer} a certificate for this use, with a longer key"),
     TlsError.EXTENSION: ("the certificate of {peer} has a critical extension that is not known here",
-        "get a certificate without that extension"),
+        "give {peer} a certificate without that extension"),
 }
 _REASONS: Final[dict[str, tuple[str, str]]] = {  # an error, or what the library or an alert calls the reason
     TlsError.NO_CERTIFICATE: ("this end asks for a certificate, and {peer} showed none",
@@ -38,7 +38,7 @@ _REASONS: Final[dict[str, tuple[str, str]]] = {  # an error, or what the library
     TlsError.SILENT: ("{peer} does not continue the handshake: it speaks no TLS on this port, or hangs",
         "correct the port, or look into the log of {peer}"),
     "protocol_version": _WRONG_VERSION, "unsupported_protocol": _WRONG_VERSION,
-    "no_shared_cipher": ("{peer} has no cipher that this end takes", "enable ciphers of TLS 1.2 or 1.3"),
+    "no_shared_cipher": ("{peer} has no cipher that this end takes", "give {peer} ciphers of TLS 1.2 or 1.3"),
     "certificate_required": ("{peer} asks for a certificate, and this end shows none",
         "set {shows} to a certificate whose key is here and whose CA {peer} trusts"),
     "handshake_failure": (

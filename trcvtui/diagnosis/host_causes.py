@@ -38,7 +38,9 @@ def is_service(line: LineFacts) -> bool:
     return is_known or any(ip_address(host).is_multicast or host[-1:] == b"\xff" for host, _ in ends)
 
 
-def _by_icmp(line: LineFacts, some: Sequence[TimedNote], sure: float, *texts: str, mend: str = "") -> Finding:
+def _from_icmp(
+    line: LineFacts, some: Sequence[TimedNote], sure: float, *texts: str, mend: str = ""
+) -> Finding:
     """Return the finding that ICMP messages about one direction prove, in the first message's words."""
     first, packets = some[0], tuple([one.packet for one in some])
     way = "from-plc" if first.note.source == line.plc_end[0] else "to-plc"
@@ -48,7 +50,7 @@ def _by_icmp(line: LineFacts, some: Sequence[TimedNote], sure: float, *texts: st
     return Finding(sure, (text, *texts), way, at, "", mends, False, sure > 0.9, packets, filter=icmp)
 
 
-def find_icmp_reports(line: LineFacts, receivers: Sequence[Receiver], *kinds: str) -> Finding | None:
+def judge_icmp_reports(line: LineFacts, receivers: Sequence[Receiver], *kinds: str) -> Finding | None:
     """Return the finding that a host refuses a port, or a router or filter refuses packets to the host."""
     some = [one for one in line.undelivered if one.note.kind in kinds]
     is_udp = line.protocol == "udp"
@@ -56,12 +58,12 @@ def find_icmp_reports(line: LineFacts, receivers: Sequence[Receiver], *kinds: st
         return None
     note = some[0].note
     if note.kind == "port":
-        finding = _by_icmp(line, some, 0.97, f"nothing listens on port {note.port}")
+        finding = _from_icmp(line, some, 0.97, f"nothing listens on port {note.port}")
     else:
         router, target = ip_address(note.said_by), ip_address(note.target)
         no_way = f"correct the address, switch {target} on, or give {router} a route to it"
         mend = f"ask the operator of {router}, which forbids it" if note.kind == "admin" else no_way
-        finding = replace(_by_icmp(line, some, 0.97, mend=mend), leads_to=_CALL_FAILED)
+        finding = replace(_from_icmp(line, some, 0.97, mend=mend), leads_to=_CALL_FAILED)
     return _judge_datagram_report(line, receivers, some, finding) if is_udp else finding
 
 
@@ -90,7 +92,7 @@ def _judge_datagram_report(
 def judge_mtu(line: LineFacts) -> Finding | None:
     pieces = [one for one in line.undelivered if one.note.kind == "fragments"]
     if pieces:
-        return _by_icmp(line, pieces, 0.95, mend=_NO_FRAGMENTS)
+        return _from_icmp(line, pieces, 0.95, mend=_NO_FRAGMENTS)
     for flow, end in ((line.from_plc, line.plc_end), (line.to_plc, line.partner_end)):
         reports = [one for one in line.undelivered if (one.note.kind, one.note.source) == ("size", end[0])]
         size, stuck = reports[0].note.size if reports else 0, flow.stuck
@@ -98,10 +100,10 @@ def judge_mtu(line: LineFacts) -> Finding | None:
         mend = f"let large packets pass, or set the MTU at both ends {to}; a cable is not the cause"
         again = f"{stuck.size} bytes are sent again {times(flow.stuck_often)}"
         if reports and flow.stuck_often >= 2 and stuck.size + 40 > size:  # 40: IP and TCP headers
-            return _by_icmp(line, reports, 0.97, f"{again} without becoming smaller", mend=mend)
+            return _from_icmp(line, reports, 0.97, f"{again} without becoming smaller", mend=mend)
         if reports:  # of several datagrams: their sender ignores the report
             is_late = line.protocol == "udp" and len(reports) > CERTAIN_ANSWERS
-            return replace(_by_icmp(line, reports, 0.95 * is_late, mend=mend), is_remark=not is_late)
+            return replace(_from_icmp(line, reports, 0.95 * is_late, mend=mend), is_remark=not is_late)
         if flow.stuck_often >= 3 and stuck.size >= LARGE_SEGMENT and _is_only_small_arriving(flow):
             small = "smaller segments sent after them arrive (SACK): only large packets get lost"
             way = "from-plc" if flow is line.from_plc else "to-plc"

@@ -81,7 +81,7 @@ def explain_not_reading(e: Evidence) -> str:
     if not stuck:
         return ""
     partner = e.link.remote if e.link is not None and e.link.remote else "the partner"
-    held = f"{count(waiting, 'byte')} sent here are not acknowledged, and " if waiting else ""
+    held = f"not acknowledged: {count(waiting, 'byte')} sent here; " if waiting else ""
     return f"{held}{partner} has closed its window: its receive call is off, or slower than REQ"
 
 
@@ -139,7 +139,7 @@ def explain_wrong_length(e: Evidence) -> RuleAnswer:
     if e.cause.value:
         lines = (f"set {e.instance} LEN=0",) if 0 < e.data_size <= most else ()
         way = "set LEN to 0 for all of DATA" if e.data_size <= most else f"set LEN to at most {most}"
-        cause = f"LEN is {e.cause.value}, but {data}: {count(have - most, 'byte')} too many"
+        cause = f"LEN is {e.cause.value}, and {data}: {count(have - most, 'byte')} too many"
         return tip(cause, f"{way}, or enlarge DATA", *lines, needs_trial=not e.has_adhoc)
     return tip(
         f"LEN is 0, and {data}: {count(have - most, 'byte')} more than a job can have",
@@ -185,7 +185,7 @@ def explain_req(e: Evidence) -> RuleAnswer:
 
 
 def explain_missing_cont(e: Evidence) -> RuleAnswer:
-    """There is no job, because CONT is 0. A REQ or EN_R that can connect requests no connection either."""
+    """Say that there is no job: CONT is 0, and REQ or EN_R, where they can connect, request nothing."""
     if e.pin("CONT") != 0 or e.condition != "no job":
         return ""
     stay = f"set {e.instance} CONT=1"
@@ -252,10 +252,7 @@ def explain_description_flaw(e: Evidence) -> str:
 def suggest_description_key(e: Evidence) -> RuleAnswer:
     if e.cause.call != "description" or e.config is None or e.config.description is None:
         return ""
-    return tip(
-        "",
-        f"press `C` to see the description of {e.config.name} byte by byte, with the fault first",
-    )
+    return tip("", f"press `C` to see the description of {e.config.name} byte by byte, with the fault first")
 
 
 def suggest_another_port(e: Evidence) -> RuleAnswer:

@@ -20,7 +20,7 @@ FileNames = Callable[[], Sequence[str]]
 
 
 class ProcessJudge:
-    """Judges in a process. `result_json` is the last DoctorSnapshot, `progress` says how far it is."""
+    """Judges in a process. `result_json` is the last DoctorSnapshot, `progress` how far the process is."""
 
     result_json, progress, looks_again = b"", "", True
     _answer: PendingAnswer | None = None
@@ -35,12 +35,12 @@ class ProcessJudge:
             self._answer = PendingAnswer(JUDGE_ENTRY)
             for block in blocks:
                 self._answer.process.add_block(*block)
-            self._answer.process.finish()
+            self._answer.process.request_finish()
 
     def _blocks(self) -> list[tuple[bytes, int]]:
         raise NotImplementedError
 
-    def advance(self) -> None:
+    def poll_process(self) -> None:
         if self._answer is not None:
             content, self.progress = self._answer.advance(), self._answer.progress
             if content is not None:

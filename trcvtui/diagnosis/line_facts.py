@@ -16,9 +16,9 @@ from typing import Final, NamedTuple
 
 from trcvtui.capture.command import read_captures
 from trcvtui.capture.hosts import HostFact
-from trcvtui.capture.packets import SkippedPacket
+from trcvtui.capture.packets import SkipReason
 from trcvtui.capture.plc_end import NO_KNOWN_ENDS, KnownEnds, PlcEnd, PlcGuess, address_text, guess_plc
-from trcvtui.capture.quality import Quality, find_qualities
+from trcvtui.capture.quality import CaptureLimit, find_limits
 from trcvtui.capture.reassembly import (
     MOST_JUMP,
     Conversation,
@@ -101,7 +101,7 @@ class Outage(NamedTuple):
     packet: int
 
 
-class WireEnd(NamedTuple):
+class WireEnding(NamedTuple):
     """How a conversation ended, by `fin` or `rst`, and by whom. `is_reset`: by RST, or FIN and then RST."""
 
     kind: str
@@ -159,7 +159,7 @@ class DirectionFacts:
     reset: SegmentFacts | None = None
     resets: int = 0
 
-    def mark(self, write: SegmentFacts, kind: str) -> None:
+    def mark_moment(self, write: SegmentFacts, kind: str) -> None:
         if len(self.moments) < MOST_MOMENTS:
             self.moments.append((write, kind))
 
@@ -199,7 +199,7 @@ class LineFacts:
         conversation = talk.conversation
         self.number, self.protocol = conversation.number, conversation.protocol
         self.guess = guess
-        self.qualities: frozenset[Quality] = frozenset()
+        self.qualities: frozenset[CaptureLimit] = frozenset()
         self.harms: Sequence[int] | None = None  # ns (UTC) of ERRORs and lost jobs; None: not known
         self.since_ns, self.until_ns = 0, 1 << 62  # messages before and after are not judged
         self.connect: str | None = None  # of our own run; "": none, None: not known
@@ -218,14 +218,14 @@ class LineFacts:
         self.gone: frozenset[bytes] = frozenset()  # ends whose last ARP requests have no answer
         listener = conversation.listener
         self.plc_calls = None if listener is None else listener is not guess.says
-        self.end: WireEnd | None = None
+        self.end: WireEnding | None = None
         if conversation.end is not None:
             kind, who = conversation.end
             flow = self.from_plc if who is guess.says else self.to_plc
             of_kind = flow.ended if kind == "fin" else flow.reset
             at = of_kind or SegmentFacts(self.last_ns, 0, 0, 0)
             is_reset = kind == "rst" or flow.is_reset_behind
-            self.end = WireEnd(kind, who is guess.says, at.ns, at.packet, is_reset, conversation.is_ours)
+            self.end = WireEnding(kind, who is guess.says, at.ns, at.packet, is_reset, conversation.is_ours)
         ways = (self.to_plc, self.from_plc)
         copies = any(way.resent or way.keep_alives or way.late for way in ways)
         windows = {way.lowest_window for way in ways} | {way.highest_window for way in ways}
@@ -324,14 +324,14 @@ class _Collector:
         there = direction is conversation.there
         own, other = (talk.there, talk.back) if there else (talk.back, talk.there)
         if kind is SegmentKind.BYTES:
-            self._bytes(own, other, ns, at, size, data)
+            self._add_bytes(own, other, ns, at, size, data)
         elif kind is SegmentKind.ACK:
-            self._ack(own, other, ns, size)
+            self._add_ack(own, other, ns, size)
         elif kind is SegmentKind.LINE_ERROR:
             own.line_errors[data.decode()] += 1
-            own.mark(SegmentFacts(ns, at, size, self.found.packets), "line error")
+            own.mark_moment(SegmentFacts(ns, at, size, self.found.packets), "line error")
         else:
-            self._collect(talk, direction, own, other, kind, SegmentFacts(ns, at, size, self.found.packets))
+            self._add_rare(talk, direction, own, other, kind, SegmentFacts(ns, at, size, self.found.packets))
         is_said = kind is not SegmentKind.MISSING or conversation.is_cut
         if is_said and kind is not SegmentKind.SILENCE:
             own.last_ns = ns
@@ -340,7 +340,7 @@ class _Collector:
             if other.resent_since_heard:
                 _end_outage(other, ns)
 
-    def _bytes(
+    def _add_bytes(
         self, own: DirectionFacts, other: DirectionFacts, ns: int, at: int, size: int, data: bytes
     ) -> None:
         own.segments += 1
@@ -362,7 +362,7 @@ class _Collector:
             if len(own.slow) < MOST_MOMENTS:
                 own.slow.append(late._replace(after_ns=ns - late.after_ns))
 
-    def _ack(self, own: DirectionFacts, other: DirectionFacts, ns: int, window: int) -> None:
+    def _add_ack(self, own: DirectionFacts, other: DirectionFacts, ns: int, window: int) -> None:
         own.acks += 1
         own.last_window = window
         own.highest_window = max(own.highest_window, window)
@@ -373,7 +373,7 @@ class _Collector:
             if LATE_NS[0] <= wait <= LATE_NS[1] and last.size < FULL_SEGMENT and other.late_ack is None:
                 other.late_ack = LateAck(last, wait, ns)
 
-    def _collect(
+    def _add_rare(
         self, talk: _ConversationFacts, direction: WireDirection, own: DirectionFacts, other: DirectionFacts,
         kind: SegmentKind, at: SegmentFacts,
     ) -> None:  # fmt: skip
@@ -408,11 +408,11 @@ class _Collector:
                 own.closed[-1] = own.closed[-1]._replace(until_ns=at.ns)
             case SegmentKind.EARLY:
                 own.early_ns = own.early_ns or at.ns
-                own.mark(at, "early")
+                own.mark_moment(at, "early")
             case SegmentKind.LATE:
                 own.late += 1
                 own.early_ns = None
-                own.mark(at, "resent")
+                own.mark_moment(at, "resent")
             case SegmentKind.SILENCE if len(talk.idles) < MOST_MOMENTS:
                 talk.idles.append(IdleTime(at.ns, at.size, at.packet))
 
@@ -423,7 +423,7 @@ class _Collector:
         if at.at + at.size <= direction.position - distance(direction.next, direction.acked):
             if wait >= SPURIOUS_NS:
                 own.spurious += 1
-                own.mark(at, "spurious")
+                own.mark_moment(at, "spurious")
             return
         is_same = (own.again.at, own.again.size) == (at.at, at.size)
         own.again, own.again_often = at, own.again_often + 1 if is_same else 1
@@ -434,7 +434,7 @@ class _Collector:
         own.resent_since_heard += 1
         if own.resent_since_heard == 1:
             own.copies_since = at
-        own.mark(at, "resent")
+        own.mark_moment(at, "resent")
 
     def _add_hole(self, own: DirectionFacts, at: SegmentFacts, direction: WireDirection) -> None:
         own.early_ns = None  # bytes after a hole did not come late
@@ -450,7 +450,7 @@ class _Collector:
                 own.writes.append(at)
             return
         own.missing += at.size
-        own.mark(at, "missing")
+        own.mark_moment(at, "missing")
 
 
 def _end_outage(flow: DirectionFacts, ns: int | None) -> None:
@@ -490,7 +490,7 @@ def collect_facts(
     found = collector.found
     read_captures(paths, found, troubles)
     first_ns = found.first_ns or 0
-    is_recording = SkippedPacket.JOURNAL in found.not_read
+    is_recording = SkipReason.JOURNAL in found.not_read
     last_ns = max(until_ns, first_ns, *(each.last_ns for each in found.all))
     while len(collector.talks) < len(found.all):
         collector.talks.append(_ConversationFacts(found.all[len(collector.talks)]))
@@ -500,7 +500,7 @@ def collect_facts(
     for talk in collector.talks:
         conversation = talk.conversation
         guess = guess_plc(conversation, given, known)
-        says = [one for one in (conversation.there, conversation.back) if one.bytes]
+        says = [one for one in (conversation.there, conversation.back) if one.count]
         if receives and guess.confidence < 0.8 and len(says) == 1 and guess.says is says[0]:  # the partner
             guess = PlcGuess(says[0].other, 0.65, "it receives alone")
         for facts, direction in ((talk.there, conversation.there), (talk.back, conversation.back)):
@@ -512,7 +512,7 @@ def collect_facts(
             facts.sacked = tuple([(_index(a, *base), _index(b, *base)) for a, b in direction.sacked.items()])
             facts.is_heard, facts.has_jumped = direction.is_heard, direction.has_jumped
         lines.append(LineFacts(talk, guess, first_ns, is_recording))
-        lines[-1].qualities = frozenset(find_qualities(conversation, found.drops))
+        lines[-1].qualities = frozenset(find_limits(conversation, found.drops))
         lines[-1].connect = known.find_connect(guess.says) if known.connects else None
         ends = {lines[-1].plc_end[0], lines[-1].partner_end[0]}
         lines[-1].doubled = next((doubled[end] for end in ends if end in doubled), None)

@@ -27,16 +27,16 @@ _PORT_TAKEN: Final = tip("another program or CONNECT uses {local}", "`ss -ltnp` 
 # How an attempt failed -> what that proves, and what to do.
 FAILURE_ANSWERS: Final[dict[str, RuleAnswer]] = {
     "connect ECONNREFUSED": "{peer} answers with RST: the machine is on, but nothing listens on that port",
-    "attempt_limit ETIMEDOUT": "{peer} does not answer SYN: wrong address, cut cable, or a firewall drops it",
-    "connect ETIMEDOUT": "{peer} does not answer SYN: wrong address, cut cable, or a firewall drops it",
-    "connect EHOSTUNREACH": "{peer} does not answer ARP, or no router reaches it: wrong address or it is off",
+    "attempt_limit ETIMEDOUT": "{peer} does not answer SYN: wrong address, bad cable, or a firewall drops it",
+    "connect ETIMEDOUT": "{peer} does not answer SYN: wrong address, bad cable, or a firewall drops it",
+    "connect EHOSTUNREACH": "{peer} does not answer ARP, or a router cannot reach it: wrong address, or off",
     "connect ENETUNREACH": tip("no route leads to {peer}", "check LocalAddress, mask and gateway"),
     "connect EADDRNOTAVAIL": "the local end towards {peer} is not free: the fixed LocalPort is in TIME_WAIT",
     "connect EADDRINUSE": tip("LocalPort is fixed and in use towards {peer}", "LocalPort 0 takes a free one"),
     "bind EADDRINUSE": _PORT_TAKEN,
     "listen EADDRINUSE": _PORT_TAKEN,
     "bind EACCES": tip(
-        "{local}: your user may not use ports below 1024", "take a larger LocalPort or IsoPort"
+        "{local}: only some users may use ports below 1024", "take a larger LocalPort or IsoPort"
     ),
     "bind EADDRNOTAVAIL": tip(
         "{local} belongs to no interface of this machine", "`ip -br address` lists them"
@@ -151,7 +151,7 @@ def _describe_failure(failed: FailureCount) -> str:
 # -- what to look at --------------------------------------------------------------------------------------
 
 
-def name_fault(e: Evidence) -> RuleAnswer:
+def find_fault(e: Evidence) -> RuleAnswer:
     is_injected = e.cause.injected or any(failed.injected for failed in e.facts.failures)
     text = "a fault injected here caused this, not the network"
     return tip(text, "{}", "fault clear") if is_injected else ""
@@ -316,7 +316,7 @@ def explain_partner_end(e: Evidence) -> str:
 
 def explain_long_frame(e: Evidence) -> str:
     """The partner had sent whole messages, but the frame wants more bytes."""
-    size, have, need = e.facts.messages.common, e.cause.have, e.cause.need
+    size, have, need = e.facts.messages.common_size, e.cause.have, e.cause.need
     if not size or not have or not need or have % size or size >= need:
         return ""
     return (

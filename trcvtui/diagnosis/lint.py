@@ -65,7 +65,7 @@ def _apply_start(
     pins: dict[str, Pins] = {}
     steps = list(_steps(project))
     for step in steps:
-        if isinstance(step.command, words.Set):
+        if isinstance(step.command, words.SetInputs):
             known = pins.setdefault(step.command.instance, {})
             for pin, value in step.command.pins:
                 if (step.command.instance, pin) not in held:
@@ -118,7 +118,7 @@ def _make_receiver(project: Project, decl: InstanceDecl) -> Receiver:
         type_name=data.type_name if data is not None else "",
         type=data.type if data is not None else None,
         rules=None if data is None else data.choice.rules(project.layout),
-        sender="" if data is None else project.types.sender(data.type_name).layout,
+        sender="" if data is None else project.types.sender_layout(data.type_name).layout,
         room=size,
         own_address=_address_bytes(local.address),
         partner_address=_address_bytes(config.remote_address if config is not None else ANY_ADDRESS),
@@ -179,7 +179,7 @@ def lint(
     found += _judge_two_receivers(started, written)
     if not has_run:  # in a run a command may have set CONT
         found[:0] = _judge_missing_cont(started, written)
-    found += _judge_samples(project, pins)
+    found += _judge_routines(project, pins)
     return tuple(sorted(found, key=lambda one: -one.confidence))
 
 
@@ -307,10 +307,10 @@ def _written_pins(project: Project) -> WrittenPins:
     found = {(each.name, pin): {value} for each in project.instances for pin, value in each.inputs}
     for step in _steps(project):
         match step.command:
-            case words.Set(instance, pins):
+            case words.SetInputs(instance, pins):
                 for pin, value in pins:
                     found.setdefault((instance, pin), set()).update((0, 1) if value == "blink" else (value,))
-            case words.Pulse(instance, pin):
+            case words.PulseInput(instance, pin):
                 found.setdefault((instance, pin), set()).update((0, 1))
     return found
 
@@ -391,7 +391,7 @@ LINT_RULES: Final[tuple[tuple[str, Callable[[Project], Iterator[Finding]]], ...]
 # -- the partner's sample bytes ------------------------------------------------------------------------------
 
 
-def _judge_samples(project: Project, pins: Mapping[str, Pins] | None) -> Iterator[Finding]:
+def _judge_routines(project: Project, pins: Mapping[str, Pins] | None) -> Iterator[Finding]:
     routines = read_routines(project)
     for receiver in list_receivers(project, pins=pins):
         peer = _find_peer(project, receiver)

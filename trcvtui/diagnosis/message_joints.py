@@ -22,7 +22,7 @@ LONGEST_HEAD: Final = 64
 PAUSE_RATIO: Final = 2  # the pause after a body is so many times that after its head
 
 
-class LengthPlace(NamedTuple):
+class MessageLength(NamedTuple):
     """A length field of `width` bytes at byte `at`. Its number plus `more` is the size of the message."""
 
     at: int
@@ -42,30 +42,30 @@ class LengthPlace(NamedTuple):
         return self.more in (0, self.at + self.width)
 
 
-def find_length_field(messages: Sequence[bytes]) -> LengthPlace | None:
-    """Return the length field that fits every message. If none fits, or chance explains it, return None."""
+def find_length_field(messages: Sequence[bytes]) -> MessageLength | None:
+    """Return the length field that fits every message, or None if none fits or a fit may be chance."""
     lengths = {len(one) for one in messages}
     if len(lengths) < 2 or len(messages) < LEAST_MESSAGES:
         return None
     places = sorted(
-        _places(messages[:MOST_MESSAGES], min(lengths)),
+        _find_lengths(messages[:MOST_MESSAGES], min(lengths)),
         key=lambda one: (not one.is_usual, one.at % one.width, -one.width, one.at),
     )
     return next((one for one in places if one.is_usual or len(lengths) > 2), None)
 
 
-def _places(messages: Sequence[bytes], shortest: int) -> Iterator[LengthPlace]:
+def _find_lengths(messages: Sequence[bytes], shortest: int) -> Iterator[MessageLength]:
     first, rest = messages[0], messages[1:]
     for width in (4, 2, 1):
         for at in range(min(LAST_PLACE, shortest - width + 1)):
             for order in ("big", "little") if width > 1 else ("big",):
-                more = len(first) - LengthPlace(at, width, order, 0).message_size(first)
-                place = LengthPlace(at, width, order, more)
+                more = len(first) - MessageLength(at, width, order, 0).message_size(first)
+                place = MessageLength(at, width, order, more)
                 if more in LENGTH_OFFSETS and all(place.message_size(one) == len(one) for one in rest):
                     yield place
 
 
-def count_messages(place: LengthPlace, content: bytes) -> int:
+def count_messages(place: MessageLength, content: bytes) -> int:
     """If the lengths lead exactly to the end of the bytes, return the number of messages, else 0."""
     at = number = 0
     while at < len(content):
@@ -89,12 +89,12 @@ class Joints(NamedTuple):
 
 def find_joined_messages(parts: Sequence[bytes]) -> Joints | None:
     """Return how some writes join several messages while others have one, or None without proof."""
-    ways = (*_split_by_mark(parts), *_split_by_length(parts)) if parts else ()
+    ways = (*_joined_by_mark(parts), *_joined_by_length(parts)) if parts else ()
     several = (one for one in ways if sum(number > 1 for number in one.numbers) >= FEW_MESSAGES)
     return next((one for one in several if one.numbers.count(1) >= 2), None)
 
 
-def _split_by_mark(parts: Sequence[bytes]) -> Iterator[Joints]:
+def _joined_by_mark(parts: Sequence[bytes]) -> Iterator[Joints]:
     """Yield the delimiters that end each write, if nearly all messages also begin alike."""
     for mark in DELIMITERS:
         if all(part.endswith(mark) for part in parts):
@@ -106,10 +106,10 @@ def _split_by_mark(parts: Sequence[bytes]) -> Iterator[Joints]:
                 yield Joints(tuple(part.count(mark) for part in parts), f"each message ends in {shown}", mend)
 
 
-def _split_by_length(parts: Sequence[bytes]) -> Iterator[Joints]:
+def _joined_by_length(parts: Sequence[bytes]) -> Iterator[Joints]:
     """Yield the lengths that lead from message to message through each write."""
     shortest = min(parts, key=len)
-    for place in _places([shortest], len(shortest)):
+    for place in _find_lengths([shortest], len(shortest)):
         numbers = tuple([count_messages(place, part) for part in parts]) if place.is_usual else (0,)
         if all(numbers) and (place.width > 1 or len(set(map(len, parts))) > 2):
             head = place.at + place.width
@@ -156,5 +156,5 @@ def _has_length_in_head(wholes: Sequence[bytes], head: int) -> bool:
     lengths = {len(whole) for whole in wholes}
     return any(
         place.is_usual and place.at + place.width <= head and (place.width > 1 or len(lengths) > 2)
-        for place in _places(wholes[:MOST_MESSAGES], head)
+        for place in _find_lengths(wholes[:MOST_MESSAGES], head)
     )

@@ -7,14 +7,7 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.evidence import Evidence
-from trcvtui.diagnosis.job import (
-    AdvisedCause,
-    RuleAnswer,
-    describe_progress,
-    explain_req,
-    limit_text,
-    tip,
-)
+from trcvtui.diagnosis.job import AdvisedCause, RuleAnswer, describe_progress, explain_req, limit_text, tip
 from trcvtui.history.records import DroppedJob
 from trcvtui.snapshots.bench import PeerSnapshot
 from trcvtui.wording import SECOND, age_text, count, rate_text, times
@@ -39,7 +32,9 @@ def receive_state(e: Evidence) -> str:
 def is_stuck(e: Evidence) -> bool:
     """Return whether a static frame has begun, and the sender seems to have no more bytes for it."""
     is_running = e.condition in RECEIVING_CONDITIONS
-    return is_running and not e.adhoc and not e.is_message and not e.is_datagram and receive_state(e) == STUCK
+    return (
+        is_running and not e.adhoc and not e.has_messages and not e.is_datagram and receive_state(e) == STUCK
+    )
 
 
 def describe_receive_job(e: Evidence) -> str:
@@ -48,7 +43,7 @@ def describe_receive_job(e: Evidence) -> str:
     if e.is_past:
         return f"{e.have} of {wanted} had been received"
     if not e.have:
-        return f"{ARMED} for {wanted}; none received yet{_describe_last_arrival(e, 'frame')}{_link_age(e)}"
+        return f"{ARMED} for {wanted}; none received yet{_describe_last_arrival(e, 'frame')}{_age_text(e)}"
     if e.have >= e.need and not e.adhoc:
         return f"complete: all {wanted} received, DONE comes with the next scan"
     came = "" if e.quiet_ns is None else f", the last one {age_text(e.quiet_ns)} ago"
@@ -64,7 +59,7 @@ def _describe_last_arrival(e: Evidence, thing: str) -> str:
     return f". The last {thing} ({count(e.done_len, 'byte')}) was delivered in scan {e.done_scan}, {ago}"
 
 
-def _setting(e: Evidence) -> str:
+def _adhoc_setting(e: Evidence) -> str:
     if e.pin("ADHOC"):
         return "ADHOC (1 for the next job)"
     return "ADHOC=1" if e.has_adhoc else "LEN=65535 (ad hoc)"
@@ -74,7 +69,7 @@ def _adhoc_name(e: Evidence) -> str:
     return "ADHOC" if e.has_adhoc else "LEN 65535"
 
 
-def _link_age(e: Evidence) -> str:
+def _age_text(e: Evidence) -> str:
     up = e.facts.up_since
     if e.quiet_ns is not None or up is None:
         return ""
@@ -97,7 +92,7 @@ def _name_messages(e: Evidence) -> str:
     return f"{e.facts.sender}'s {'only message' if known == 1 else f'last {known} messages'}"
 
 
-def _sizes(e: Evidence, size: int) -> str:
+def _describe_sizes(e: Evidence, size: int) -> str:
     return f"{_name_messages(e)} had {count(size, 'byte')}"
 
 
@@ -143,18 +138,18 @@ def explain_shift(e: Evidence) -> str:
 
 
 def _has_other_size(e: Evidence) -> bool:
-    only = e.facts.messages.common
+    only = e.facts.messages.common_size
     return only is not None and only != e.need
 
 
 def explain_short_sender(e: Evidence) -> RuleAnswer:
     """Every message is shorter than the frame, and no whole number of messages fills a frame."""
-    size = e.facts.messages.common
+    size = e.facts.messages.common_size
     if size is None or not size < e.need or e.need % size == 0 or e.adhoc:
         return ""
     missing = e.need - size
     larger = count(missing, "byte")
-    text = f"{limit_text(e)}. {_sizes(e, size)}: LEN or DATA is {larger} too large for this sender"
+    text = f"{limit_text(e)}. {_describe_sizes(e, size)}: LEN or DATA is {larger} too large for this sender"
     if len(e.facts.messages.last) > 1 and e.done_scan is not None:
         text += f". Each frame takes {larger} of the next message, so the values shift"
     pins = (("LEN", f"set {e.instance} LEN={size}"), ("COM_RST", f"pulse {e.instance} COM_RST"))
@@ -164,28 +159,28 @@ def explain_short_sender(e: Evidence) -> RuleAnswer:
 
 
 def explain_several_messages(e: Evidence) -> str:
-    size = e.facts.messages.common
+    size = e.facts.messages.common_size
     if size is None or e.adhoc or not size < e.need or e.need % size:
         return ""
-    frame = f"{limit_text(e)}. {_sizes(e, size)}: one frame takes {count(e.need // size, 'message')}"
+    frame = f"{limit_text(e)}. {_describe_sizes(e, size)}: one frame takes {count(e.need // size, 'message')}"
     return f"{frame}; {e.have // size} of them arrived" if e.have else frame
 
 
 def explain_long_sender(e: Evidence) -> RuleAnswer:
-    size = e.facts.messages.common
+    size = e.facts.messages.common_size
     if size is None or not e.need or size <= e.need:
         return ""
     if e.adhoc:
         return (
-            f"{_sizes(e, size)}. {_adhoc_name(e)} takes at most {e.need} bytes at once: "
+            f"{_describe_sizes(e, size)}. {_adhoc_name(e)} takes at most {e.need} bytes at once: "
             f"one message comes as {-(-size // e.need)} frames"
         )
     rest = size % e.need
     if not rest:
-        return f"{_sizes(e, size)}. {limit_text(e)}: one message comes as {size // e.need} frames"
+        return f"{_describe_sizes(e, size)}. {limit_text(e)}: one message comes as {size // e.need} frames"
     return tip(
-        f"{_sizes(e, size)}. {limit_text(e)}, which is too small for this sender: {count(rest, 'byte')} of "
-        "each message begin the next frame, so the values shift",
+        f"{_describe_sizes(e, size)}. {limit_text(e)}, which is too small for this sender: "
+        f"{count(rest, 'byte')} of each message begin the next frame, so the values shift",
         f"give DATA and LEN {count(size, 'byte')}",
     )
 
@@ -203,18 +198,18 @@ def explain_odd_size(e: Evidence) -> str:
 def explain_many_sizes(e: Evidence) -> RuleAnswer:
     """Messages differ in size, but a static frame always has the same size."""
     sizes = e.facts.messages.last
-    if e.adhoc or not sizes or e.facts.messages.common is not None or not e.need or explain_odd_size(e):
+    if e.adhoc or not sizes or e.facts.messages.common_size is not None or not e.need or explain_odd_size(e):
         return ""
     return tip(
         f"{_name_messages(e)} had {min(sizes)} to {max(sizes)} bytes, but a static frame always has {e.need}",
-        f"{_setting(e)} delivers what has arrived; or receive header and rest with two jobs",
+        f"{_adhoc_setting(e)} delivers what has arrived; or receive header and rest with two jobs",
     )
 
 
 def explain_burst_size(e: Evidence) -> str:
     """Messages of the partner are not known: the bytes between two pauses have another size than a frame."""
     facts = e.facts
-    size = facts.bursts.common
+    size = facts.bursts.common_size
     if facts.messages.count or size is None or e.adhoc or not e.need or size == e.need:
         return ""
     if e.config is None:
@@ -223,7 +218,7 @@ def explain_burst_size(e: Evidence) -> str:
         return ""  # several of them fill a frame
     if facts.bursts.count == 1 and size > e.need and e.is_arriving:
         return f"{count(size, 'byte')} came without a pause: a stream does not show where a message ends"
-    came = f"{count(size, 'byte')} came {times(facts.bursts.count)}. If these are one message,"
+    came = f"{count(size, 'byte')} came {times(facts.bursts.count)}. If that is the size of a message,"
     if size < e.need:
         return f"{limit_text(e)}; {came} LEN or DATA is {count(e.need - size, 'byte')} too large"
     if size % e.need:
@@ -239,19 +234,21 @@ def suggest_ad_hoc(e: Evidence) -> RuleAnswer:
     if e.adhoc_at_once:
         now = tip("", f"{{}} to get the {here} at once", f"set {e.instance} ADHOC=1", needs_trial=True)
         return tip("", f"ADHOC=1 would have delivered the {here} at once") if e.is_past else now
-    return tip("", f"{_setting(e)} would have delivered the {here} at once (read when EN_R rises again)")
+    return tip(
+        "", f"{_adhoc_setting(e)} would have delivered the {here} at once (read when EN_R rises again)"
+    )
 
 
 def explain_partial_message(e: Evidence) -> str:
     """ADHOC delivers whatever has arrived: a part of a message, or several."""
-    size = e.facts.messages.common
+    size = e.facts.messages.common_size
     length = e.cause.have
     if not e.adhoc or size is None or not length or length == size or size > e.need:
         return ""
     if e.condition != "received":
         return ""
-    what = f"{length} bytes are {'a part of' if length < size else 'more than'} one message"
-    return f"{_sizes(e, size)}, and {what}: {_adhoc_name(e)} delivers what arrives, not messages"
+    what = f"this job had {length}, {'a part of' if length < size else 'more than'} one message"
+    return f"{_describe_sizes(e, size)}, and {what}: {_adhoc_name(e)} delivers what arrives, not messages"
 
 
 def explain_nothing_sent(e: Evidence) -> RuleAnswer:
@@ -273,7 +270,7 @@ def explain_nothing_sent(e: Evidence) -> RuleAnswer:
 def describe_message_job(e: Evidence) -> str:
     """Return what a job waits for: a message comes whole or not at all."""
     armed = f"{ARMED} for one message of at most {count(e.need, 'byte')}; none received yet"
-    return armed if e.is_past else armed + _describe_last_arrival(e, "message") + _link_age(e)
+    return armed if e.is_past else armed + _describe_last_arrival(e, "message") + _age_text(e)
 
 
 def explain_short_message(e: Evidence) -> str:
@@ -289,7 +286,7 @@ def explain_short_message(e: Evidence) -> str:
 
 def explain_long_message(e: Evidence) -> RuleAnswer:
     """The partner's messages are longer than LEN or DATA: each is lost."""
-    size = e.facts.messages.common
+    size = e.facts.messages.common_size
     if size is None or not e.need or size <= e.need:
         return ""
     return tip(
@@ -323,7 +320,7 @@ def explain_wrong_port(e: Evidence) -> str:
     if not _is_awaiting_first(e):
         return ""
     astray = next(
-        (peer for peer in _udp_peers(e) if peer.remote and not _is_at(peer.remote, _local(e))), None
+        (peer for peer in _udp_peers(e) if peer.remote and not _is_same(peer.remote, _local(e))), None
     )
     if astray is None or not astray.messages_sent:
         return ""
@@ -336,7 +333,7 @@ def explain_no_sender(e: Evidence) -> RuleAnswer:
     if not _is_awaiting_first(e) or explain_wrong_port(e):
         return ""
     for peer in _udp_peers(e):
-        if _is_at(peer.remote, _local(e)) and not peer.messages_sent:
+        if _is_same(peer.remote, _local(e)) and not peer.messages_sent:
             return tip(f"{peer.name} has sent nothing", "{}", f"peer {peer.name} send hex 01")
     return tip(
         f"no datagram has come to {_local(e)}. UDP reports no loss to the sender, a firewall drops datagrams "
@@ -357,7 +354,7 @@ def _udp_peers(e: Evidence) -> tuple[PeerSnapshot, ...]:
     return tuple(peer for peer in e.peers if peer.udp)
 
 
-def _is_at(target: str, local: str) -> bool:
+def _is_same(target: str, local: str) -> bool:
     address, _, port = local.rpartition(":")
     return target == local or (address == ANY_ADDRESS and target.rpartition(":")[2] == port)
 
@@ -369,7 +366,7 @@ def explain_cut_datagram(e: Evidence) -> str:
     if not need or not sizes or sizes[-1] <= need:
         return ""
     lost = count(sizes[-1] - need, "byte")
-    return f"{limit_text(e)}; {_datagram_sizes(e)}: {lost} did not fit and were lost"
+    return f"{limit_text(e)}; {_datagram_sizes(e)}: {lost} did not fit; that part is lost"
 
 
 def explain_short_datagram(e: Evidence) -> str:
@@ -390,8 +387,8 @@ def _datagram_sizes(e: Evidence) -> str:
             if sizes.last
             else "the datagram is short"
         )
-    if sizes.common is not None:
-        return f"the last {len(sizes.last)} datagrams had {count(sizes.common, 'byte')}"
+    if sizes.common_size is not None:
+        return f"the last {len(sizes.last)} datagrams had {count(sizes.common_size, 'byte')}"
     span = f"{min(sizes.last)} to {count(max(sizes.last), 'byte')}"
     return f"the last {len(sizes.last)} datagrams had {span}, the newest had {sizes.last[-1]}"
 
@@ -406,12 +403,12 @@ def explain_unread(e: Evidence) -> str:
 
 
 def explain_sent(e: Evidence) -> RuleAnswer:
-    """Explain that DONE proves only that the local stack took the datagram. Check this bench's peers."""
+    """Say that DONE proves only that the local stack took the datagram, or which peer here it missed."""
     target = e.cause.peer
     if not target:
         return ""
     taken = f"DONE means: the local stack took the datagram for {target}; UDP cannot say whether it arrived"
-    if e.is_past or any(_is_at(target, peer.local) and peer.state != "closed" for peer in _udp_peers(e)):
+    if e.is_past or any(_is_same(target, peer.local) and peer.state != "closed" for peer in _udp_peers(e)):
         return taken
     near = next((peer for peer in _udp_peers(e) if peer.local), None)
     if near is None:

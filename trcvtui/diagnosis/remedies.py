@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from trcvtui.capture.quality import Quality
+from trcvtui.capture.quality import CaptureLimit
 from trcvtui.diagnosis.line_facts import SegmentFacts
 from trcvtui.diagnosis.receiver import Receiver
 from trcvtui.snapshots.doctor import Finding, Remedy
@@ -21,7 +21,7 @@ class CauseRule(NamedTuple):
     judge: Callable[..., Finding | None]  # takes a LineCase, in FRAME_RULES line and receiver
     silenced_by: tuple[str, ...] = ()
     weakened_by: tuple[str, ...] = ()
-    blind: tuple[Quality, ...] = ()
+    blind: tuple[CaptureLimit, ...] = ()
 
 
 class RemedyOffer(NamedTuple):

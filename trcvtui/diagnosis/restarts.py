@@ -14,7 +14,7 @@ ANSWER_NS: Final = SECOND // 2
 MOST_LATER: Final = 64  # conversations that one is compared with
 
 
-def find_restarts(
+def find_half_open(
     lines: Sequence[LineFacts], groups: Iterable[Sequence[LineFacts]]
 ) -> Mapping[LineFacts, LineFacts]:
     """Return the half-open connections, each with the call that proves it.

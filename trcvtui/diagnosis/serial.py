@@ -43,7 +43,7 @@ WAITING_CONDITIONS: Final = frozenset(
 
 
 def describe_port_wait(e: Evidence) -> str:
-    """Return a text if the block waits for a port that does not exist, else ""."""
+    """Return a text if the block waits for bytes from or to a port that does not exist, else ""."""
     return describe_port_fault(e.buffer) if e.condition in WAITING_CONDITIONS and not e.cause.pin else ""
 
 
@@ -140,9 +140,9 @@ def warn_no_end(f: FramedBlock) -> str:
     if f.suffix or f.framer.timeout_ns or f.framer.size <= 0:
         return ""
     if f.framer.is_text:
-        return "no suffix and Timeout = 0: no text ever ends; set a suffix or a Timeout"
+        return "no suffix and Timeout = 0: the end of a text is never seen; set a suffix or a Timeout"
     size = count(f.framer.size, "byte")
-    return f"no suffix and Timeout = 0: {f.instance.name} waits forever for {size}; only Reset ends that"
+    return f"no suffix and Timeout = 0: with fewer than {size} it waits forever; only Reset helps"
 
 
 def warn_equal_marks(f: FramedBlock) -> str:
@@ -200,7 +200,7 @@ def warn_short_gap(f: FramedBlock) -> str:
 # -- what comes before the framer ----------------------------------------------------------------------------
 
 
-def warn_static(f: FramedBlock) -> str:
+def warn_static_feeder(f: FramedBlock) -> str:
     """Section 6: a feeder that passes on whole blocks of LEN bytes makes frames late."""
     if f.feeder is None or f.feeder.pin("ADHOC"):
         return ""
@@ -243,6 +243,7 @@ def warn_shared_buffer(f: FramedBlock) -> str:
 
 
 FRAMING_RULES: Final[tuple[Callable[[FramedBlock], str], ...]] = (
-    warn_port_away, warn_long_marks, warn_no_gap, warn_idle_feeder, warn_gap_on_tcp, warn_static, warn_no_end,
-    warn_only_noise, warn_lost_bytes, warn_drops, warn_shared_buffer, warn_equal_marks, warn_short_gap,
+    warn_port_away, warn_long_marks, warn_no_gap, warn_idle_feeder, warn_gap_on_tcp, warn_static_feeder,
+    warn_no_end, warn_only_noise, warn_lost_bytes, warn_drops, warn_shared_buffer, warn_equal_marks,
+    warn_short_gap,
 )  # fmt: skip

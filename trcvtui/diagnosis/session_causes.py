@@ -150,7 +150,7 @@ def judge_plain_tcp(line: LineFacts, receiver: Receiver | None) -> Finding | Non
     return Finding(0.97, texts, "to-plc", at, receiver.instance, is_fact=True, is_remark=is_http(line))
 
 
-def _read_records(content: bytes | bytearray) -> list[tuple[int, bytes]]:
+def _tls_records(content: bytes | bytearray) -> list[tuple[int, bytes]]:
     found: list[tuple[int, bytes]] = []
     at = 0
     while at + 5 <= len(content) and len(found) < 64:
@@ -166,7 +166,7 @@ def judge_tls(line: LineFacts) -> Finding | None:
     """Judge whether the TLS handshake failed: with an alert, or because the connection ended in it."""
     if line.protocol != "tcp" or not (line.to_plc.content or line.from_plc.content):
         return None
-    both = {"to-plc": _read_records(line.to_plc.content), "from-plc": _read_records(line.from_plc.content)}
+    both = {"to-plc": _tls_records(line.to_plc.content), "from-plc": _tls_records(line.from_plc.content)}
     if not any(both.values()):
         return None
     hello = next((way for way, records in both.items() if records and _is_client_hello(*records[0])), None)

@@ -15,11 +15,11 @@ from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.wording import count
 
 if TYPE_CHECKING:  # the screen explains before it imports a project
-    from trcvtui.diagnosis.data_view import Offer
+    from trcvtui.diagnosis.data_view import LayoutOffer
     from trcvtui.project.project import DataDecl
 
 
-class DataBytes(NamedTuple):
+class DataContent(NamedTuple):
     """DATA of an instance, its bytes, and the bytes of the running job."""
 
     decl: DataDecl | None
@@ -27,20 +27,20 @@ class DataBytes(NamedTuple):
     partial: bytes
 
 
-class Card:
+class CardBuilder:
     """Explains one instance after the other, and stores its last answers about bytes for the next call."""
 
     def __init__(self) -> None:
         self._suspected: tuple[object, bytes, str] | None = None  # layout, content, suspicion
         self._asked: tuple[str, object, int | None, bytes] | None = None
-        self._offer: Offer | None = None
+        self._offer: LayoutOffer | None = None
 
     def build_advice(
         self,
         e: Evidence,
         instance: InstanceSnapshot,
         index: StreamIndex,
-        data: DataBytes,
+        data: DataContent,
         reads: str,
         has_values: bool = True,
     ) -> Advice:
@@ -51,20 +51,20 @@ class Card:
         advice = make_advice(e)
         causes = advice.causes if advice.checks else tuple(list_frame_notes(instance, index))
         swapped = self._suspect_byte_order(e, data) if has_values else ""
-        offer, do = self.offer(e, data, index), advice.do
+        offer, do = self.find_offer(e, data, index), advice.do
         if offer is not None:
             read = SuggestedAction(f"{reads} {offer.choice}")
             do = (read, *do) if swapped else (read,)  # its size fits: only the layout is wrong
             swapped = swapped or one_line(offer.why)
-        why, causes = advice.why + _list_missing(e, data.decl), (swapped, *causes) if swapped else causes
+        why, causes = advice.why + _describe_missing(e, data.decl), (swapped, *causes) if swapped else causes
         return Advice(why, causes, do, advice.code)
 
-    def offer(self, e: Evidence, data: DataBytes, index: StreamIndex) -> Offer | None:
+    def find_offer(self, e: Evidence, data: DataContent, index: StreamIndex) -> LayoutOffer | None:
         """Return a layout in which DATA fits the received bytes, None without evidence for one."""
         decl, content = data.decl, data.content
         if decl is None or e.facts.drop is not None:
             return None
-        size = e.facts.messages.common
+        size = e.facts.messages.common_size
         if size is None and e.have and is_stuck(e):
             size = e.have
         if size is None or size != decl.size:
@@ -81,7 +81,7 @@ class Card:
             self._asked, self._offer = question, found or (before if size != decl.size else None)
         return self._offer
 
-    def _suspect_byte_order(self, e: Evidence, data: DataBytes) -> str:
+    def _suspect_byte_order(self, e: Evidence, data: DataContent) -> str:
         decl, content = data.decl, data.content
         if decl is None or e.done_scan is None or e.facts.drop is not None or _has_shifting_frames(e):
             return ""
@@ -92,7 +92,7 @@ class Card:
         return self._suspected[2]
 
 
-def _message_bytes(name: str, data: DataBytes, index: StreamIndex) -> bytes:
+def _message_bytes(name: str, data: DataContent, index: StreamIndex) -> bytes:
     """If no message is known, return all bytes, else the longest part that begins with a message."""
     known = [(data.partial, span) for span in index.list_messages(name, of_job=True)]
     known += [(data.content, span) for span in index.list_messages(name, of_job=False)]
@@ -101,11 +101,11 @@ def _message_bytes(name: str, data: DataBytes, index: StreamIndex) -> bytes:
 
 
 def _has_shifting_frames(e: Evidence) -> bool:
-    size = e.facts.messages.common
+    size = e.facts.messages.common_size
     return e.facts.messages.count > 1 and (size is None or size != e.done_len)
 
 
-def _list_missing(e: Evidence, decl: DataDecl | None) -> str:
+def _describe_missing(e: Evidence, decl: DataDecl | None) -> str:
     """Return where the bytes of a stuck frame end, or "" if that is unknown or the frame is shifted."""
     if decl is None or decl.size != e.need or not is_stuck(e):
         return ""

@@ -31,7 +31,7 @@ def find_whole_messages(window: HistoryWindow, e: Evidence) -> list[StreamMessag
     if sent:
         whole = [span for span in sent if span.begins and span.ends]
         found = [(f"{span.peer} message {span.number}", range(span.position, span.stop)) for span in whole]
-    elif e.is_datagram or e.is_message or e.buffer is not None:
+    elif e.is_datagram or e.has_messages or e.buffer is not None:
         jobs = [job for job in window.jobs if job.done]
         found = [(f"{job.instance} job {job.number}", range(job.position, job.stop)) for job in jobs]
     else:
@@ -41,7 +41,7 @@ def find_whole_messages(window: HistoryWindow, e: Evidence) -> list[StreamMessag
         bursts = find_bursts(recvs, has_last and not e.is_arriving)
         found = [(f"message by pauses from byte {each.start}", each) for each in bursts]
     return [
-        StreamMessage(name, at, by_pauses, window.cut(at))
+        StreamMessage(name, at, by_pauses, window.part(at))
         for name, at in found
         if at.stop <= running and window.has_values(at)
     ]

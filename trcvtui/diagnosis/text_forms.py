@@ -66,7 +66,7 @@ def offer_text(receiver: Receiver, found: FoundText, longest: int) -> RemedyOffe
 # -- STRING --------------------------------------------------------------------------------------------------
 
 
-def find_string_header(messages: Sequence[bytes]) -> int:
+def find_string_maximum(messages: Sequence[bytes]) -> int:
     """Return the maximum length in the STRING header of all messages; 0: they have no header."""
     most = messages[0][0] if messages and messages[0] else 0
     for one in messages:
@@ -89,7 +89,7 @@ def offer_string(receiver: Receiver, messages: Sequence[bytes]) -> RemedyOffer |
     ):
         return None
     longest = max(map(len, messages))
-    most = find_string_header(messages)
+    most = find_string_maximum(messages)
     if most and most != rules.text.length(type_) and HEADER + most == longest:
         return _offer_type(
             receiver, f"STRING[{most}]", longest, f"the partner's STRING has {most} places: declare DATA so"
@@ -116,7 +116,7 @@ def describe_sent_strings(receiver: Receiver, messages: Sequence[bytes]) -> str:
     """Return a sentence if whole STRINGs come although DATA is bytes or characters, else ""."""
     if len(messages) < FEW_MESSAGES or not is_bytes(receiver.type):
         return ""
-    most = find_string_header(messages)
+    most = find_string_maximum(messages)
     if not most or any(len(one) != HEADER + most for one in messages):
         return ""
     return (

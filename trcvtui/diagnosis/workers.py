@@ -163,7 +163,7 @@ def _judge_in_workers(
 
 
 def _judge_at_worker(path: str, asked: Question, judge: JudgeFunction[Question, Answer]) -> bytes:
-    """Return worker, answer and problems in JSON. An unreadable file has neither answer nor problems."""
+    """Return worker, answer and problems in JSON, the last two empty if the worker cannot open the file."""
     from distributed import get_worker
 
     answer: Answer | UserError | None = None

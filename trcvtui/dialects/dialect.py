@@ -11,7 +11,7 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import VendorRules
 from trcvtui.blocks.status import StatusRow
 from trcvtui.errors import Problem
-from trcvtui.udt.literals import format_time, parse_duration
+from trcvtui.udt.literals import format_duration, parse_duration
 
 SwitchValue = str | int | bool
 
@@ -63,7 +63,7 @@ def map_codes(rows: Iterable[StatusRow]) -> dict[str, dict[Condition, int]]:
 class Dialect(Struct, frozen=True):
     """One vendor's blocks. `models` maps a PLC model to its connection budget. The first is the default.
 
-    If `describes_connects`, a CONNECT is a description such as TCON_IP_v4, no TCP_CONNECTCONFIG.
+    If `describes_connects`, a CONNECT is a description such as TCON_IP_v4, not a TCP_CONNECTCONFIG.
     `structures` are the connection descriptions that the dialect takes, () for all of them.
     `folder` is the folder of the scenarios, if its name is not the name of the dialect.
     `follows` is the document of the sequence, if dialects with the same table differ in sequence.
@@ -143,7 +143,7 @@ def describe_expected(switch: Switch) -> str:
 def format_value(switch: Switch, value: SwitchValue) -> str:
     """Return a switch's value as it is written in a project file: `T#1s`, `true`, `pulse`, `64`."""
     if switch.kind == "duration" and isinstance(value, int):
-        return format_time(value)
+        return format_duration(value)
     return str(value).lower() if switch.kind == "bool" else str(value)
 
 
@@ -154,24 +154,24 @@ def _format_given(given: object) -> str:
     return text if len(text) <= 60 else text[:60] + "..."
 
 
-def _choice(switch: Switch, given: object) -> SwitchValue | None:
+def _parse_choice(switch: Switch, given: object) -> SwitchValue | None:
     if isinstance(given, bool) or not isinstance(given, (str, int)):
         return None
     text = given.strip().casefold() if isinstance(given, str) else str(given)
     return next((word for word in switch.values if word.casefold() == text), None)
 
 
-def _bool(switch: Switch, given: object) -> SwitchValue | None:
+def _parse_bool(switch: Switch, given: object) -> SwitchValue | None:
     word = str(given).strip().lower() if isinstance(given, (bool, int, str)) else ""
     return True if word in _TRUE_WORDS else False if word in _FALSE_WORDS else None
 
 
-def _duration(switch: Switch, given: object) -> SwitchValue | None:
+def _parse_duration(switch: Switch, given: object) -> SwitchValue | None:
     ns = parse_duration(given) if isinstance(given, str) else None
     return ns if ns is not None and ns >= 0 else None
 
 
-def _count(switch: Switch, given: object) -> SwitchValue | None:
+def _parse_count(switch: Switch, given: object) -> SwitchValue | None:
     if isinstance(given, bool):
         return None
     if isinstance(given, str):
@@ -185,8 +185,8 @@ def _count(switch: Switch, given: object) -> SwitchValue | None:
 
 
 _SWITCH_PARSERS: Final[dict[str, Callable[[Switch, object], SwitchValue | None]]] = {
-    "choice": _choice,
-    "bool": _bool,
-    "duration": _duration,
-    "count": _count,
+    "choice": _parse_choice,
+    "bool": _parse_bool,
+    "duration": _parse_duration,
+    "count": _parse_count,
 }

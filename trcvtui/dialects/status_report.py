@@ -134,7 +134,8 @@ def add_scenarios(
 ) -> list[Explanation]:
     """Return the rows with the scenarios that show them. `by_dialect` has the scenarios of each dialect."""
     return [
-        replace(one, scenarios=_look_up(one.row, by_dialect.get(one.dialect, NO_SCENARIOS))) for one in found
+        replace(one, scenarios=_scenarios_of(one.row, by_dialect.get(one.dialect, NO_SCENARIOS)))
+        for one in found
     ]
 
 
@@ -151,13 +152,13 @@ def add_card_scenarios(
 def _with_card_scenarios(
     one: Explanation, scenarios_of: Callable[[str, Callable[[str], bool]], ScenariosByCode]
 ) -> Explanation:
-    scenarios = _look_up(one.row, scenarios_of(one.dialect, one.may_select))
+    scenarios = _scenarios_of(one.row, scenarios_of(one.dialect, one.may_select))
     return replace(
-        one, scenarios=scenarios or _look_up(one.row, scenarios_of(one.dialect, lambda file: True))
+        one, scenarios=scenarios or _scenarios_of(one.row, scenarios_of(one.dialect, lambda file: True))
     )
 
 
-def _look_up(row: StatusRow, by_code: ScenariosByCode) -> tuple[str, ...]:
+def _scenarios_of(row: StatusRow, by_code: ScenariosByCode) -> tuple[str, ...]:
     return tuple(sorted({file for block in row.blocks for file in by_code.get((row.code, block), ())}))
 
 

@@ -45,7 +45,7 @@ from trcvtui.project.project import Project
 from trcvtui.project.tables import quote
 from trcvtui.scenario.player import Player, refuse_too_many_steps
 from trcvtui.scenario.recorded_session import RecordedSession, parse_toml_path, scenario_text, write_new
-from trcvtui.scenario.scenario import load_scenario, start_steps
+from trcvtui.scenario.scenario import load_scenario, read_start_steps
 from trcvtui.snapshots.bench import EngineTiming, LineAnswer
 from trcvtui.snapshots.conversations import ConversationSnapshot
 from trcvtui.udt.command import constants_of
@@ -93,9 +93,9 @@ CONNECTED, NO_EFFECT = "connected", "without effect"
 def make_remark(command: words.BenchCommand, runtime: Runtime, adhoc_at_once: bool) -> str:
     """Return the remark on a command in the present state of the bench; "" for most commands."""
     match command:
-        case words.Pulse(name, "COM_RST"):
+        case words.PulseInput(name, "COM_RST"):
             return _reset_remark(runtime.instance_snapshot(name), runtime)
-        case words.Set(name, pins):
+        case words.SetInputs(name, pins):
             instance = runtime.instance_snapshot(name)
             latched = LATCHED_PINS[: 1 if adhoc_at_once else None]
             remarks = [_latched_remark(instance, *pin) for pin in pins if pin[0] in latched]
@@ -123,7 +123,7 @@ def _latched_remark(instance: InstanceSnapshot | None, pin: str, value: object) 
 
 
 MOST_ANSWERS: Final = 64
-EDIT_COMMANDS: Final = (*words.EDIT_COMMANDS, words.Create, words.Delete, words.Retype)
+EDIT_COMMANDS: Final = (*words.EDIT_COMMANDS, words.CreateBlock, words.DeleteBlock, words.Retype)
 MOST_DATA: Final = 65_536  # of one variable in a picture: as much as a job writes; more would block the pipe
 SCAN_CONTROL: Final = ("hold", "go")
 MARK: Final = "mark"
@@ -144,7 +144,7 @@ SCENARIO_USAGE: Final = "load FILE.toml sim|live, step, run or stop"
 def fresh_bench(project: Project, kernel: str, seam: Seam | None = None) -> Bench:
     """Return a bench before its first scan. The commands of `start` act in that scan."""
     bench = Bench(project, kernel, seam)
-    for step in start_steps(project):
+    for step in read_start_steps(project):
         bench.do(step.command)
     return bench
 
@@ -215,7 +215,7 @@ class Controller:
                 self._message = self.trigger_watch.arm(rest, "prompt")
                 return ""
             if line == MARK:
-                self.session.mark()
+                self.session.restart_expectations()
                 self._message = f"marked after scan {self.session.marked_at}"
                 return ""
             if verb == WATCH and self.watch is not None:
@@ -223,7 +223,7 @@ class Controller:
             if verb == SAVE:
                 return self._save(rest.strip())
             if verb == RECORD:
-                return self._record(rest.strip())
+                return self._handle_record(rest.strip())
             if verb == UDT:
                 return self._handle_udt(rest)
             if verb == FRAMING:
@@ -234,7 +234,7 @@ class Controller:
         if command is None:
             return ""
         if isinstance(command, words.AddEntry) and command.port:
-            command = self._choose_free_port(command)
+            command = self._with_free_port(command)
             line = format_command(command)
         try:
             wrong = self._run_command(command)
@@ -242,8 +242,8 @@ class Controller:
             return error.lines()[0]
         if not wrong and isinstance(command, EDIT_COMMANDS) and self.player is None:
             self._edit = line
-        if not wrong and not isinstance(command, words.Doctor):
-            self.session.note(command, line)
+        if not wrong and not isinstance(command, words.AskDoctor):
+            self.session.keep_command(command, line)
         return wrong
 
     def _run_command(self, command: words.BenchCommand) -> str:
@@ -256,17 +256,17 @@ class Controller:
                 return "" if holds(self.bench, condition) else f"found {describe_now(self.bench, condition)}"
             case words.TrySplits():
                 return self._trials.begin(self.bench, command)
-            case words.TryStop():
+            case words.StopTrySplits():
                 return self._trials.stop()
-            case words.AddEntry() | words.AddVariable() | words.Change() | words.Remove() | words.Undo():
+            case words.AddEntry() | words.AddVariable() | words.Change() | words.Remove() | words.UndoEdit():
                 return self._edit_bench(command)
-            case words.Doctor():
+            case words.AskDoctor():
                 judge = self.files_judge or RunJudge(self._require_box())
                 self._message = self._doctor.ask(judge, self.bench, *self._line, command)
                 return ""
             case words.Wait() | words.Expect() | words.ExpectTrace():
                 return "waits and traces belong in a scenario file"
-            case words.Set() | words.Pulse():
+            case words.SetInputs() | words.PulseInput():
                 at_once = self.bench.project.rules.adhoc_at_once
                 remark = make_remark(command, self.bench.runtime, at_once)
                 wrong = self.bench.do(command)
@@ -275,7 +275,7 @@ class Controller:
             case _:
                 return self.bench.do(command)
 
-    def _choose_free_port(self, command: words.AddEntry) -> words.AddEntry:
+    def _with_free_port(self, command: words.AddEntry) -> words.AddEntry:
         [end] = listening_ends(command.with_it)[:1]
         port = command.port
         while not self.bench.is_free(Endpoint(end.address, port)):
@@ -290,14 +290,14 @@ class Controller:
         own_edit = None
         if self.player is None:
             try:
-                own_edit = self._edits.check(command)  # a scenario never edits the opened project
+                own_edit = self._edits.parse_own_edit(command)  # a scenario never edits the opened project
             except UserError as error:
                 return error.lines()[0]
         wrong = self.bench.do(command)
         if not wrong:
             self._message = message
             if own_edit is not None:
-                self._edits.take_edit(own_edit)
+                self._edits.add_edit(own_edit)
         return wrong
 
     def _handle_udt(self, rest: str) -> str:
@@ -312,7 +312,7 @@ class Controller:
     def _handle_framing(self, rest: str) -> str:
         from trcvtui.diagnosis.readings import framing_command as framing  # imported at its first use
 
-        name, buffer, number = framing.parse_framing(rest, self.bench.project, "prompt")
+        name, buffer, number = framing.parse_framing_words(rest, self.bench.project, "prompt")
         recording = self.bench.runtime.recording(buffer)
         if not number:
             self._message = framing.describe_framings(recording)
@@ -330,7 +330,7 @@ class Controller:
 
     # -- the session ------------------------------------------------------------------------------------
 
-    def _record(self, rest: str) -> str:
+    def _handle_record(self, rest: str) -> str:
         box = self._require_box()
         if rest == "stop":
             self._message = box.stop_recording()
@@ -408,7 +408,7 @@ class Controller:
             return f"no scenario is loaded; `{SCENARIO} load FILE.toml sim` loads one"
         if self.player.is_finished:
             return "the scenario is over; loading it again begins anew"
-        self.player.run() if how == "run" else self.player.step()
+        self.player.start_to_end() if how == "run" else self.player.request_step()
         return ""
 
     def _load_scenario(self, file: str, kernel: str) -> None:
@@ -452,7 +452,7 @@ class Controller:
 
     def step(self, now: int | None = None) -> bool:
         """Run the next scan if `holding` allows it. Return whether it ran. The ledger is read later."""
-        if not self._may_scan():
+        if not self._use_scan_permit():
             return False
         self.bench.step(now)
         if self.trigger_watch.armed_text:
@@ -460,11 +460,11 @@ class Controller:
             if fired is not None and fired.holds:
                 self.holding, self.wanted = True, 0
         if self.player is not None:
-            self.player.note_scan()
+            self.player.handle_scan()
         self._trials.advance()
         return True
 
-    def _may_scan(self) -> bool:
+    def _use_scan_permit(self) -> bool:
         if not self.holding or (self.player is not None and self.player.wants_scan):
             return True
         if self.wanted == 0:
@@ -486,7 +486,7 @@ class Controller:
         return answers
 
     def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
-        """Return the bench after its last scan. It has the newest `most_lines` new ledger lines at most."""
+        """Return the bench after its last scan, with at most `most_lines` new ledger lines, the newest."""
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         known = request.bench == self._bench_number
         since = request.since_seq if known else 0

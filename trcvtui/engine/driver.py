@@ -57,7 +57,7 @@ class ProcessDriver:
     def _arguments(self) -> tuple[Any, ...]:
         return self._asked
 
-    def describe_cuts(self) -> str:
+    def describe_quit_cuts(self) -> str:
         return ""
 
     def restart(self) -> None:
@@ -70,7 +70,7 @@ class ProcessDriver:
         return self._process.pid
 
     def wait_for_project(self) -> Project:
-        """Wait until the engine has read the project. Raise UserError for the mistakes in its file."""
+        """Return the project once the engine has read it. Raise UserError for the mistakes in its file."""
         while not self.has_begun():
             self._channel.poll(None)
         assert self._project is not None
@@ -94,7 +94,7 @@ class ProcessDriver:
             self._outstanding = True
             self._send(request)
 
-    def wait(self, seconds: float) -> None:
+    def wait_for_message(self, seconds: float) -> None:
         self._channel.poll(seconds)
 
     def poll_picture(self) -> BenchUpdate | None:
@@ -117,9 +117,9 @@ class ProcessDriver:
         try:
             return self._arriving.next()
         except (EOFError, OSError):
-            raise self._make_stopped() from None
+            raise self._make_stopped_error() from None
 
-    def _make_stopped(self, trace: str = "") -> EngineStopped:
+    def _make_stopped_error(self, trace: str = "") -> EngineStopped:
         if not trace:
             self._process.join(EXIT_WAIT_S)
             code = self._process.exitcode
@@ -138,7 +138,7 @@ class ProcessDriver:
             case UserError():
                 raise EngineStopped(message.lines()[0])
             case str():
-                raise self._make_stopped(message)
+                raise self._make_stopped_error(message)
         return message
 
     def _send(self, message: tuple[int, bytes] | UpdateRequest) -> None:
@@ -149,7 +149,7 @@ class ProcessDriver:
         except OSError:
             while not self._channel.closed and self._channel.poll(EXIT_WAIT_S):  # the reason may still come
                 self.poll_picture()
-            raise self._make_stopped() from None
+            raise self._make_stopped_error() from None
 
     def close(self) -> None:
         self._channel.close()
@@ -208,7 +208,7 @@ class AttachedDriver(ProcessDriver):
         except OSError:
             raise mistake("--attach", str(self._door), "the engine of `trcvtui serve`") from None
 
-    def _make_stopped(self, trace: str = "") -> EngineStopped:
+    def _make_stopped_error(self, trace: str = "") -> EngineStopped:
         stopped = EngineStopped(trace or "the engine of `trcvtui serve` has ended")
         stopped.ends_screen = os.getppid() != self._parent  # `serve` was killed
         return stopped

@@ -1,7 +1,7 @@
 """The live engine: it scans at absolute deadlines, and serves the screens between two scans.
 
 Rule 1: after missed scans there is no burst. Deadlines that have passed are skipped and counted.
-Rule 2: between two scans the engine serves the screens in turns, while the gap lasts. A picture is made in
+Rule 2: the engine serves the screens in turns, only in the gap between two scans. A picture is made in
 one go, so that it shows one scan. Then it is pickled and written slice by slice.
 Rule 3: a new bench begins with a new time, new deadlines and new timing figures.
 """
@@ -21,7 +21,7 @@ from trcvtui import clock
 from trcvtui.bench.bench import Bench, enter_own_network
 from trcvtui.engine.controller import Controller
 from trcvtui.engine.screens import AttachedScreen, AttachedScreens
-from trcvtui.engine.timing import ScanTiming, be_punctual, freeze_collector
+from trcvtui.engine.timing import ScanTiming, freeze_collector, request_punctuality
 from trcvtui.errors import UserError
 from trcvtui.files import FilesRead, record_reads, refuse_files
 from trcvtui.picture.bench_update import UpdateRequest
@@ -42,9 +42,9 @@ def engine_main(channel: Channel, *asked: Any) -> None:
     except UserError as wrong:
         _send_last_words(channel, wrong)
     except Exception as error:
-        from trcvtui.bench.error_report import trace_of
+        from trcvtui.bench.error_report import textless_trace
 
-        _send_last_words(channel, trace_of(error))
+        _send_last_words(channel, textless_trace(error))
 
 
 def _run(
@@ -56,7 +56,7 @@ def _run(
     record: RecordTarget | None,
     door: TabListener | None = None,
 ) -> None:
-    from trcvtui.scenario.scenario import load_bench
+    from trcvtui.scenario.scenario import load_bench_project
 
     recorder = None
     if record is not None:
@@ -69,7 +69,7 @@ def _run(
         recorder, box = attach_black_box(None, FilesRead())
         recorder.box = box
     with record_reads(recorder.reads) if recorder is not None else nullcontext():
-        project = load_bench(path)
+        project = load_bench_project(path)
         if recorder is not None and recorder.box is not None and not project.black_box:
             recorder = None
         with recorder or nullcontext():  # before anything else: its file may be refused
@@ -118,7 +118,7 @@ class Engine:
             self._controller.black_box = box = recorder.box
             self._controller.files_judge = judge if box is None else RunJudge(box)
         self._made_at = self._worked_at = 0  # the last picture, and the last work on one
-        self._mode = be_punctual()
+        self._mode = request_punctuality()
         self._timing_file = os.environ.get(TIMING_FILE)
         self._bench = bench
 
@@ -138,7 +138,7 @@ class Engine:
         self._begin_bench(self._bench)
         try:
             while True:
-                self._serve()
+                self._serve_screens()
                 self._scan_fast(self._due - SPARE_NS)
                 clock.sleep_until(self._due)
                 self._scan()
@@ -167,7 +167,7 @@ class Engine:
         while self._controller.hurries and clock.now_ns() < deadline_ns:
             self._controller.scan()
 
-    def _serve(self) -> None:
+    def _serve_screens(self) -> None:
         """Serve the screens right after the scan, and again every STEP_NS of a long gap.
 
         Only the clock wakes the engine, and never shortly before a scan. A process that has just run does

@@ -33,7 +33,7 @@ from trcvtui.project.project import Edit, Edits, Project, UdtFile
 from trcvtui.project.tables import LARGEST_FILE, parse_toml, quote, read_text
 from trcvtui.project.text import add_constants, append_entries, change_entry, relocate, relocate_files
 from trcvtui.scenario.recorded_session import SUFFIX, parse_toml_path
-from trcvtui.scenario.scenario import check_bench
+from trcvtui.scenario.scenario import check_bench_commands
 from trcvtui.wording import count
 
 DEFAULT_DIALECT: Final = "baosky"
@@ -46,7 +46,7 @@ dialect = "{dialect}"
 
 
 def can_create_project(path: Path) -> bool:
-    """Return whether the file is empty, or missing in an existing folder, so that it can be created."""
+    """Return whether a project can be created: the file is empty, or missing in an existing folder."""
     if path.suffix != SUFFIX:
         return False
     if not os.path.lexists(path):
@@ -154,7 +154,7 @@ def _read_project(text: str, path: Path) -> Project:
 def _load_edited(text: str, path: Path, edits: Edits) -> Project:
     """Return the project read from the text; raise UserError if an edit is missing or wrong there."""
     loaded = _read_project(text, path)
-    check_bench(loaded)
+    check_bench_commands(loaded)
     for edit in edits:
         if not _is_applied(edit, loaded):
             raise _mismatch_error(edit, path)
@@ -175,7 +175,7 @@ PROMPT = "prompt"
 
 
 class ProjectEdits:
-    """The opened project with its edits. `done` counts the edits. `saved` was `done` at the last save."""
+    """The opened project with its edits. `done` counts edits. `saved` is that count at the last save."""
 
     def __init__(self, project: Project) -> None:
         self.project = project
@@ -199,20 +199,20 @@ class ProjectEdits:
         return "addition" if all(edit.before is None for edit in self._edits) else "change"
 
     def read_file_text(self) -> str:
-        """Return the present text of the file, or "" if it cannot be read. `text` is an earlier text."""
+        """Return the present text of the file, "" if it cannot be read. `text` is the text kept earlier."""
         return _text_of(self.project.path)
 
     def note_new_bench(self) -> None:
         self.before, self._begun_from_file = None, self.saved == self.done
 
-    def check(self, command: EditCommand) -> EditCommand:
+    def parse_own_edit(self, command: EditCommand) -> EditCommand:
         """Return the command, parsed for this project; raise UserError if the project refuses it."""
         mine = parse_line(format_command(command), self.project, PROMPT)
         assert isinstance(mine, EDIT_COMMANDS)
-        check_bench(project_after(mine, self.project))
+        check_bench_commands(project_after(mine, self.project))
         return mine
 
-    def take_edit(self, command: EditCommand) -> None:
+    def add_edit(self, command: EditCommand) -> None:
         self.project = project_after(command, self.project)
         self._edits = diff_projects(self._in_file, self.project)
         self.done += 1

@@ -27,11 +27,11 @@ _PR_SET_TIMERSLACK: Final = 29
 _SYS_SCHED_SETATTR: Final = {"x86_64": 314, "aarch64": 274}
 
 
-def be_punctual() -> str:
+def request_punctuality() -> str:
     """Request punctual scheduling for this process; return in words which requests were granted."""
     if not sys.platform.startswith("linux"):
         return "default scheduling"
-    asked = ("slack", _ask_slack), ("slice", _ask_slice), ("session", _ask_session)
+    asked = ("slack", _set_timer_slack), ("slice", _set_time_slice), ("session", _begin_session)
     granted = [name for name, ask in asked if ask()]
     return "+".join(granted) or "default scheduling"
 
@@ -48,12 +48,12 @@ def freeze_collector() -> None:
     gc.disable()
 
 
-def _ask_slack() -> bool:
+def _set_timer_slack() -> bool:
     libc = ctypes.CDLL(None, use_errno=True)
     return bool(libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0) == 0)
 
 
-def _ask_slice() -> bool:
+def _set_time_slice() -> bool:
     import platform
 
     number = _SYS_SCHED_SETATTR.get(platform.machine())
@@ -64,7 +64,7 @@ def _ask_slice() -> bool:
     return bool(ctypes.CDLL(None, use_errno=True).syscall(number, 0, attr, 0) == 0)
 
 
-def _ask_session() -> bool:
+def _begin_session() -> bool:
     try:
         os.setsid()
     except OSError:  # a leader of its process group already
@@ -76,7 +76,7 @@ BAD_SHOWN_NS: Final = 10_000_000_000  # how long a bad scan is shown
 
 
 class ScanTiming:
-    """Counts overruns and the worst lateness (ns) of bad scans. 10 s without a bad scan clear both."""
+    """Overruns and the worst lateness (ns) of the latest bad scans. 10 s without a bad scan clear both."""
 
     def __init__(self, mode: str) -> None:
         self._mode = mode

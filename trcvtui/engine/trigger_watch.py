@@ -1,4 +1,4 @@
-"""A trigger has a condition, which is checked after each scan. It fires once, when that becomes true.
+"""A trigger has a condition, checked after each scan. It fires once, when the condition becomes true.
 
 `trigger TRCV_C_1 STATUS=80C5`, `trigger TRCV_C_1 EN_R rises`, `trigger rx.speed > 100 hold`. RCVD_LEN is
 compared only in scans with DONE. In every other scan it is 0 and has no meaning.
@@ -116,15 +116,15 @@ def _parse_condition(text: str, project: Project, where: str) -> TriggerConditio
     words = Words(comparison.subject, where)
     word = words.peek()
     if project.instance(word) is not None:
-        return _read_pin(words, comparison, project, edge is not None)
+        return _pin_condition(words, comparison, project, edge is not None)
     if project.data_decl(base_name(word)) is None:
         names = [*(i.name for i in project.instances), *(d.name for d in project.data)]
         raise words.make_unknown_error(word, names, "an instance or a DATA variable")
-    return _read_member(words, comparison, project, edge is not None)
+    return _on_member(words, comparison, project, edge is not None)
 
 
 class ConditionText(NamedTuple):
-    """A comparison as it was written. When the pin or the member is known, `value` is parsed."""
+    """A comparison as it was written. `value` is parsed later, when the pin or the member is known."""
 
     subject: str
     operator: str
@@ -132,11 +132,11 @@ class ConditionText(NamedTuple):
     where: str
 
     def make_pin_condition(self, instance: str, pin: Pin) -> PinCondition:
-        self._check_order(f"'{pin.name}', a {pin.iec_type}", pin.is_bool or pin.iec_type == "WORD")
+        self._refuse_order(f"'{pin.name}', a {pin.iec_type}", pin.is_bool or pin.iec_type == "WORD")
         return PinCondition(instance, pin.name, self.operator, parse_pin_value(pin, self.value, self.where))
 
     def make_leaf_condition(self, data: str, layout: Layout, leaf: Leaf) -> MemberCondition:
-        self._check_order("a text", isinstance(leaf.type, StringType))
+        self._refuse_order("a text", isinstance(leaf.type, StringType))
         if isinstance(leaf.type, StringType) or leaf.bit is not None:
             read: Callable[[bytes], Any] = partial(decode_leaf, layout, leaf)
         else:
@@ -148,7 +148,7 @@ class ConditionText(NamedTuple):
             read = lambda part: (now := number(part)) != now  # noqa: E731
         return MemberCondition(data, leaf.offset, leaf.size, self.operator, value, read)
 
-    def _check_order(self, what: str, has_none: bool) -> None:
+    def _refuse_order(self, what: str, has_none: bool) -> None:
         if has_none and self.operator not in ("=", "!="):
             raise mistake(self.where, f"'{self.operator}' of {what}", "= or !=")
 
@@ -161,7 +161,7 @@ def read_comparison(text: str, where: str, form: str) -> ConditionText:
     return ConditionText(found[1], found[2], found[3], where)
 
 
-def _read_pin(words: Words, comparison: ConditionText, project: Project, is_edge: bool) -> PinCondition:
+def _pin_condition(words: Words, comparison: ConditionText, project: Project, is_edge: bool) -> PinCondition:
     instance = parse_instance(words, project)
     pins: dict[str, Pin] = {pin.name: pin for pin in project.pins(instance.block)}
     name = words.next("a pin such as STATUS")
@@ -174,7 +174,7 @@ def _read_pin(words: Words, comparison: ConditionText, project: Project, is_edge
     return comparison.make_pin_condition(instance.name, pin)
 
 
-def _read_member(words: Words, comparison: ConditionText, project: Project, is_edge: bool) -> MemberCondition:
+def _on_member(words: Words, comparison: ConditionText, project: Project, is_edge: bool) -> MemberCondition:
     target = parse_target(words, project)
     words.expect_end()
     leaf, layout = target.leaf(words), target.decl.layout
@@ -214,12 +214,12 @@ class TriggerWatch:
         self._count = 0
         self._catch_up = reader.catch_up
         self._statistics = LinkStatistics(reader.index)
-        reader.lost.append(self._statistics.forget_all)
+        reader.on_loss.append(self._statistics.forget_all)
         self._seq = 0  # of the last line that was read while a trigger is armed
         self.kept: FrozenScan | None = None
 
     def arm(self, text: str, where: str) -> str:
-        """Arm a trigger, or disarm it with `off`. Return the message for the user. Raise UserError.
+        """Arm a trigger, or disarm it with `off`. Return the message for the user, or raise UserError.
 
         If the condition is already true, the trigger fires only when it next changes from false to true.
         """

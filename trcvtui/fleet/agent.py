@@ -63,7 +63,7 @@ def default_name(project: Path) -> str:
     return f"{platform.node() or 'host'}-{project.stem}"
 
 
-def queue_path(site: str, name: str) -> Path | None:
+def prepare_queue_path(site: str, name: str) -> Path | None:
     """Return the file of the queue in the state folder of systemd or of the user.
 
     If the folder cannot be made, print the error and return None. The queue is then in memory.
@@ -129,7 +129,7 @@ class Agent:
         return round((clock.now_ns() - self._scanned_at) / NS, 1)
 
     @property
-    def is_up(self) -> bool:
+    def is_broker_up(self) -> bool:
         return self._publisher is not None and self._publisher.is_up
 
     @property
@@ -166,11 +166,11 @@ class Agent:
         settings = self._settings
         client_id = f"{settings.site}/{settings.name}"
         connection = BrokerConnection(broker, client_id, LastWill(topic, self._state_message("offline")))
-        queue = DiskQueue(queue_path(settings.site, settings.name), write_or_drop_line)
+        queue = DiskQueue(prepare_queue_path(settings.site, settings.name), write_or_drop_line)
         opened.callback(queue.close)
         self._publisher = Publisher(connection, queue, write_or_drop_line)
         self._publish_state()
-        connection.open()
+        connection.start()
         opened.callback(lambda: connection.close(LastWill(topic, self._state_message("offline"))))
 
     def _run_once(self, opened: ExitStack) -> None:
@@ -204,10 +204,10 @@ class Agent:
 
     def _open_page(self, address: str, port: int, opened: ExitStack, now: int) -> None:
         """Open the page. If its port is in use, try again later. A port in use must not end the bench."""
-        from trcvtui.fleet.metrics import serve_page
+        from trcvtui.fleet.metrics import start_page_server
 
         try:
-            server = serve_page(address, port, self)
+            server = start_page_server(address, port, self)
         except OSError as failed:
             if not self._page_at:  # report it once
                 why = f"{failed.strerror} at {address}:{port}; retrying every {PAGE_RETRY_NS // NS} s"
@@ -231,10 +231,10 @@ class Agent:
         settings = self._settings
         if not self._has_shadows:
             return EngineDriver(settings.project, settings.kernel, record=settings.record)
-        from trcvtui.line.live_screen import TapSocketDriver, capture_main
+        from trcvtui.line.live_screen import RunningTapDriver, capture_main
 
         if self._has_taps:
-            return TapSocketDriver(settings.project)
+            return RunningTapDriver(settings.project)
         return ProcessDriver(capture_main, settings.packets, (settings.project, None, None))
 
     def _handle_failure(self, stopped: Exception, now: int) -> None:
@@ -250,7 +250,9 @@ class Agent:
         with self._contain_failures():
             for instance in self.seen.instances.values():
                 cause: dict[str, object] = {"text": f"the engine has ended: {why}"}
-                self._publish_event(instance, instance.event(self.seen.boot, _utc_s(), "note", None, cause))
+                self._publish_event(
+                    instance, instance.add_event(self.seen.boot, _utc_s(), "note", None, cause)
+                )
         self._start_at = now + self._pause
         self._pause = min(2 * self._pause, MOST_PAUSE_NS)
         self.restarts += 1
@@ -291,12 +293,12 @@ class Agent:
         changed, events, moved = self.seen.handle_update(update, _utc_s())
         for instance in changed:
             if instance.status is not None:
-                self._retain(instance.status, instance.line, instance.name)
+                self._publish_retained(instance.status, instance.line, instance.name)
         for instance, event in events:
             self._publish_event(instance, event)
         for line in moved:
             self._figures_at.pop(line.name, None)  # a new state is published at once
-        for instance, event in self.seen.report_findings(
+        for instance, event in self.seen.make_finding_events(
             update.doctor, _utc_s(), self._settings.with_payload
         ):
             self._publish_event(instance, event)
@@ -349,9 +351,11 @@ class Agent:
             last = self._figures_at.get(line.name)
             if last is None or now >= last + gap:
                 self._figures_at[line.name] = now
-                self._publisher.figures(self._topic("figures", line.name), line.figures(_utc_s()).to_json())
+                self._publisher.send_figures(
+                    self._topic("figures", line.name), line.take_figures(_utc_s()).to_json()
+                )
 
-    def _retain(self, message: FleetMessage, line: str, instance: str) -> None:
+    def _publish_retained(self, message: FleetMessage, line: str, instance: str) -> None:
         if self._publisher is not None:
             self._publisher.retain(self._topic(message.KIND, line, instance), message.to_json())
 

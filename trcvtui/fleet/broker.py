@@ -97,14 +97,14 @@ class SubAck(NamedTuple):
     number: int
 
 
-class BrokerRefusal(NamedTuple):
+class SubscribeRefusal(NamedTuple):
     """The broker has refused a subscription: most often our user lacks the right."""
 
     why: str
 
 
 BrokerEvent = (
-    ConnAck | ConnectionLost | IncomingMessage | PublishAck | PublishRefusal | SubAck | BrokerRefusal
+    ConnAck | ConnectionLost | IncomingMessage | PublishAck | PublishRefusal | SubAck | SubscribeRefusal
 )
 
 
@@ -202,10 +202,10 @@ class BrokerConnection:
         self._something = threading.Event()
         self._thread = threading.Thread(target=self._run, name="broker", daemon=True)
 
-    def open(self) -> None:
+    def start(self) -> None:
         self._thread.start()
 
-    def news(self) -> Iterator[BrokerEvent]:
+    def take_events(self) -> Iterator[BrokerEvent]:
         """Yield the events since the last call; if you stop early, the next call yields the rest."""
         self._something.clear()
         while self._news:
@@ -214,7 +214,7 @@ class BrokerConnection:
                 self._waiting_bytes -= len(news.payload) + MESSAGE_OVERHEAD
             yield news
 
-    def wait(self, seconds: float) -> None:
+    def wait_for_event(self, seconds: float) -> None:
         self._something.wait(seconds)
 
     def publish(self, topic: str, payload: bytes, is_retained: bool = False) -> int | None:
@@ -240,14 +240,14 @@ class BrokerConnection:
         return number if code == 0 else None
 
     def close(self, last: LastWill | None = None) -> None:
-        """Publish and retain `last`. Wait at most CLOSE_WAIT_S for the acknowledgement, then disconnect."""
+        """Publish `last`, retained. Wait at most CLOSE_WAIT_S for the acknowledgement, then disconnect."""
         number = None if last is None else self.publish(last.topic, last.payload, True)
         until = clock.now_ns() + int(CLOSE_WAIT_S * 1e9)
         while number is not None and self._is_up and clock.now_ns() < until:
-            self.wait(LOOP_TIMEOUT_S)
+            self.wait_for_event(LOOP_TIMEOUT_S)
             if any(
                 isinstance(news, ConnectionLost | PublishRefusal) or news == PublishAck(number)
-                for news in self.news()
+                for news in self.take_events()
             ):
                 break
         self._ends.set()
@@ -329,7 +329,7 @@ class BrokerConnection:
     def _on_subscribe(self, client: Client, _: Any, number: int, reasons: Any, properties: Any) -> None:
         refused = [reason for reason in reasons if reason.is_failure]
         if refused:
-            self._add_event(BrokerRefusal(one_line(f"{self._broker} refuses to subscribe: {refused[0]}")))
+            self._add_event(SubscribeRefusal(one_line(f"{self._broker} refuses to subscribe: {refused[0]}")))
         if self._is_up:
             self._add_event(SubAck(number))
         else:

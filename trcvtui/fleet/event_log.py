@@ -63,7 +63,7 @@ class EventLog:
         self._lost = 0  # events missing in runs before the newest MOST_RUNS
         self._has_begun = False
 
-    def begin_counting(self) -> None:
+    def count_from_one(self) -> None:
         """From now on a new run counts missing events from number 1, not from its first received event."""
         self._has_begun = True
 

@@ -15,7 +15,7 @@ GROUP_KEYS: Final[dict[str, Callable[[FleetLine], str]]] = {
 }
 
 
-class FleetGroup(NamedTuple):
+class GroupHead(NamedTuple):
     """The head of a group: the number of lines, the result of `count_sick`, the ERRORs of the last hour."""
 
     name: str
@@ -25,7 +25,7 @@ class FleetGroup(NamedTuple):
     sparkline: tuple[int, ...]
 
 
-Entry = FleetLine | FleetGroup
+Entry = FleetLine | GroupHead
 
 
 def filter_lines(lines: Iterable[FleetLine], typed: str) -> list[FleetLine]:
@@ -48,13 +48,13 @@ def group_lines(lines: Iterable[FleetLine], by: str, opened: Collection[str], wa
     return entries
 
 
-def _make_group(name: str, members: list[FleetLine], wall: float) -> FleetGroup:
+def _make_group(name: str, members: list[FleetLine], wall: float) -> GroupHead:
     sums = [0] * HOUR_BUCKETS
     for line in members:
         if line.errors:
             sums = [a + b for a, b in zip(sums, line.sparkline(wall), strict=True)]
     hour = sum(line.errors_hour for line in members)
-    return FleetGroup(name, len(members), count_sick(members), hour, tuple(sums))
+    return GroupHead(name, len(members), count_sick(members), hour, tuple(sums))
 
 
 def count_sick(lines: Iterable[FleetLine]) -> tuple[tuple[int, int], ...]:

@@ -35,7 +35,9 @@ class AgentInstance:
         self._last: tuple[bool, int] = (False, 0)  # ERROR and STATUS of the edge before
         self._base = 0, 0  # counts of the engines before
 
-    def edge(self, boot: str, at: float, edge: StatusEdge, place: dict[str, object]) -> EventMessage | None:
+    def make_edge(
+        self, boot: str, at: float, edge: StatusEdge, place: dict[str, object]
+    ) -> EventMessage | None:
         """Return an event if ERROR is new or has a new STATUS, else None. `place` has its scan and file."""
         shown = edge.outputs.error, edge.outputs.status
         is_new = edge.outputs.error and shown != self._last
@@ -43,9 +45,9 @@ class AgentInstance:
         if not is_new:
             return None
         cause = cause_record(edge.cause, edge.block) | place
-        return self.event(boot, at, "error", f"{edge.outputs.status:04X}", cause)
+        return self.add_event(boot, at, "error", f"{edge.outputs.status:04X}", cause)
 
-    def event(
+    def add_event(
         self, boot: str, at: float, kind: str, status: str | None, cause: dict[str, object]
     ) -> EventMessage:
         self.count += 1
@@ -105,7 +107,7 @@ class AgentLine:
         changed, self.state = state != self.state, state
         return changed
 
-    def figures(self, at: float) -> FiguresMessage:
+    def take_figures(self, at: float) -> FiguresMessage:
         """Return the figures for the time since the last call."""
         received, sent, then = self._last_figures
         seconds = max(at - then, 1e-3) if then else float(MINUTE_S)
@@ -163,7 +165,7 @@ class AgentBench:
                 missed = {
                     "text": f"{update.lines_skipped} lines of the ledger were not read: too many at once"
                 }
-                events.append((instance, instance.event(self.boot, wall, "note", None, dict(missed))))
+                events.append((instance, instance.add_event(self.boot, wall, "note", None, dict(missed))))
         for each in snapshot.instances:
             line_name = self._names.get(each.connect, each.connect)
             self.instances.setdefault(each.name, AgentInstance(line_name, each.name))
@@ -173,7 +175,7 @@ class AgentBench:
             if isinstance(line.event, StatusEdge) and line.event.instance in self.instances:
                 seen = self.instances[line.event.instance]
                 at = round(began + line.t_ns / NS, 3)
-                event = seen.edge(self.boot, at, line.event, {"scan": line.scan, **file})
+                event = seen.make_edge(self.boot, at, line.event, {"scan": line.scan, **file})
                 if event is not None:
                     events.append((seen, event))
                     self._get_line(seen.line).errors.append(at)
@@ -193,7 +195,7 @@ class AgentBench:
         counted = tuple((line.received, line.sent, line.state) for line in self.lines.values())
         return (*counted, *(each.errors for each in self.instances.values()))
 
-    def report_findings(
+    def make_finding_events(
         self, doctor: DoctorSnapshot, wall: float, with_payload: bool
     ) -> Iterable[tuple[AgentInstance, EventMessage]]:
         """Yield an event for each (instance, cause) that the doctor's previous findings did not have."""
@@ -210,7 +212,7 @@ class AgentBench:
                 found.add((seen.name, one.cause))
                 if (seen.name, one.cause) not in self._known:
                     cause = _finding_record(one, with_payload) | self._file_record()
-                    yield seen, seen.event(self.boot, round(wall, 3), "finding", None, cause)
+                    yield seen, seen.add_event(self.boot, round(wall, 3), "finding", None, cause)
         self._known = found
         for seen in self.instances.values():
             seen.finding = surest.get(seen.name, "")

@@ -63,7 +63,7 @@ def parse_page_address(text: str) -> tuple[str, int]:
     return str(ip_address(found[0])), found[1]
 
 
-class MetricsPage:
+class MetricsCollector:
     def __init__(self, agent: Any) -> None:
         self._agent = agent
 
@@ -78,12 +78,12 @@ class MetricsPage:
             yield family
 
 
-def serve_page(address: str, port: int, agent: Any) -> Any:
+def start_page_server(address: str, port: int, agent: Any) -> Any:
     """Return the server of the page; raise OSError if the port is not free."""
     from prometheus_client import start_http_server
     from prometheus_client.core import CollectorRegistry
 
     registry = CollectorRegistry()
-    registry.register(MetricsPage(agent))
+    registry.register(MetricsCollector(agent))
     server, _ = start_http_server(port, address, registry)
     return server

@@ -1,6 +1,6 @@
 """Sends an agent's messages to the broker: the newest of each retained topic, and a queue of events.
 
-Rule 1: a new connection first sends retained topics. Then, `QUEUE_DELAY_NS` later, the queue, oldest first.
+Rule 1: a new connection first sends retained topics and, `QUEUE_DELAY_NS` later, the queue, oldest first.
 Rule 2: an event leaves the queue when the broker acknowledges it. A full queue drops old figures first.
 Rule 3: a refused message is sent again after a growing pause. Meanwhile other messages are sent.
 """
@@ -13,11 +13,11 @@ from typing import Final, NamedTuple
 from trcvtui.errors import one_line
 from trcvtui.fleet.broker import (
     BrokerConnection,
-    BrokerRefusal,
     ConnAck,
     ConnectionLost,
     PublishAck,
     PublishRefusal,
+    SubscribeRefusal,
 )
 from trcvtui.fleet.disk_queue import EVENT, FIGURES, DiskQueue
 
@@ -28,7 +28,7 @@ MOST_UNDERWAY: Final = 200  # messages that the broker has not acknowledged
 
 
 class _PendingMessage(NamedTuple):
-    """A message that is not acknowledged. `number` is its number in the queue, 0 if it is not queued."""
+    """A sent message without an acknowledgement yet. `number` is its number in the queue, 0: not queued."""
 
     topic: str
     number: int
@@ -79,7 +79,7 @@ class Publisher:
     def send_event(self, topic: str, payload: bytes) -> None:
         self._queue_message(EVENT, topic, payload)
 
-    def figures(self, topic: str, payload: bytes) -> None:
+    def send_figures(self, topic: str, payload: bytes) -> None:
         """Retain figures. While the broker is not connected, also queue them."""
         self.retain(topic, payload)
         if not self.is_up:
@@ -95,14 +95,14 @@ class Publisher:
             self._underway[number] = _PendingMessage(topic, 0)
 
     def advance(self, now: int) -> None:
-        for news in self._connection.news():
+        for news in self._connection.take_events():
             match news:
                 case ConnAck():
-                    self._begin_connection(now)
+                    self._handle_connect(now)
                 case ConnectionLost(why):
                     self._up_at = None
                     self._report(f"{why}; messages are queued until the next try succeeds")
-                case BrokerRefusal(why):
+                case SubscribeRefusal(why):
                     self._report(why)
                 case PublishAck(number) if number in self._underway:
                     self._handle_ack(self._underway.pop(number))
@@ -133,7 +133,7 @@ class Publisher:
             held = self._retained[refused.topic]
             held.is_sent, held.due_at = False, self._again_at
 
-    def _begin_connection(self, now: int) -> None:
+    def _handle_connect(self, now: int) -> None:
         self._up_at, self._sent_up_to = now, 0
         self._again_at, self._pause = 0, RESEND_NS
         self._underway.clear()

@@ -15,11 +15,11 @@ from trcvtui.errors import UserError
 from trcvtui.fleet.broker import (
     BrokerConnection,
     BrokerEvent,
-    BrokerRefusal,
     ConnAck,
     ConnectionLost,
     IncomingMessage,
     SubAck,
+    SubscribeRefusal,
 )
 from trcvtui.fleet.seen_fleet import FleetAgent, FleetModel
 from trcvtui.fleet.topics import ROOT, StateMessage, encode_level, parse_message, parse_topic
@@ -72,7 +72,7 @@ class FleetReader:
         """Read messages for at most `most_ns`, then subscribe to more."""
         until = clock.now_ns() + most_ns
         self._is_behind = False
-        for news in self._connection.news():
+        for news in self._connection.take_events():
             self._handle_event(news, now, wall)
             if clock.now_ns() > until:
                 self._is_behind = True
@@ -82,10 +82,10 @@ class FleetReader:
             self._dropped = self._connection.dropped
             self._report(TOO_MANY_TEXT, now)
         while self._settling and now >= self._settling[0][0] and not self._is_behind:
-            self._settling.popleft()[1].begin_counting()
+            self._settling.popleft()[1].count_from_one()
         if self._miss_at is not None and now >= self._miss_at and not self._is_behind:
             self._miss_at = None
-            self.fleet.mark_missing(wall)
+            self.fleet.mark_offline_agents(wall)
         if now >= self._again_at and self.is_complete:
             self._again_at = now + LACK_CHECK_NS
             for agent in self.fleet.agents.values():
@@ -112,7 +112,7 @@ class FleetReader:
                     each.clear()
             case SubAck(number) if number in self._underway:
                 self._settling.append((now + SETTLE_NS, self._underway.pop(number)))
-            case BrokerRefusal(why):
+            case SubscribeRefusal(why):
                 self._report(why, now)
 
     def _handle_message(self, came: IncomingMessage, wall: float) -> None:

@@ -90,12 +90,12 @@ class FleetAgent:
     def is_offline(self) -> bool:
         return self.state is not None and self.state.state == "offline"
 
-    def begin_counting(self) -> None:
+    def count_from_one(self) -> None:
         """Note that all retained events have come: from now on missing events are counted."""
         self.has_begun = True
         for line in self.lines.values():
             for instance in line.instances.values():
-                instance.log.begin_counting()
+                instance.log.count_from_one()
 
 
 class FleetLine:
@@ -262,7 +262,7 @@ class FleetModel:
         elif isinstance(message, EventMessage):
             self._add_events(line, instance, (message,), wall)
 
-    def mark_missing(self, wall: float) -> None:
+    def mark_offline_agents(self, wall: float) -> None:
         """Mark as offline agents whose state has not come again: a restarted broker loses last wills."""
         for agent in self.agents.values():
             if not agent.is_heard and not agent.is_offline and agent.state is not None:
@@ -283,7 +283,7 @@ class FleetModel:
     def _get_instance(self, line: FleetLine, name: str) -> FleetInstance:
         found = self._get_or_make(line.instances, name, "instance", name, lambda: FleetInstance(name))
         if line.agent.has_begun:
-            found.log.begin_counting()
+            found.log.count_from_one()
         return found
 
     def _get_or_make(self, of: dict[K, V], key: K, what: str, name: str, make: Callable[[], V]) -> V:

@@ -1,6 +1,6 @@
-"""Reads the ledger once for all listeners (`index.add_listeners`), some lines between each two scans.
+"""Reads the ledger once for all listeners (`index.add_listeners`), a few lines at a time between scans.
 
-Rule: if lines are overwritten before they are read, all listeners get a call. No listener guesses.
+Rule: if lines are overwritten unread, all listeners get a call. No listener guesses their content.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class LedgerReader:
 
     def __init__(self, bench: Bench) -> None:
         self.index = StreamIndex()
-        self.lost: list[Callable[[int, int, int], None]] = []  # called with seq, scan, time before a loss
+        self.on_loss: list[Callable[[int, int, int], None]] = []  # called with seq, scan, time before a loss
         self._bench = bench
         self._has_failed = False
         self._news: list[StampedEvent] = []
@@ -72,5 +72,5 @@ class LedgerReader:
 
     def _report_loss(self, seq: int) -> None:
         self.index.forget_streams()
-        for lost in self.lost:
+        for lost in self.on_loss:
             lost(seq, *self._at)

@@ -13,7 +13,7 @@ from typing import Any, Final
 from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.environment import JobEnded
+from trcvtui.blocks.environment import ReceiveEnded
 from trcvtui.blocks.outcome import Cause, CauseKind, cause_of_fault
 from trcvtui.history.records import (
     SETUP_CALLS,
@@ -92,13 +92,13 @@ class LinkStatistics:
 
     # -- from the ledger --------------------------------------------------------------------------------
 
-    def _handle_bytes(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+    def _count_datagram(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
         link = self._links.get(event[0])
         if link is not None and link.datagrams is not None:
             link.datagrams.count += 1
             link.datagrams.last.append(event[4])
 
-    def _handle_job_end(self, seq: int, scan: int, t_ns: int, event: JobEnded) -> None:
+    def _handle_job_end(self, seq: int, scan: int, t_ns: int, event: ReceiveEnded) -> None:
         if not event.size:
             return
         link, started = self._links[event.connection], self._index.find_newest_job(event.instance)
@@ -132,7 +132,7 @@ class LinkStatistics:
                 link.datagrams, link.down_since = _DatagramCounts(at), None
                 if not self._has_datagrams:
                     self._has_datagrams = True
-                    self._index.add_listeners({BytesReceived: self._handle_bytes})
+                    self._index.add_listeners({BytesReceived: self._count_datagram})
         elif event.what is EventKind.CONNECTING:
             link.down_since = link.down_since or at
             link.forget_setup_failures()

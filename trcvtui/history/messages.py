@@ -139,7 +139,7 @@ class NewestRows:
         for number in range(max(of.oldest, of.first), of.count):
             row = of.rows[number - of.first]
             ring = self._received(row.stream)
-            if ring is not None and row.size and row.position >= ring.begin:
+            if ring is not None and row.size and row.position >= ring.first:
                 break
             if row.size:
                 of.oldest = number + 1
@@ -192,7 +192,7 @@ class MessageRows(NewestRows):
             SendEnded: self._handle_send_end,
             StatusEdge: self._handle_status,
         })  # fmt: skip
-        reader.lost.append(self._handle_loss)
+        reader.on_loss.append(self._handle_loss)
 
     def make_delta(self, instance: str, since: int, until: int = MAX_SCAN) -> MessagesDelta:
         """Return the rows. If nothing is new, return the same object, so that it is not sent again."""

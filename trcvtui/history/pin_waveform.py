@@ -24,7 +24,7 @@ POLL_NS: Final = 100_000_000  # the interval of an online watch table of an IDE
 LaneValue = int | None
 
 
-class Window(NamedTuple):
+class ScanWindow(NamedTuple):
     """The columns that are drawn. Column n has the scans n * zoom + 1 to (n + 1) * zoom."""
 
     first: int
@@ -91,13 +91,13 @@ class PinWaveform:
         low, high = (min(known), max(known)) if known else (None, None)
         return Column(low, high, inside[-1], end - begin)
 
-    def list_columns(self, window: Window, until: int) -> list[Column | None]:
+    def list_columns(self, window: ScanWindow, until: int) -> list[Column | None]:
         """Return the columns of a window, None for those after scan `until`. Store complete columns."""
         if self._zoom != window.zoom or len(self._columns) > 8 * window.width + 1024:
             self._columns, self._zoom = {}, window.zoom
         return [self._get_column(window, number, until) for number in range(window.width)]
 
-    def _get_column(self, window: Window, number: int, until: int) -> Column | None:
+    def _get_column(self, window: ScanWindow, number: int, until: int) -> Column | None:
         key = window.first + number
         if (known := self._columns.get(key)) is not None:
             return known
@@ -175,7 +175,7 @@ class PinChange(NamedTuple):
 class WaveformDelta(Struct, frozen=True):
     """The changes of one instance in order. `first` is the number of the first change, counted from 1.
 
-    `before` has all pins from `before_scan` to the first change. No other change comes up to `until_scan`.
+    `before` has the pin values from `before_scan` to the first change. No others come up to `until_scan`.
     """
 
     instance: str
@@ -216,7 +216,7 @@ MOST_GAPS: Final = 200
 
 
 def find_lamp(pin: str) -> str:
-    """Return the lamp that a pin is: done, error or busy. Return "" if the pin is no lamp."""
+    """Return which lamp a pin is, under any name: done, error or busy. Return "" for no lamp."""
     shows = outcome_field(pin)
     return shows if shows in LAMP_FIELDS else ""
 
@@ -291,7 +291,7 @@ class Waveform:
     def watched_pins(self) -> list[str]:
         return [pin for what in WATCHED_FIELDS if (pin := self.find_pin(what)) is not None]
 
-    def list_columns(self, lane: PinWaveform, window: Window) -> list[Column | None]:
+    def list_columns(self, lane: PinWaveform, window: ScanWindow) -> list[Column | None]:
         return lane.list_columns(window, self.until_scan)
 
     def is_gap(self, first: int, last: int) -> bool:

@@ -14,12 +14,12 @@ from typing import Final
 
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.environment import (
-    BytesArrived,
-    BytesLost,
+    BufferBytesLost,
+    BytesBuffered,
     FrameEnded,
-    JobEnded,
     NoiseDropped,
     PartialFrameDropped,
+    ReceiveEnded,
 )
 from trcvtui.blocks.framing import FrameEnding
 from trcvtui.history.ledger_reader import LedgerReader
@@ -78,7 +78,7 @@ class ReceivedStream:
         self.looked_at = len(self.recvs) + len(self.jobs) + SLACK
 
     def find_pieces(self, incarnation: int, offset: int, size: int) -> Pieces:
-        """Return the known places in the ring of `size` bytes from `offset` of a connection on."""
+        """Return the known pieces of the ring that hold the `size` bytes at `offset` of a connection."""
         found: Pieces = []
         begin, end = (incarnation, offset), (incarnation, offset + size)
         place = bisect_right(self.recvs, begin, key=lambda recv: (recv.incarnation, recv.offset + recv.size))
@@ -90,7 +90,7 @@ class ReceivedStream:
         return join_pieces(found)
 
     def take_last(self, stop: int, size: int) -> Pieces:
-        """Take the last `size` untaken bytes of a ComBuffer before `stop`, or [] if not all are known."""
+        """Take the last `size` untaken bytes of a ComBuffer before `stop`. Return [] if any are unknown."""
         held: list[RecvSpan] = []
         while self.arrivals and self.arrivals[0].offset < stop:
             recv = self.arrivals.popleft()
@@ -127,15 +127,15 @@ class ReceivedStream:
         return []
 
     def find_job_pieces(self, instance: str, number: int) -> list[JobSpan]:
-        """Return the pieces of this job or frame, or [] if it is not among the newest with DONE."""
+        """Return the pieces of this job or frame, or [] if it has no DONE or is not among the newest."""
         for place in range(len(self.jobs) - 1, max(-1, len(self.jobs) - MOST_STEPS), -1):
             job = self.jobs[place]
             if job.done and job.number == number and job.instance == instance:
                 return self.list_pieces(place)
         return []
 
-    def find_job(self, instance: str, number: int) -> int | None:
-        """Return the begin of the newest job or frame with this number and DONE, or None if unknown."""
+    def find_job_position(self, instance: str, number: int) -> int | None:
+        """Return where the newest job or frame with this number and DONE begins, or None if unknown."""
         found = (
             job.position for job in reversed(self.jobs)
             if job.done and job.number == number and job.instance == instance and not job.first
@@ -164,14 +164,14 @@ class ReceivedStreams:
         self.index.add_listeners({
             BytesReceived: self._handle_received,
             BytesDropped: self._handle_dropped,
-            BytesArrived: self._handle_arrived,
+            BytesBuffered: self._handle_arrived,
             FrameEnded: self._handle_frame,
             NoiseDropped: self._add_cleared,
             PartialFrameDropped: self._add_cleared,
-            BytesLost: self._handle_bytes_lost,
+            BufferBytesLost: self._handle_bytes_lost,
         })  # fmt: skip
         self.index.ends[True].append(self._handle_job_end)
-        reader.lost.append(self._handle_loss)
+        reader.on_loss.append(self._handle_loss)
 
     def _handle_loss(self, seq: int, scan: int, t_ns: int) -> None:
         for stream in self.streams.values():
@@ -183,7 +183,7 @@ class ReceivedStreams:
         if len(stream.recvs) + len(stream.jobs) > stream.looked_at:
             ring = self._bench.runtime.received_ring(name)
             most = max(LEAST_SPANS_KEPT, MOST_SPANS_KEPT // len(self.streams))
-            stream.forget_oldest(most, ring.begin if ring is not None else 0)
+            stream.forget_oldest(most, ring.first if ring is not None else 0)
         return stream
 
     # -- a CONNECT ---------------------------------------------------------------------------------------
@@ -193,7 +193,7 @@ class ReceivedStreams:
         stream.recvs.append(self.index.get_running_read(event.instance))
         stream.cut = event if event.cut else None
 
-    def _handle_job_end(self, seq: int, scan: int, t_ns: int, event: JobEnded) -> None:
+    def _handle_job_end(self, seq: int, scan: int, t_ns: int, event: ReceiveEnded) -> None:
         instance, number, connect, _, _, size, _, _ = event
         reads = self.index.done_reads(instance)
         if len(reads) == 1 and reads[0].size >= size:
@@ -225,7 +225,7 @@ class ReceivedStreams:
 
     # -- a ComBuffer -------------------------------------------------------------------------------------
 
-    def _handle_arrived(self, seq: int, scan: int, t_ns: int, event: BytesArrived) -> None:
+    def _handle_arrived(self, seq: int, scan: int, t_ns: int, event: BytesBuffered) -> None:
         buffer, offset, size, position = event
         if position >= 0:
             number = self._arrivals[buffer] = self._arrivals.get(buffer, 0) + 1
@@ -245,7 +245,7 @@ class ReceivedStreams:
         span = JobSpan(0, 0, event.instance, 0, scan, t_ns, False, reason, whole=event.size)
         self._add_buffer_bytes(event.buffer, event.offset, span)
 
-    def _handle_bytes_lost(self, seq: int, scan: int, t_ns: int, event: BytesLost) -> None:
+    def _handle_bytes_lost(self, seq: int, scan: int, t_ns: int, event: BufferBytesLost) -> None:
         buffer, offset, size, reason, position = event
         span = JobSpan(max(0, position), size, "", 0, scan, t_ns, False, reason, whole=size)
         if position < 0:

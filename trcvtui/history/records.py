@@ -173,7 +173,7 @@ class PreviousJobBytes(Struct, frozen=True):
 
 
 class HistoryWindow(Struct, frozen=True):
-    """A part of a stream from `start` on. The stored stream is from `begin` to `end`. Missing bytes are 0.
+    """A part of a stream from `start` on. The stream is stored from `begin` to `end`. Missing bytes are 0.
 
     Spans that cross an edge of the window are whole.
     """
@@ -196,7 +196,7 @@ class HistoryWindow(Struct, frozen=True):
     def stop(self) -> int:
         return self.start + len(self.content)
 
-    def cut(self, positions: range) -> bytes:
+    def part(self, positions: range) -> bytes:
         return self.content[positions.start - self.start : positions.stop - self.start]
 
     def has_values(self, positions: range) -> bool:
@@ -227,7 +227,7 @@ class Sizes(Struct, frozen=True):
     last: tuple[int, ...] = ()
 
     @property
-    def common(self) -> int | None:
+    def common_size(self) -> int | None:
         """Return the one size that all of `last` have, or None if they differ or `last` is empty."""
         return self.last[0] if self.last and min(self.last) == max(self.last) else None
 

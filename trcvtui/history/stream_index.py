@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from operator import attrgetter
 from typing import Any, Final, NamedTuple
 
-from trcvtui.blocks.environment import JobEnded, JobStarted, ModeChange
+from trcvtui.blocks.environment import ModeChanged, ReceiveEnded, ReceiveStarted
 from trcvtui.history.records import (
     MAX_SCAN,
     PAUSE_SCANS,
@@ -50,8 +50,8 @@ Listener = Callable[[int, int, int, Any], None]  # seq, scan, time in ns, the ev
 Ends = tuple[str, str]  # the peer's, then that of the CONNECT
 LinkKey = tuple[str, int]  # CONNECT, incarnation
 _SentMessage = tuple[int, int, int, str, int]  # offset, size, number, peer, when
-_JobBegin = tuple[int, int, tuple[Any, ...]]  # scan, time, the fields of JobStarted
-_JobEnd = tuple[int, int, tuple[Any, ...], "_JobBegin | None", list[RecvSpan]]  # JobEnded, beginning, reads
+_JobBegin = tuple[int, int, tuple[Any, ...]]  # scan, time, the fields of ReceiveStarted
+_JobEnd = tuple[int, int, tuple[Any, ...], "_JobBegin | None", list[RecvSpan]]  # end, beginning, reads
 _AFTER_OFFSET: Final = (1 << 62, 0, "")
 BY_OFFSET: Final = attrgetter("offset")
 
@@ -192,12 +192,12 @@ class StreamIndex:
         self.listeners: dict[type, list[Listener]] = {
             PeerSent: [self._handle_message_sent],
             BytesReceived: [self._handle_received],
-            JobStarted: [self._handle_job_start],
-            ModeChange: [self._handle_job_mode],
-            JobEnded: [self._handle_job_end],
+            ReceiveStarted: [self._handle_job_start],
+            ModeChanged: [self._handle_job_mode],
+            ReceiveEnded: [self._handle_job_end],
             ConnectionChanged: [self._handle_connection],
         }
-        self.ends: dict[bool, list[Listener]] = {True: [], False: []}  # called with JobEnded, by DONE
+        self.ends: dict[bool, list[Listener]] = {True: [], False: []}  # called with ReceiveEnded, by DONE
 
     def add_listeners(self, listeners: Mapping[type, Listener]) -> None:
         """From now on call each listener with the events of its type, after the index has read them."""
@@ -418,7 +418,7 @@ class StreamIndex:
             return None
         job, pieces = known
         place = _find_offset(pieces, byte)
-        if not self._is_present(job.link):
+        if not self._is_current_link(job.link):
             return ByteOrigin(job, None, None)
         return ByteOrigin(job, _find_covering(job.recvs, place), self.find_message(job.link, place, byte))
 
@@ -433,7 +433,7 @@ class StreamIndex:
 
     def _spans(self, instance: str, of_job: bool) -> Iterator[MessageSpan]:
         known = self._find_job_pieces(instance, of_job)
-        if known is not None and self._is_present(known[0].link):
+        if known is not None and self._is_current_link(known[0].link):
             before = 0  # bytes of the job before this piece
             for offset, size in known[1]:
                 yield from self.find_messages_within(known[0].link, offset, size, before)
@@ -448,7 +448,7 @@ class StreamIndex:
             [range(span.position, span.stop) for span in self._spans(instance, of_job) if span.peer == A_HOLE]
         )
 
-    def _is_present(self, link: LinkKey) -> bool:
+    def _is_current_link(self, link: LinkKey) -> bool:
         return self._incarnations.get(link[0]) == link[1]
 
 

@@ -37,17 +37,19 @@ ByteRuns = list[tuple[int, bytes]]  # position, bytes
 LOST_REASON: Final = "of an unknown job: lines of the ledger were overwritten before they were read"
 
 
-class _Source:
+class _Past:
     """One stream with its ring as it was after a scan. It serves one picture."""
 
     def __init__(self, name: str, ring: ReceivedRing, stream: ReceivedStream, scan: int) -> None:
         self.name, self.ring, self.stream, self.scan = name, ring, stream, scan
-        self.begin = max(ring.begin, min(stream.begin, ring.end))
+        self.begin = max(ring.first, min(stream.begin, ring.end))
         self.end = max(self.begin, min(ring.end, _end_at(scan, stream.recvs), _end_at(scan, stream.blanks)))
 
     @property
     def lack_reason(self) -> str:
-        return self.ring.lack_reason if self.begin == self.ring.begin else "older than the jobs that are kept"
+        return (
+            self.ring.missing_reason if self.begin == self.ring.first else "older than the jobs that are kept"
+        )
 
     def read_runs(self, start: int, stop: int) -> ByteRuns:
         """Return the bytes from `start` to `stop`. A new run begins after missing bytes."""
@@ -87,7 +89,7 @@ class StreamReader:
         ring = self._bench.runtime.received_ring(request.connect)
         if ring is None:
             return HistoryWindow(request.connect, 0, 0)
-        of = _Source(request.connect, ring, self.streams.streams[request.connect], request.scan)
+        of = _Past(request.connect, ring, self.streams.streams[request.connect], request.scan)
         size = max(0, min(request.size, MOST_WINDOW))
         start = of.end - size if request.start == AT_END else request.start
         start = max(of.begin, min(start, of.end))
@@ -101,7 +103,7 @@ class StreamReader:
         )  # fmt: skip
 
     def _collect_spans(
-        self, of: _Source, start: int, stop: int
+        self, of: _Past, start: int, stop: int
     ) -> tuple[tuple[JobSpan, ...], tuple[RecvSpan, ...], list[MessageSpan], int]:
         ended = of.list_jobs(start, stop)
         recvs = find_spans(of.stream.recvs, start, stop)[: MOST_SPANS + 1]
@@ -133,7 +135,7 @@ class StreamReader:
                 messages.append(found)
 
     @staticmethod
-    def _read_job_at(of: _Source, position: int | None) -> tuple[int, bytes] | None:
+    def _read_job_at(of: _Past, position: int | None) -> tuple[int, bytes] | None:
         """Return where the job, or job piece, at a position begins, and all bytes of the job."""
         if position is None:
             return None
@@ -144,14 +146,14 @@ class StreamReader:
 
     # -- searches ----------------------------------------------------------------------------------------
 
-    def _continue_seek(self, of: _Source, seek: SeekRequest | None) -> SeekResult | None:
+    def _continue_seek(self, of: _Past, seek: SeekRequest | None) -> SeekResult | None:
         if seek is None:
             return None
         is_new, found = seek not in self._searches, None
         self._reached, answer = self._searches.pop(seek, (seek.start, None))
         if is_new:
             if seek.job is not None:
-                found = of.stream.find_job(*seek.job)
+                found = of.stream.find_job_position(*seek.job)
             elif not seek.patterns:
                 found = of.stream.find_next_ended(seek.start, seek.is_forward, not seek.dropped)
             if not seek.patterns or seek.job is not None:
@@ -164,7 +166,7 @@ class StreamReader:
             del self._searches[next(iter(self._searches))]
         return answer
 
-    def _search_stretch(self, of: _Source, seek: SeekRequest) -> SeekResult:
+    def _search_stretch(self, of: _Past, seek: SeekRequest) -> SeekResult:
         """Search one more stretch. Stretches overlap, so that nothing on their border is missed."""
         size = max(1, STRETCH_BYTES // len(seek.patterns))
         more = max(map(len, seek.patterns)) - 1
@@ -227,7 +229,7 @@ def _find_last(runs: ByteRuns, patterns: tuple[bytes, ...], before: int) -> int 
     return next((place + at for place, at in found if at is not None), None)
 
 
-def _read_previous(of: _Source, jobs: Iterable[JobSpan], start: int, stop: int) -> Iterator[PreviousJobBytes]:
+def _read_previous(of: _Past, jobs: Iterable[JobSpan], start: int, stop: int) -> Iterator[PreviousJobBytes]:
     """Yield, for each job of the window, the bytes at the same places in the job before."""
     for job in jobs:
         earlier = of.stream.find_job_before(job.position, job.instance) if job.done and not job.first else []
@@ -238,7 +240,7 @@ def _read_previous(of: _Source, jobs: Iterable[JobSpan], start: int, stop: int) 
                 yield PreviousJobBytes(at, content, earlier[0].number)
 
 
-def _read_previous_data(of: _Source, request: tuple[str, int, int] | None) -> PreviousJobBytes | None:
+def _read_previous_data(of: _Past, request: tuple[str, int, int] | None) -> PreviousJobBytes | None:
     """Return bytes that DATA held before the newest job of an instance. The job before brought them."""
     if request is None:
         return None

@@ -97,7 +97,7 @@ class WaveformRecorder:
         reader.index.add_listeners(
             {StatusEdge: self._on_edge, InputEdge: self._on_edge, BenchNote: self._on_note}
         )
-        reader.lost.append(self._handle_loss)
+        reader.on_loss.append(self._handle_loss)
 
     def _on_edge(self, seq: int, scan: int, t_ns: int, event: StatusEdge | InputEdge) -> None:
         if self._downloads:

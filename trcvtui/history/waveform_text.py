@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 from trcvtui.blocks.table import find_pin, outcome_field
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
-from trcvtui.history.pin_waveform import Column, PinWaveform, Waveform, Window
+from trcvtui.history.pin_waveform import Column, PinWaveform, ScanWindow, Waveform
 from trcvtui.plc.ledger import Line, StatusEdge
 
 LOW_SIGN, HIGH_SIGN, ONE_SCAN_SIGN, RISE_SIGN, FALL_SIGN, INSIDE_SIGN, GAP, UNKNOWN_SIGN = "▁▔█╱╲┃░·"
@@ -71,14 +71,14 @@ def get_lane(wave: Waveform, name: str) -> PinWaveform:
     return wave.get_polled(get_row_pin(name)) if name.startswith(WATCH) else wave.lanes[get_row_pin(name)]
 
 
-def draw_row(wave: Waveform, name: str, window: Window) -> list[Piece]:
+def draw_row(wave: Waveform, name: str, window: ScanWindow) -> list[Piece]:
     if name == CODES:
         return _draw_codes(wave, window)
     columns = wave.list_columns(get_lane(wave, name), window)
     if name == "RCVD_LEN":
         return list(_draw_lengths(wave, window, columns))
     if count_pin_bits(get_row_pin(name)):
-        return list(_segments(wave, name, window, columns))
+        return list(_draw_numbers(wave, name, window, columns))
     if not wave.gaps and columns.count(columns[0]) == window.width:  # most pins do not change in view
         sign, kind = _draw_level(wave, window, columns, 0)
         return [(sign * window.width, kind)]
@@ -88,7 +88,7 @@ def draw_row(wave: Waveform, name: str, window: Window) -> list[Piece]:
 # -- levels -----------------------------------------------------------------------------------------------
 
 
-def _draw_level(wave: Waveform, window: Window, columns: list[Column | None], x: int) -> Piece:
+def _draw_level(wave: Waveform, window: ScanWindow, columns: list[Column | None], x: int) -> Piece:
     column = columns[x]
     if column is None:
         return " ", ""
@@ -114,7 +114,9 @@ def _is_low(columns: list[Column | None], x: int) -> bool:
 # -- numbers ----------------------------------------------------------------------------------------------
 
 
-def _segments(wave: Waveform, name: str, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
+def _draw_numbers(
+    wave: Waveform, name: str, window: ScanWindow, columns: list[Column | None]
+) -> Iterator[Piece]:
     pin, x = get_row_pin(name), 0
     is_word = outcome_field(pin) == "status" and not name.startswith(WATCH)
     keys = (_segment_key(wave, window, columns[x], x) for x in range(len(columns)))
@@ -133,7 +135,7 @@ def _segments(wave: Waveform, name: str, window: Window, columns: list[Column | 
         yield text[:width].ljust(width, "─" if value is not None else UNKNOWN_SIGN), style
 
 
-def _segment_key(wave: Waveform, window: Window, column: Column | None, x: int) -> tuple[str, int | None]:
+def _segment_key(wave: Waveform, window: ScanWindow, column: Column | None, x: int) -> tuple[str, int | None]:
     if column is None:
         return "none", None
     if wave.gaps and wave.is_gap(*window.column_scans(x)):
@@ -148,7 +150,7 @@ def _get_edge_kind(line: Line | None) -> str:
     return edge.outputs.lit_lamp
 
 
-def _draw_lengths(wave: Waveform, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
+def _draw_lengths(wave: Waveform, window: ScanWindow, columns: list[Column | None]) -> Iterator[Piece]:
     """Yield the row of RCVD_LEN. A value other than 0 lasts one scan, and is written if there is room."""
     pulses = [x for x, column in enumerate(columns) if column is not None and column.high]
     nexts = dict(zip(pulses, [*pulses[1:], window.width], strict=False))
@@ -169,7 +171,7 @@ def _draw_lengths(wave: Waveform, window: Window, columns: list[Column | None]) 
 KIND_RANKS: Final = {"error": 0, "done": 1, "busy": 2, "": 3}
 
 
-def _draw_codes(wave: Waveform, window: Window) -> list[Piece]:
+def _draw_codes(wave: Waveform, window: ScanWindow) -> list[Piece]:
     columns = wave.list_columns(wave.lanes["STATUS"], window)
     found = []
     for x, column in enumerate(columns):
@@ -214,7 +216,7 @@ def _place_labels(taken: dict[int, tuple[str, str]], width: int) -> list[Piece]:
 # -- ruler ------------------------------------------------------------------------------------------------
 
 
-def draw_ruler(window: Window, until: int, marks: Iterable[RulerMark]) -> list[Piece]:
+def draw_ruler(window: ScanWindow, until: int, marks: Iterable[RulerMark]) -> list[Piece]:
     """Return the ruler with ticks and their scan numbers. The marks overwrite both."""
     signs = [" "] * window.width
     for x in range(-window.first % TICK_COLUMNS, window.width, TICK_COLUMNS):
@@ -313,7 +315,7 @@ def free_path(folder: Path, name: str) -> Path:
     return next(folder / name for name in names if not (folder / name).exists())
 
 
-def write_waves(path: Path, waves: Sequence[Waveform], span: ScanRange) -> int:
+def write_vcd(path: Path, waves: Sequence[Waveform], span: ScanRange) -> int:
     """Write a new file and return its size. Raise UserError if it cannot be written."""
     if not any(wave.lanes for wave in waves):
         raise mistake("export timing", "no scan yet", "a bench that has scanned")
@@ -322,7 +324,7 @@ def write_waves(path: Path, waves: Sequence[Waveform], span: ScanRange) -> int:
     return len(payload)
 
 
-def target_folder(project: Path) -> Path:
+def export_folder(project: Path) -> Path:
     """Return the project's folder, or the working directory if that folder is trcvtui's or read-only."""
     folder = project.absolute().parent
     own = Path(__file__).resolve().parents[1]

@@ -31,17 +31,17 @@ from trcvtui.line.shadows import (
     ShadowPlan,
     find_directions,
     make_endpoint,
-    make_tap_rows,
+    make_watch_rows,
     plan_ad_hoc,
     plan_for_project,
 )
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.convert_dialect import convert_project, find_dialect
-from trcvtui.project.edit import apply_edits, find_entry, make_change, read_change
+from trcvtui.project.edit import apply_edits, find_entry, make_change, read_changed
 from trcvtui.project.project import Project
 from trcvtui.project.tables import SetOverride, quote
 from trcvtui.recording.seam import Seam
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 
 MOST_LISTED: Final = 1000  # conversations in the last line
 MISSING: Final = "? missing in the capture"  # note of a job that lacks bytes
@@ -63,7 +63,7 @@ class ShadowOutput(Protocol):
 
     first_ns: int = 0  # of the first packet, with which scan 1 begins
 
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
+    def report_scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         """Take the changes of a scan. `lacking` are instances whose ended job has missing bytes."""
 
     def note(self, ns: int, number: int, text: str) -> None:
@@ -82,7 +82,7 @@ class CaptureOutcome(NamedTuple):
     not_run: int
 
 
-class _PlayState:
+class _PlayedTalk:
     """A conversation while it is played: the ends by direction, and the unanswered keep-alive probes."""
 
     def __init__(self, ends: list[tuple[WireDirection, ReplayedPartner]]) -> None:
@@ -109,7 +109,7 @@ class CapturePlayer:
         self.overlaps: dict[int, int] = {}  # unassigned conversation -> the one that holds its CONNECT
         self._over: list[int] = []  # ended conversations beyond MOST_LISTED
         self.shadows = ShadowBench(fresh_bench(plan.project, "sim", seam), self._report_scan)
-        self._running: dict[int, _PlayState] = {}
+        self._running: dict[int, _PlayedTalk] = {}
         self._reading = Conversations(self.play_event)
         self._left_out: Counter[int] = Counter()  # bytes by number of their conversation
         self._at: dict[str, tuple[int, ReplayedPartner]] = {}  # CONNECT -> the one that has it
@@ -155,7 +155,7 @@ class CapturePlayer:
             [edge.instance for edge in shown if edge.outputs.done or edge.outputs.error] if lacking else []
         )
         if shown:
-            self.lines.scan(scan, shown, [name for name in ended if name in lacking])
+            self.lines.report_scan(scan, shown, [name for name in ended if name in lacking])
 
     def play_event(self, event: ConversationEvent) -> None:
         """Run the scans before an event, then play it."""
@@ -193,7 +193,7 @@ class CapturePlayer:
             return
         self._report_hole(ns, event)
         for says, end in running.ends:
-            self._play_to_end(ns, event, event.direction is says, end, running)
+            self._play_to_partner(ns, event, event.direction is says, end, running)
 
     def _play_without_stream(self, ns: int, event: ConversationEvent) -> None:
         self._report_hole(ns, event)
@@ -209,7 +209,7 @@ class CapturePlayer:
                 source = make_endpoint(event.direction.address)
                 line.send(conversation.number, source, event.data, event.size - len(event.data))
 
-    def _begin_conversation(self, ns: int, conversation: Conversation) -> _PlayState | None:
+    def _begin_conversation(self, ns: int, conversation: Conversation) -> _PlayedTalk | None:
         """Give a conversation its CONNECTs. Return None if another conversation holds one of them."""
         if not conversation.begins_with_syn:
             self.lines.note(ns, conversation.number, "begins in the middle")
@@ -225,7 +225,7 @@ class CapturePlayer:
                     return None
                 holder[1].end_partner(reset=True)  # its end is not in the capture
             if holder is not None:
-                self._release_end(*holder)
+                self._release_partner(*holder)
         plc, partner = find_directions(guess, conversation)
         ends = []
         for part in parts:
@@ -233,10 +233,10 @@ class CapturePlayer:
             end = ReplayedPartner(self.shadows, part.connect, make_endpoint(says.address), part.calls)
             self._at[part.connect] = conversation.number, end
             ends.append((says, end))
-        running = self._running[conversation.number] = _PlayState(ends)
+        running = self._running[conversation.number] = _PlayedTalk(ends)
         return running
 
-    def _release_end(self, number: int, end: ReplayedPartner) -> None:
+    def _release_partner(self, number: int, end: ReplayedPartner) -> None:
         end.end_shadow_now()
         if end.left_out:
             self._left_out[number] += end.left_out
@@ -260,8 +260,8 @@ class CapturePlayer:
     def _plc_direction(self, conversation: Conversation) -> WireDirection:
         return find_directions(self._plan.guesses[conversation.number], conversation)[0]
 
-    def _play_to_end(
-        self, ns: int, event: ConversationEvent, is_own: bool, end: ReplayedPartner, running: _PlayState
+    def _play_to_partner(
+        self, ns: int, event: ConversationEvent, is_own: bool, end: ReplayedPartner, running: _PlayedTalk
     ) -> None:
         is_left = not is_own and event.kind in END_TEXTS and not event.conversation.is_ours
         if end.has_left if is_left else end.has_ended:
@@ -307,7 +307,7 @@ class CapturePlayer:
         last_ns = max(*self._last_ns.values(), recorded_to or 0, self.first_ns)
         self.shadows.advance_to(last_ns - self.first_ns)
         if recorded_to is not None:  # the recorded PLC read no datagram after that
-            tasks = [self.shadows.count_task_scans(link) for link in self._played]
+            tasks = [self.shadows.task_period_scans(link) for link in self._played]
             for _ in range(FIRST_JOB_SCANS * max(tasks, default=0)):
                 self.shadows.step()
             for line in self._played.values():
@@ -318,7 +318,7 @@ class CapturePlayer:
         """End the shadows; return the outcome of each conversation."""
         self.shadows.bench.close()
         for holder in self._at.values():
-            self._release_end(*holder)
+            self._release_partner(*holder)
         for line in self._played.values():
             line.drop_waiting()
         unassigned = self._plan.unassigned
@@ -369,15 +369,15 @@ def plan_maker(
     if project is None:
         name = dialect or next(iter(DIALECTS))
         return lambda found: _change_ad_hoc_keys(plan_ad_hoc(found, plc, name), sets), None
-    loaded, notes = load_bench(project, sets), tuple[str, ...]()
-    loaded = replace(loaded, watches=loaded.watches or make_tap_rows(loaded.taps))
+    loaded, notes = load_bench_project(project, sets), tuple[str, ...]()
+    loaded = replace(loaded, watches=loaded.watches or make_watch_rows(loaded.taps))
     if dialect is not None:
         loaded, notes = convert_project(loaded, find_dialect(dialect))
     return lambda found: plan_for_project(found, loaded, plc)._replace(notes=notes), loaded
 
 
 def _change_ad_hoc_keys(plan: ShadowPlan, sets: Sequence[str]) -> ShadowPlan:
-    """Set keys of the ad-hoc shadows to the values given with `--set`. Return the plan. Raise UserError."""
+    """Return the plan, with keys of its ad-hoc shadows set as `--set` says. Raise UserError."""
     project = plan.project
     for text in sets:
         path, _, value = text.partition("=")
@@ -388,7 +388,7 @@ def _change_ad_hoc_keys(plan: ShadowPlan, sets: Sequence[str]) -> ShadowPlan:
             raise mistake(
                 f"--set {path.strip()}", quote(name or kind), f"instance.NAME.PIN; a NAME of {shadows}"
             )
-        after = read_change(
+        after = read_changed(
             decl, {key: SetOverride(path.strip(), value.strip())}, project, f"--set {path.strip()}"
         )
         project = apply_edits(project, (make_change(decl, after, project),))

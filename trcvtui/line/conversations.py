@@ -16,7 +16,7 @@ SHOWN_SECONDS: Final = 30
 _END_STATES: Final = {SegmentKind.FIN: "ended", SegmentKind.RST: "reset"}
 
 
-class _Direction:
+class _DirectionFigures:
     def __init__(self) -> None:
         self.size = self.segments = self.again = self.missing = 0
         self.second = self.in_second = self.rate = 0
@@ -48,7 +48,7 @@ class _Figures:
         self.talk = talk
         begins = "connecting" if talk.begins_with_syn else "open"
         self.state = begins if talk.protocol == "tcp" else talk.protocol
-        self.ways = _Direction(), _Direction()
+        self.ways = _DirectionFigures(), _DirectionFigures()
         self.plc = self.partner = ""
         self.syn_ns = 0
         self.handshake_ns: int | None = None

@@ -19,25 +19,13 @@ from typing import Final, NamedTuple
 from msgspec.structs import replace
 
 from trcvtui.capture.command import capture_notes
-from trcvtui.capture.pcap import (
-    CaptureReader,
-    Packet,
-    interface_block,
-    packet_block,
-    section_block,
-)
+from trcvtui.capture.pcap import CaptureReader, Packet, interface_block, packet_block, section_block
 from trcvtui.capture.plc_end import PlcEnd, PlcGuess, address_text, parse_plc
-from trcvtui.capture.reassembly import (
-    SILENCE_NS,
-    Conversation,
-    ConversationEvent,
-    Conversations,
-    SegmentKind,
-)
+from trcvtui.capture.reassembly import SILENCE_NS, Conversation, ConversationEvent, Conversations, SegmentKind
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import open_private_file
 from trcvtui.line.capture_player import CapturePlayer, PlanMaker, plan_maker
-from trcvtui.line.shadows import ShadowPart, ShadowPlan, begins_late, plan_ad_hoc
+from trcvtui.line.shadows import ShadowEnd, ShadowPlan, begins_late, plan_ad_hoc
 from trcvtui.net.os.packet_pipe import PacketPipe
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
 from trcvtui.net.tap import Route
@@ -52,7 +40,7 @@ MOST_WAITING_EVENTS: Final = 1 << 16  # events
 MOST_KEPT_BYTES: Final = 8 << 20  # bytes of packets, for the doctor
 MOST_DECISIONS: Final = 4096  # pairs of ends with a decision
 MOST_LATE_NS: Final = 1_000_000_000  # lag of the shadows from which TOO_FAST_TEXT is shown
-TOO_FAST_TEXT: Final = "packets come faster than they are played; packets that get dropped are missing"
+TOO_FAST_TEXT: Final = "packets come faster than they are played; those that the capture drops are missing"
 ANY_PORT: Final = 49_152
 _ANY_CALLER: Final = bytes((127, 0, 0, 1))  # never shown: the shadow listens
 _DECIDING_KINDS: Final = frozenset({SegmentKind.ESTABLISHED, SegmentKind.BYTES, SegmentKind.MISSING})
@@ -61,7 +49,7 @@ _DECIDING_KINDS: Final = frozenset({SegmentKind.ESTABLISHED, SegmentKind.BYTES, 
 class _Decision(NamedTuple):
     """The parts for conversations between two ends or why there are none, and which end is the PLC."""
 
-    parts: tuple[ShadowPart, ...] | None
+    parts: tuple[ShadowEnd, ...] | None
     why: str
     is_there: bool
     confidence: float
@@ -77,9 +65,9 @@ class LivePlan:
 
     def __init__(self, project: Path | None, plc: str | None, dialect: str | None) -> None:
         self.path = project
-        self._plan_of, expected = self._plan_expected(project, plc, dialect)
+        self._plan_of, expected = self._prepare_plan(project, plc, dialect)
         self._first: list[Conversation] = []  # the first of each CONNECT: it decides the CONNECT's values
-        self._of_first: dict[int, tuple[ShadowPart, ...]] = {}
+        self._of_first: dict[int, tuple[ShadowEnd, ...]] = {}
         self._known: dict[tuple[object, ...], _Decision] = {}
         self._own: Project | None = None  # the shadows that the user added (`add_shadow`)
         self.decided: set[int] = set()  # numbers of conversations
@@ -89,12 +77,12 @@ class LivePlan:
                 self._keep_first(talk, self.plan.parts[talk.number])
         self.interval_ns = min(task.interval_ns for task in self.plan.project.tasks)
 
-    def _plan_expected(
+    def _prepare_plan(
         self, project: Path | None, plc: str | None, dialect: str | None
     ) -> tuple[PlanMaker, list[Conversation]]:
         """Return the plan maker and the expected conversations."""
         plan_of, loaded = plan_maker(project, plc, dialect)
-        return plan_of, [] if loaded is None else list_expected(loaded, plc)
+        return plan_of, [] if loaded is None else list_expected_talks(loaded, plc)
 
     def start_plan(self, talks: Iterable[Conversation]) -> ShadowPlan:
         """Return the plan for the conversations before the first scan."""
@@ -151,7 +139,7 @@ class LivePlan:
         self._keep_first(talk, decision.parts)
         return decision, True
 
-    def _keep_first(self, talk: Conversation, parts: tuple[ShadowPart, ...]) -> None:
+    def _keep_first(self, talk: Conversation, parts: tuple[ShadowEnd, ...]) -> None:
         self._first.append(talk)
         self._of_first[talk.number] = parts
 
@@ -189,8 +177,7 @@ def _join_projects(project: Project, other: Project) -> Project:
         data=(*project.data, *other.data),
         instances=(*project.instances, *[replace(each, task=task) for each in other.instances]),
         sim=replace(
-            project.sim,
-            addresses=tuple(dict.fromkeys((*project.sim.addresses, *other.sim.addresses))),
+            project.sim, addresses=tuple(dict.fromkeys((*project.sim.addresses, *other.sim.addresses)))
         ),
     )
 
@@ -215,7 +202,7 @@ def _make_decision_key(talk: Conversation, is_under_way: bool) -> tuple[object, 
     return talk.tap, talk.protocol, is_under_way, one, there.mac[:3], other, back.mac[:3], listener is None
 
 
-def list_expected(project: Project, plc: str | None) -> list[Conversation]:
+def list_expected_talks(project: Project, plc: str | None) -> list[Conversation]:
     """Return the expected conversations of the named PLC ends: an end with a port listens, others call.
 
     The [[watch]] row or the CONNECT names the called partner; without a name no conversation is expected.
@@ -357,7 +344,7 @@ class LiveWatch:
             player.resolve_overlap(number, last_ns)
 
     def add_shadow(self, name: str) -> str:
-        """Add shadows for `C7`. "" is the newest conversation without shadows. Return an error or ""."""
+        """Add shadows for `C7`; "" names the newest conversation that has none. Return an error or ""."""
         plan, player = self._plan.plan, self.player
         left = [talk for talk in self.found.all if talk.number in plan.unassigned]
         chosen = [talk for talk in left if name in ("", f"C{talk.number}")]
@@ -483,7 +470,7 @@ class PacketStream:
                 self._came()
             except (OSError, EOFError, ValueError) as failed:
                 self._failed = failed
-                self.pipe.stop()
+                self.pipe.end()
 
     def _check_late(self, newest_ns: int) -> None:
         if self.pipe.empty_at != self._busy_from:
@@ -493,7 +480,7 @@ class PacketStream:
             self._is_late = True
             self._say(TOO_FAST_TEXT)
 
-    def read_all(self) -> list[str]:
+    def play_all(self) -> list[str]:
         """Read all packets; return notes for the user. Raise UserError if the pipe carries no capture."""
         found = self._live.found
         try:
@@ -507,7 +494,7 @@ class PacketStream:
         found.add_packets(packets, reader.link_types)
         if self._failed is not None:
             raise self._failed
-        notes = [f"the capture program dropped {reader.drops} packets"] if reader.drops else []
+        notes = [f"the capture program dropped {reader.drop_count} packets"] if reader.drop_count else []
         troubles = [reader.trouble] if reader.trouble and not self.pipe.is_stopping else []
         if found.is_tapped:  # the tap has reported losses and conversations itself
             return [*map(str, troubles)]

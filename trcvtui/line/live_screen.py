@@ -14,7 +14,7 @@ from trcvtui.net.os.packet_pipe import detach_stdin
 from trcvtui.net.os.tap_channels import TapChannel, ask_open_count
 from trcvtui.net.tap import format_end
 from trcvtui.picture.protocol import EngineStopped
-from trcvtui.replay.driver import ScreenChannel, serve_until_gone
+from trcvtui.replay.driver import ScreenChannel, run_and_send_error
 from trcvtui.snapshots.bench import EngineTiming
 from trcvtui.snapshots.conversations import TAP
 
@@ -36,7 +36,7 @@ MOST_LINES: Final = 2000  # of the ledger in a picture
 MOST_SILENT_NS: Final = 5_000_000_000  # a tap sends something every 50 ms
 
 
-def make_live_driver(asked: ShadowChoice) -> ProcessDriver:
+def make_stdin_driver(asked: ShadowChoice) -> ProcessDriver:
     """Return shadows of the packets of stdin; from now on stdin is the keyboard."""
     return ProcessDriver(live_main, Channel(detach_stdin(with_keyboard=True), writable=False), asked)
 
@@ -45,8 +45,9 @@ def live_main(channel: Channel, packets: Channel, asked: ShadowChoice, most_idle
     """Serve the screen with packets of a pipe. `most_idle_ns` is the longest silence of a tap, else 0."""
     from trcvtui.line.live import LivePlan
 
-    serve_until_gone(
-        channel, lambda: ShadowServer(channel, LivePlan(*asked), asked).run(packets.fileno(), most_idle_ns)
+    run_and_send_error(
+        channel,
+        lambda: ShadowServer(channel, LivePlan(*asked), asked).serve_forever(packets.fileno(), most_idle_ns),
     )
 
 
@@ -73,7 +74,7 @@ class TapDriver(ProcessDriver):
             raise TapEnded(f"{picture.over}: both ends were informed (TCP: FIN or RST)")
         return picture
 
-    def describe_cuts(self) -> str:
+    def describe_quit_cuts(self) -> str:
         return ask_open_count(self._asks.fileno())
 
 
@@ -89,12 +90,12 @@ def tap_main(channel: Channel, asks: Channel, asked: TapChoice, kernel: str) -> 
         to, way = plan.routes[0].to, TapChannel(asks.fileno())
         if plc is None and len(places) == 1 and to.kind != "serial":
             plc = format_end(to.address, to.port)
-        ShadowServer(channel, plan, (path, plc, dialect), way, kernel).run(way.fd)
+        ShadowServer(channel, plan, (path, plc, dialect), way, kernel).serve_forever(way.fd)
 
-    serve_until_gone(channel, run)
+    run_and_send_error(channel, run)
 
 
-class TapSocketDriver(ProcessDriver):
+class RunningTapDriver(ProcessDriver):
     """Shadows of the bytes that pass the running tap of a project."""
 
     def __init__(self, project: Path) -> None:
@@ -113,8 +114,8 @@ class TapSocketDriver(ProcessDriver):
 
 
 def capture_main(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> None:
-    """Start a capture program and serve the screen with its packets. It ends with this process."""
-    serve_until_gone(channel, lambda: _run_capture(channel, command, asked))
+    """Start a capture program and serve the screen with its packets. The program ends with this process."""
+    run_and_send_error(channel, lambda: _run_capture(channel, command, asked))
 
 
 def _run_capture(channel: Channel, command: Sequence[str], asked: ShadowChoice) -> None:
@@ -129,7 +130,7 @@ def _run_capture(channel: Channel, command: Sequence[str], asked: ShadowChoice) 
         raise mistake(command[0], wrong.strerror or "no program", "a program that writes packets") from None
     try:
         assert program.stdout is not None
-        ShadowServer(channel, plan, asked).run(program.stdout.fileno())
+        ShadowServer(channel, plan, asked).serve_forever(program.stdout.fileno())
     finally:
         program.kill()  # it has nothing to save
         program.wait()
@@ -159,23 +160,25 @@ class ShadowServer:
         self._live: LiveWatch | None = None
         self._judge: FilesJudge | None = None  # of what came
 
-    def run(self, fd: int, most_idle_ns: int = 0) -> NoReturn:
+    def serve_forever(self, fd: int, most_idle_ns: int = 0) -> NoReturn:
         from trcvtui.diagnosis.judges import FilesJudge
         from trcvtui.line.live import LiveWatch, PacketBuffer, PacketStream
         from trcvtui.line.tap_watch import TapWatch
 
         order, whole = (None, bytes) if self._way is None else (self._way.send, self._way.feed)
         if most_idle_ns or self._way is not None:  # a tap
-            live: LiveWatch = TapWatch(self._plan, self._make_player, self._ignore, self._show_note, order)
+            live: LiveWatch = TapWatch(
+                self._plan, self._begin_shadows, self._note_ignored, self._show_note, order
+            )
         else:
-            live = LiveWatch(self._plan, self._make_player, self._ignore)
+            live = LiveWatch(self._plan, self._begin_shadows, self._note_ignored)
         self._live, kept = live, PacketBuffer()
         self._judge = FilesJudge(kept.write_file, self._plc, self._project, looks_again=True)
         subject, over = ("stdin", "the packets have ended") if self._way is None else ("tap", TAP_ENDED_TEXT)
         stream = PacketStream(
             fd, live, lambda line: self._add_note(subject, line), self._serve, kept, most_idle_ns, whole
         )
-        notes = stream.read_all()
+        notes = stream.play_all()
         live.finish()
         for line in (*notes, over):
             self._add_note(subject, line)
@@ -184,7 +187,7 @@ class ShadowServer:
         while True:  # no packet comes any more; the screen stays
             self._serve(0.01 if self._screen.pipe.is_busy() else None)
 
-    def _make_player(self, plan: ShadowPlan, first_ns: int) -> CapturePlayer:
+    def _begin_shadows(self, plan: ShadowPlan, first_ns: int) -> CapturePlayer:
         from trcvtui.engine.controller import Controller
         from trcvtui.line.capture_player import CapturePlayer
         from trcvtui.line.conversations import ConversationFigures
@@ -200,7 +203,7 @@ class ShadowServer:
 
     # -- the output of the shadows: notes go into the ledger ---------------------------------------------
 
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
+    def report_scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         from trcvtui.line.capture_player import MISSING
 
         for instance in lacking:
@@ -209,7 +212,7 @@ class ShadowServer:
     def note(self, ns: int, number: int, text: str) -> None:
         self._add_note(f"C{number}", text)
 
-    def _ignore(self, talk: Conversation, why: str) -> None:
+    def _note_ignored(self, talk: Conversation, why: str) -> None:
         from trcvtui.line.shadows import make_endpoint
 
         ends = f"{make_endpoint(talk.there.address)} - {make_endpoint(talk.back.address)}"
@@ -236,5 +239,5 @@ class ShadowServer:
             controller.shadows = player.shown  # grows with each PLC end
             self._judge.begins_ns = player.first_ns or None
         self._screen.handle_messages(controller.handle_line, waits)
-        self._screen.send(lambda asked: controller.picture(asked, EngineTiming(mode="live"), MOST_LINES))
+        self._screen.try_send(lambda asked: controller.picture(asked, EngineTiming(mode="live"), MOST_LINES))
         self._screen.pipe.advance(clock.now_ns() + SLICE_NS)

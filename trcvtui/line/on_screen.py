@@ -29,7 +29,7 @@ from trcvtui.wording import count
 
 if TYPE_CHECKING:
     from trcvtui.line.shadows import ShadowChoice
-    from trcvtui.replay.time_line import TimeLine
+    from trcvtui.replay.time_line import ReplayNavigator
 
 MOST_NOTES: Final = 1000  # of conversations, in the history of the run
 PROGRESS_INTERVAL_NS: Final = 500_000_000
@@ -43,7 +43,7 @@ class _RunNotes:
         self.write: Callable[[str], None] = print
         self._left = MOST_NOTES
 
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
+    def report_scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         for instance in lacking:
             self._write_note(f"{instance}: {MISSING}")
 
@@ -82,12 +82,12 @@ def watch_main(channel: Channel, paths: Sequence[str], asked: ShadowChoice) -> N
         serve_screen(channel, lambda: _play_shadows(paths, asked, Path(folder) / "shadows.pcapng"))
 
 
-def _play_shadows(paths: Sequence[str], asked: ShadowChoice, file: Path) -> TimeLine:
+def _play_shadows(paths: Sequence[str], asked: ShadowChoice, file: Path) -> ReplayNavigator:
     """Return the run of the shadows; raise UserError."""
     from trcvtui.diagnosis.judges import FilesJudge
     from trcvtui.recording.recorder import RunRecorder
     from trcvtui.recording.recording import Recording, RecordingWriter
-    from trcvtui.replay.time_line import CaptureRun, TimeLine
+    from trcvtui.replay.time_line import CaptureRun, ReplayNavigator
 
     plan, found, troubles = plan_capture(paths, *asked)
     plan = plan._replace(project=replace(plan.project, path=Path(describe_paths(paths))))  # the header's name
@@ -117,13 +117,15 @@ def _play_shadows(paths: Sequence[str], asked: ShadowChoice, file: Path) -> Time
     lines = (*plan.notes, *_describe_outcome(played), *capture_notes(found, troubles))
     project, plc, dialect = asked
 
-    def change(sets: Sequence[str], other: str | None) -> tuple[Project, Sequence[str]]:
+    def changed(sets: Sequence[str], other: str | None) -> tuple[Project, Sequence[str]]:
         made = plan_maker(project, plc, other or dialect, sets)[0](found.all)
         return made.project, made.notes
 
     judge = FilesJudge(lambda: paths, plc, project)
-    capture = CaptureRun(plan.project, player.shown, first_ns, lines[:MOST_PROMPT_LINES], change, judge, rows)
-    return TimeLine(Recording(file), describe_paths(paths), 1, capture)
+    capture = CaptureRun(
+        plan.project, player.shown, first_ns, lines[:MOST_PROMPT_LINES], changed, judge, rows
+    )
+    return ReplayNavigator(Recording(file), describe_paths(paths), 1, capture)
 
 
 def _unlink_file(file: Path) -> Path:

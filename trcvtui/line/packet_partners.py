@@ -90,7 +90,7 @@ class ShadowBench:
             self.step()
         self.forbid_skipping()
 
-    def count_task_scans(self, connect: str) -> int:
+    def task_period_scans(self, connect: str) -> int:
         """Return the period, in scans, of the slowest task with a block of a CONNECT."""
         names = {each.task for each in self.bench.project.instances if each.connect == connect}
         tasks = [task.interval_ns for task in self.bench.project.tasks if task.name in names]
@@ -109,7 +109,7 @@ class ShadowBench:
         if self.waiting:
             limit = min(limit, *(end.gives_up_at for end in self.waiting))
         if self.leaving:
-            limit = min(limit, *((end.end_scan - 1) * self._interval for end in self.leaving))
+            limit = min(limit, *((end.due_end_scan - 1) * self._interval for end in self.leaving))
         if limit <= due:
             return False
         reached = self.network.advance_until_ready(limit)
@@ -122,7 +122,7 @@ class ShadowBench:
         runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         if self.waiting:
             self._retry_waiting()
-        over = [end for end in self.leaving if end.end_scan <= runtime.scans + 1]
+        over = [end for end in self.leaving if end.due_end_scan <= runtime.scans + 1]
         for end in over:
             end.end_shadow_now()
         seq = ledger.last_seq
@@ -151,7 +151,7 @@ class ShadowBench:
         left: list[ReplayedPartner | ConnectionlessPartner] = []
         waiting, self.waiting = self.waiting, []
         for one in waiting:
-            if one.keep_waiting(one.link not in closed):
+            if one.try_again(one.link not in closed):
                 left.append(one)
                 if one.keeps_out:
                     closed.add(one.link)
@@ -220,7 +220,7 @@ class ReplayedPartner:
     def _await_answer(self) -> None:
         self._awaits = not self._has_answer
 
-    def keep_waiting(self, may_try: bool) -> bool:
+    def try_again(self, may_try: bool) -> bool:
         """Try again to connect; return whether this partner still waits."""
         if may_try and self._stream is None:
             self._connect()
@@ -243,7 +243,7 @@ class ReplayedPartner:
             config = self._shadows.bench.project.connect(self.connect)
             if port is None or config is None:
                 return
-            stream = wire.call_as_partner(self._own, Endpoint(config.local.address, port))
+            stream = wire.connect_as_partner(self._own, Endpoint(config.local.address, port))
             self._has_called |= stream is not None
             self.keeps_out = self._has_called  # else the same ends have a connection
             if stream is None or stream.phase is not StreamPhase.OPEN:
@@ -363,10 +363,10 @@ class ReplayedPartner:
                 self._shadows.leaving.append(self)
 
     @property
-    def end_scan(self) -> int:
+    def due_end_scan(self) -> int:
         """Return the scan in which the shadow of an ended PLC end must end (rule 4)."""
-        runtime, task = self._shadows.bench.runtime, self._shadows.count_task_scans(self.connect)
-        since = runtime.connected_since(self.connect)
+        runtime, task = self._shadows.bench.runtime, self._shadows.task_period_scans(self.connect)
+        since = runtime.connected_in_scan(self.connect)
         now_ns, stream = self._shadows.network.now_ns, self._stream
         due = since + max(self._stood + task - 1, FIRST_JOB_SCANS * task)
         is_late = since <= self._begun or (self._has_read and stream is not None and stream.pending_bytes > 0)
@@ -420,7 +420,7 @@ class ConnectionlessPartner:
         else:
             self._left_out[number] += len(data)
 
-    def keep_waiting(self, may_try: bool) -> bool:
+    def try_again(self, may_try: bool) -> bool:
         """Try again to deliver; return whether something still waits."""
         while may_try and self._waiting and self._try_deliver(*self._waiting[0]):
             self._kept -= len(self._waiting.popleft()[3])

@@ -1,4 +1,4 @@
-"""Assigns each conversation to a CONNECT of the project, or to an ad-hoc CONNECT.
+"""Assigns conversations to CONNECTs of the project, or to ad-hoc CONNECTs.
 
 Rule 1: the addresses and the calling end are taken from the wire; the CONNECT's settings are ignored.
 Rule 2: conversations of one PLC end go to one CONNECT, one after the other.
@@ -34,7 +34,7 @@ from trcvtui.project.project import (
     TapDecl,
     WatchDecl,
 )
-from trcvtui.scenario.scenario import start_steps
+from trcvtui.scenario.scenario import read_start_steps
 
 MOST_AD_HOC_ENDS: Final = 256  # PLC ends with ad-hoc shadows
 NEVER_NS: Final = 1 << 62
@@ -53,7 +53,7 @@ AnyLink = AnySocket | ComBufferDecl
 OneLink = TypeVar("OneLink", ConnectConfig, UdpConfig, ComBufferDecl)
 
 
-class ShadowPart(NamedTuple):
+class ShadowEnd(NamedTuple):
     """One end of a conversation as the partner of a CONNECT. With `plays_plc`, it is the PLC end.
 
     With `calls`, the end calls the CONNECT. Datagrams may go to a UDP_CONFIG, serial bytes to a ComBuffer.
@@ -68,7 +68,7 @@ class ShadowPlan(NamedTuple):
     """The project of the shadows, and for each conversation number the parts or why there are none."""
 
     project: Project
-    parts: dict[int, tuple[ShadowPart, ...]]
+    parts: dict[int, tuple[ShadowEnd, ...]]
     unassigned: dict[int, str]
     guesses: dict[int, PlcGuess]
     notes: tuple[str, ...] = ()  # what another dialect does not have
@@ -111,11 +111,13 @@ def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) ->
     unassigned: dict[int, str] = {}
     usable = _guess_plc_ends(found, None if plc is None else parse_plc(plc), NO_KNOWN_ENDS, unassigned)
     names: dict[tuple[object, ...], str] = {}
-    parts: dict[int, tuple[ShadowPart, ...]] = {}
+    parts: dict[int, tuple[ShadowEnd, ...]] = {}
     connects: list[ConnectConfig] = []
-    used = {_key(*usable[n]) for n, (each, _) in usable.items() if each.is_established or begins_late(each)}
+    used = {
+        _end_key(*usable[n]) for n, (each, _) in usable.items() if each.is_established or begins_late(each)
+    }
     for number, (each, guess) in usable.items():
-        key, listens = _key(each, guess), _plc_listens(each, guess)
+        key, listens = _end_key(each, guess), _plc_listens(each, guess)
         why_not = _explain_no_shadow(base, each, plc is not None) if each.protocol != "tcp" else ""
         if why_not or key not in used:
             unassigned[number] = why_not or "no connection was built"
@@ -130,11 +132,11 @@ def plan_ad_hoc(found: Sequence[Conversation], plc: str | None, dialect: str) ->
             back = _make_connect(f"{names[key]}_BACK", listens, *ends[::-1], is_free=True)
             connects += [replace(c, active=False, is_datagram=True) if is_udp else c for c in (there, back)]
         name = names[key]
-        parts[number] = ShadowPart(name, False, listens), ShadowPart(f"{name}_BACK", True, not listens)
+        parts[number] = ShadowEnd(name, False, listens), ShadowEnd(f"{name}_BACK", True, not listens)
     return ShadowPlan(_add_instances(base, connects), parts, unassigned, _extract_guesses(usable))
 
 
-def _key(conversation: Conversation, guess: PlcGuess) -> tuple[object, ...]:
+def _end_key(conversation: Conversation, guess: PlcGuess) -> tuple[object, ...]:
     if conversation.tap:
         return "tap", conversation.tap
     if conversation.protocol == "udp":
@@ -157,7 +159,7 @@ def _explain_no_shadow(base: Project, conversation: Conversation, is_asked: bool
 
 def begins_late(conversation: Conversation) -> bool:
     """Return whether the capture begins inside a connection, and has bytes of the connection."""
-    return not conversation.begins_with_syn and bool(conversation.there.bytes or conversation.back.bytes)
+    return not conversation.begins_with_syn and bool(conversation.there.count or conversation.back.count)
 
 
 def _extract_guesses(usable: dict[int, tuple[Conversation, PlcGuess]]) -> dict[int, PlcGuess]:
@@ -265,7 +267,7 @@ def _list_hosts(addresses: Iterable[str]) -> frozenset[bytes]:
     return frozenset(end[0] for end in found if end is not None and any(end[0]))
 
 
-def make_tap_rows(taps: Sequence[TapDecl]) -> tuple[WatchDecl, ...]:
+def make_watch_rows(taps: Sequence[TapDecl]) -> tuple[WatchDecl, ...]:
     """Return [[watch]] rows for the conversations of taps; a serial line has no ends, and so no row."""
     places = [(tap, parse_place(tap.to, f"[[tap]] {tap.name}: to")) for tap in taps if tap.connect]
     return tuple(
@@ -281,7 +283,7 @@ def plan_for_project(found: Sequence[Conversation], project: Project, plc: str |
     unassigned: dict[int, str] = {}
     rows = [(parse_plc(w.plc), parse_plc(w.partner) if w.partner else None, w) for w in project.watches]
     usable = _guess_plc_ends(found, given, list_known_ends(project), unassigned)
-    parts: dict[int, tuple[ShadowPart, ...]] = {}
+    parts: dict[int, tuple[ShadowEnd, ...]] = {}
     taken: dict[str, AnyLink] = {}
     ends: set[tuple[bytes, int]] = set()  # PLC ends that have a link
     for number, (each, guess) in tuple(usable.items()):
@@ -308,12 +310,12 @@ def plan_for_project(found: Sequence[Conversation], project: Project, plc: str |
         if each.protocol == "tcp" and getattr(taken[name], "active", None) == listens:
             unassigned[number] = f"{name} has the other role (active or passive) in an earlier conversation"
             continue
-        parts[number] = (ShadowPart(name, False, listens),)
+        parts[number] = (ShadowEnd(name, False, listens),)
         if back:
             if back not in taken:
                 other = PlcGuess(guess.says.other, 1.0, "")
                 taken[back] = _adapt_link(_link(project, back), other, not listens, is_free=True)
-            parts[number] += (ShadowPart(back, True, not listens),)
+            parts[number] += (ShadowEnd(back, True, not listens),)
     set_by = _find_written_pins(project)
     instances = tuple(
         [_switch_on(project, each, set_by) if each.connect in taken else each for each in project.instances]
@@ -426,11 +428,11 @@ def _disable_link(config: AnyLink) -> AnyLink:
 
 def _find_written_pins(project: Project) -> set[tuple[str, str]]:
     written: set[tuple[str, str]] = set()
-    for step in (*start_steps(project), *read_program(project)):
+    for step in (*read_start_steps(project), *read_program(project)):
         match step.command:
-            case words.Set(instance, pins):
+            case words.SetInputs(instance, pins):
                 written |= {(instance, pin) for pin, _ in pins}
-            case words.Pulse(instance, pin):
+            case words.PulseInput(instance, pin):
                 written.add((instance, pin))
     return written
 

@@ -112,7 +112,7 @@ def _split_words(data: bytes) -> tuple[int, ...]:
     return struct.unpack(f">{len(data) // 2}H", data)
 
 
-class TapPackets:
+class TapPacketMaker:
     """Makes packets from a tap's events, in their order."""
 
     def __init__(self, first_line: int = 1) -> None:
@@ -146,7 +146,7 @@ class TapPackets:
             yield self._make_segment(talk, way, ns, ACK | (FIN if kind == TapEventKind.FIN else RST))
             talk.is_over |= kind == TapEventKind.RST
         elif kind == TapEventKind.ENDED:
-            yield from self._handle_over(event.number, ns)
+            yield from self._end_conversation(event.number, ns)
 
     def _handle_open(self, event: TapEvent) -> Iterator[TapPacket]:
         if event.number in self._talks:
@@ -166,7 +166,7 @@ class TapPackets:
             yield self._make_segment(talk, WAY_TO, event.ns, SYN)
         talk.is_up = bool(event.at)
 
-    def _handle_over(self, number: int, ns: int) -> Iterator[TapPacket]:
+    def _end_conversation(self, number: int, ns: int) -> Iterator[TapPacket]:
         talk = self._talks.pop(number)
         for way in (WAY_TO, WAY_BACK):
             if talk.remarks[way] and talk.kind == "tcp":
@@ -178,7 +178,7 @@ class TapPackets:
         text = f"{size} bytes before this are not in the recording ({count} events)"
         for number, talk in tuple(self._talks.items()):
             if number not in alive:
-                yield from self._handle_over(number, event.ns)
+                yield from self._end_conversation(number, event.ns)
                 continue
             for remarks in talk.remarks:
                 remarks.append(text)
@@ -254,7 +254,7 @@ def _sum_words(data: bytes) -> int:
     return (number & 0xFF) << 8 | number >> 8  # the sum of swapped words is the swapped sum
 
 
-class TapCapture:
+class TapEncoder:
     """Makes the pcapng of a tap in whole blocks. `taps` has its routes and says which end is the PLC.
 
     Notes on the tap's actions and losses are packets of JSON on a separate interface. If no packet carries
@@ -263,12 +263,12 @@ class TapCapture:
 
     def __init__(self, title: str, taps: Mapping[str, object]) -> None:
         self._title, self._taps = title, taps
-        self._packets = TapPackets(NOTES_ID + 1)
+        self._packets = TapPacketMaker(NOTES_ID + 1)
         # Of each open conversation: its OPEN event, and the newest state of each direction.
         self._open: dict[int, dict[tuple[int, int], TapEvent]] = {}
         self._lost = self._ns = 0  # events that the tap left out; time of the newest head or loss
 
-    def head(self, ns: int) -> bytes:
+    def encode_head(self, ns: int) -> bytes:
         self._ns = ns
         made = pcap.section_block(f"trcvtui {__version__}", (self._title,))
         made += pcap.interface_block(pcap.RAW_IP, "tap")
@@ -294,7 +294,7 @@ class TapCapture:
         self._ns, note = ns, {"note": "lost", "events": events, "bytes": size}
         return pcap.statistics_block(NOTES_ID, ns, dropped) + _encode_note(ns, note)
 
-    def encode_open(self) -> bytes:
+    def encode_open_talks(self) -> bytes:
         """Return notes of the open conversations and their state."""
         events = [event._replace(ns=self._ns) for each in self._open.values() for event in each.values()]
         return b"".join([block for event in events for block in self._encode_notes(event)])
@@ -344,7 +344,7 @@ def record_tap(asks: int) -> None:
         while (data := way.feed(os.read(way.fd, READ_BYTES))) != b"":
             _write_stdout(data or b"")
     except OSError as failed:
-        sys.stderr.write(f"--record: the recording has ended: write failed ({failed.strerror})\n")
+        sys.stderr.write(f"--record: the recording has ended ({failed.strerror})\n")
         sys.exit(2)
 
 

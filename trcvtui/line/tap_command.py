@@ -34,7 +34,7 @@ RUN_RECORDER: Final = (
 RUN_LINES: Final = (
     "import sys; from trcvtui.line.watch_command import watch_tap; watch_tap(int(sys.argv[1]), sys.argv[2])"
 )
-RUN_SCREEN: Final = "import sys; from trcvtui.cli.line import tap_screen; sys.exit(tap_screen(*sys.argv[1:]))"
+RUN_SCREEN: Final = "import sys; from trcvtui.cli.line import show_tap; sys.exit(show_tap(*sys.argv[1:]))"
 RUN_SERVER: Final = (
     "import sys; from trcvtui.line.tap_socket import serve_observers; serve_observers(*sys.argv[1:])"
 )
@@ -75,7 +75,7 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: str | None
     voice = _UserOutput()
     loop = Forwarder(voice.write_line)
     for route in routes:
-        loop.add_route(route)
+        loop.open_route(route)
     server = _ServerProcess(loop, voice, routes, looks)
     children: list[_ObserverProcess] = []
     try:
@@ -93,7 +93,7 @@ def forward(routes: Sequence[Route], looks: ObserverSettings, record: str | None
         if looks.has_screen:
             _announce_places(voice.write_line, loop, routes)  # before the screen has the terminal
             children.append(screen := _ScreenProcess(server))
-            if not screen.open(asked, looks.is_armed):
+            if not screen.start_screen(asked, looks.is_armed):
                 return screen.wait_for_end()
         else:
             if shows_lines:
@@ -262,7 +262,7 @@ class _ScreenProcess(_ObserverProcess):
         super().__init__(server, SCREEN, "the screen")
         self._terminal: list[Any] = []
 
-    def open(self, asked: tuple[object, ...], is_armed: bool) -> bool:
+    def start_screen(self, asked: tuple[object, ...], is_armed: bool) -> bool:
         import termios
 
         self._terminal = termios.tcgetattr(0)

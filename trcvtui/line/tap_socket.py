@@ -11,7 +11,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from trcvtui import paths
-from trcvtui.line.tap_capture import TapCapture
+from trcvtui.line.tap_capture import TapEncoder
 from trcvtui.net.os.observers import ObserverServer, connect_to_tap
 from trcvtui.signals import GROUP_SIGNALS, ignore_signals
 
@@ -31,10 +31,10 @@ def open_connection(project: Path) -> int:
 def serve_observers(events: str, ways: str, path: str, may_order: str, taps: str) -> None:
     """Serve observers until the tap ends.
 
-    `events` and `ways` are descriptors for the tap's events and new channels. `path` is the socket or "".
+    `events` and `ways` are descriptors for events and new channels. `path` is the socket, or "" for none.
     `taps` has the routes and the PLC end in JSON.
     """
     ignore_signals(GROUP_SIGNALS)  # they end the tap, and this process ends with it
     place = Path(path) if path else None
-    capture = TapCapture("what passes a tap", json.loads(taps))
+    capture = TapEncoder("what passes a tap", json.loads(taps))
     ObserverServer(int(events), int(ways), place, may_order == "1", capture).run()

@@ -24,7 +24,7 @@ from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.line.capture_player import CapturePlayer, PlanMaker, plan_maker
 from trcvtui.line.conversations import ConversationFigures
 from trcvtui.line.live import ANY_PORT, LivePlan, LiveWatch, TimedAction, make_conversation
-from trcvtui.line.shadows import ShadowPlan, make_tap_rows, plan_for_project
+from trcvtui.line.shadows import ShadowPlan, make_watch_rows, plan_for_project
 from trcvtui.line.tap_capture import TapNote
 from trcvtui.net.os.lossy_pipe import MOST_LINE
 from trcvtui.net.tap import WAY_BACK, WAY_TO, Route, TapOrder, TapPlace, format_end, make_route
@@ -42,30 +42,32 @@ class TapPlan(LivePlan):
         self.routes = [make_route(name, listen, to, ("LISTEN", "CONNECT")) for name, listen, to in places]
         super().__init__(project, plc, dialect)
 
-    def _plan_expected(
+    def _prepare_plan(
         self, project: Path | None, plc: str | None, dialect: str | None
     ) -> tuple[PlanMaker, list[Conversation]]:
         routes, to, given = self.routes, self.routes[0].to, None if plc is None else parse_plc(plc)
         self.calls = [given is not None and not _is_at(route.to, given) for route in routes]
         if given is not None and given.port is not None and any(self.calls):
-            raise mistake("--plc", f"'{plc}'", "the end at CONNECT, or the caller if LISTEN has no port")
+            raise mistake("--plc", f"'{plc}'", "the end at CONNECT, or LISTEN's caller without a port")
         end = plc or (format_end(to.address, to.port) if to.kind != "serial" else None)
         plan_of, loaded = plan_maker(project, end, dialect)
         known = {} if loaded is None else {tap.name: tap for tap in loaded.taps}
-        rows = make_tap_rows([known[route.name] for route in routes if route.name in known and not plc])
+        rows = make_watch_rows([known[route.name] for route in routes if route.name in known and not plc])
         watched = replace(loaded, watches=rows) if loaded is not None and rows else None
         others = [TapDecl(r.name, str(r.listen), str(r.to), "") for r in routes if r.name not in known]
         taps, path = (*known.values(), *others), Path(f"tap to {to}") if loaded is None else loaded.path
         self.lines = {r.name: known[r.name].connect if r.name in known else r.name for r in routes}
 
-        def named(found: Sequence[Conversation]) -> ShadowPlan:
+        def make_named_plan(found: Sequence[Conversation]) -> ShadowPlan:
             plan = plan_of(found) if watched is None else plan_for_project(found, watched, None)
             return plan._replace(project=replace(plan.project, taps=taps, path=path))
 
         near = [given.address if given is not None and calls else b"" for calls in self.calls]
-        return named, [self._first_of(-n, *each) for n, each in enumerate(zip(routes, near, strict=True), 1)]
+        return make_named_plan, [
+            self._expected_talk(-n, *each) for n, each in enumerate(zip(routes, near, strict=True), 1)
+        ]
 
-    def _first_of(self, number: int, route: Route, near: bytes) -> Conversation:
+    def _expected_talk(self, number: int, route: Route, near: bytes) -> Conversation:
         if route.to.kind == "serial":
             return make_conversation(number, *_make_line_ends(self.lines[route.name]), "serial", route.name)
         far = ip_address(route.to.address).packed

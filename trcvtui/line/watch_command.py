@@ -45,7 +45,7 @@ class WatchLines:
         self.first_ns = first_ns
         self._known: dict[tuple[str, Outputs] | None, str] = {}  # ends of JSON lines that were written before
 
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
+    def report_scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         if self._lines is not None and not lacking:
             head = self._format_head(scan)
             self._write("".join([head + self._format_rest(edge) for edge in changed]))
@@ -73,14 +73,14 @@ class WatchLines:
         self._emit(-(-ns // self._interval_ns) + 1, {"conversation": f"C{number}", "note": text})
 
     def write_tap_record(self, ns: int, record: dict[str, object]) -> None:
-        """If the form is JSON, write a record of a tap. The text is on stderr. `ns` counts from 1970."""
+        """Write a record of a tap if the form is JSON; its text is on stderr. `ns` counts from 1970."""
         if self._lines is not None:
             self._lines.write_record({"time": utc_text(ns), **record})
 
     def _emit(self, scan: int, record: dict[str, object]) -> None:
         ns = self.first_ns + (scan - 1) * self._interval_ns
         if self._lines is not None:
-            self._lines.line(scan, {"time": utc_text(ns), **record})
+            self._lines.write_line(scan, {"time": utc_text(ns), **record})
         else:
             self._write(f"{utc_text(ns)}  scan {scan}  {one_line('  '.join(_describe_record(record)))}\n")
 
@@ -143,13 +143,13 @@ def watch_pipe(fd: int, project: Path | None, plc: str | None, dialect: str | No
     plan = LivePlan(project, plc, dialect)
     live = LiveWatch(plan, _maker(plan, form, sys.stdout.write))
     stream = PacketStream(fd, live, _write_stderr, sys.stdout.flush)
-    before = {number: signal.signal(number, lambda *_: stream.pipe.stop()) for number in END_SIGNALS}
+    before = {number: signal.signal(number, lambda *_: stream.pipe.end()) for number in END_SIGNALS}
     try:
-        notes = stream.read_all()
+        notes = stream.play_all()
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    _write_end(live, plan, notes)
+    _finish_watch(live, plan, notes)
 
 
 def watch_tap(asks: int, asked: str) -> None:
@@ -191,8 +191,8 @@ def watch_tap(asks: int, asked: str) -> None:
     notes: list[str] = []
     try:
         with suppress(UserError):  # the tap ended before it sent anything
-            notes = PacketStream(way.fd, live, _write_stderr, handle_event, whole=way.feed).read_all()
-        _write_end(live, plan, notes)
+            notes = PacketStream(way.fd, live, _write_stderr, handle_event, whole=way.feed).play_all()
+        _finish_watch(live, plan, notes)
         sys.stdout.flush()
     except OSError:  # the reader of stdout is gone, or its terminal
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
@@ -206,7 +206,7 @@ def _maker(
     )
 
 
-def _write_end(live: LiveWatch, plan: LivePlan, notes: Sequence[str]) -> None:
+def _finish_watch(live: LiveWatch, plan: LivePlan, notes: Sequence[str]) -> None:
     player = live.finish()
     lines = player.lines
     assert isinstance(lines, WatchLines)

@@ -51,7 +51,7 @@ KNOWN_ERRORS: Final = frozenset(errno.errorcode.values()) | {
 
 
 class PlannedFault(Struct, frozen=True):
-    """One line of the plan: from the `nth` call on, `times` calls fail. None means all, until cleared."""
+    """One line of the plan: from the `nth` such call on, `times` calls fail; None: all, until cleared."""
 
     call: str
     error: str
@@ -151,9 +151,9 @@ class FaultyKernel(KernelProxy):
         self._owners: dict[Handle, str] = {}
         self._held: dict[Handle, NewClient] = {}  # clients whose accept was made to fail
         for name, call in FAULTED_CALLS.items():
-            setattr(self, name, partial(self._attempt, call, getattr(inner, name)))
+            setattr(self, name, partial(self._call, call, getattr(inner, name)))
 
-    def _attempt(self, call: str, act: Callable[..., Any], handle: Handle, *more: Any, **named: Any) -> Any:
+    def _call(self, call: str, act: Callable[..., Any], handle: Handle, *more: Any, **named: Any) -> Any:
         return (self.plan.active and self._take_fault(call, handle)) or act(handle, *more, **named)
 
     def _take_fault(self, call: str, handle: Handle) -> Fault | None:

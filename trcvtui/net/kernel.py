@@ -1,7 +1,7 @@
 """The seam: socket-shaped calls that a real and a simulated network both answer.
 
 Rule 1: no exception crosses the seam. Every call returns a value, WOULD_BLOCK or a Fault.
-Rule 2: a Fault names the call and the errno *name*. The numbers of errnos differ between systems.
+Rule 2: a Fault names the call and the errno *name*, never its number, which differs between systems.
 Rule 3: a handle is opaque and is never used again after `abort` or `close`.
 The contract suite tests/net/contract.py checks the behaviour that all kernels must share.
 """
@@ -58,7 +58,7 @@ class PathInfo(Struct, frozen=True):
     """What the stack knows of a connection's send side, in bytes and milliseconds.
 
     With `probes_often`, TCP_RTO_MAX_MS is in force, and the stack probes a closed window every second. Then
-    `last_ack_ms` stays small while the link lives. Silence for 3 keep-alive intervals means a dead link.
+    `last_ack_ms` stays small while the link lives, and silence for 3 keep-alive intervals means it is dead.
     """
 
     unacked: int
@@ -168,7 +168,7 @@ class Kernel(Protocol):
     def loss(self, handle: Handle) -> KernelLoss | None:
         """Return why the connection is gone, or None while it is up. Consume no data.
 
-        A FIN is seen even while data before the FIN is unread. Only one call reports an errno: this call,
+        A FIN is seen even while data before the FIN is unread. Exactly one call reports an errno: this,
         `recv` or `send`.
         """
 

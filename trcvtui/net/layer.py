@@ -116,7 +116,7 @@ class LayerSession(Protocol):
         """Note the end of the partner's bytes."""
 
     @property
-    def unfinished_message(self) -> int:
+    def unfinished_number(self) -> int:
         """Return the number of the unfinished message. Return 0 if there is none, or no time limit."""
 
     def time_out(self, why: str) -> None:

@@ -1,8 +1,8 @@
 """The newest bytes that each CONNECT, UDP_CONFIG or ComBuffer has received, or sent: bounded rings.
 
 A position counts all bytes of one ring since the start of the PLC, over all connections. Bytes that the
-ring has dropped count. Bytes that were unread when the connection ended, or beyond the buffer of a
-datagram, have positions, too. Each such gap has at most MOST_SKIPPED.
+ring has dropped count, too. Bytes that were unread at the connection's end, or beyond the buffer of a
+datagram, have positions but no known values. Each such gap has at most MOST_SKIPPED positions.
 Rule: the bytes are no part of a run's state. After a restore a ring begins, empty, at its last position.
 """
 
@@ -53,13 +53,13 @@ class ReceivedRings:
     def is_full(self) -> bool:
         return len(self._blocks) >= MOST_RING_BYTES // BLOCK_BYTES
 
-    def note_block_begin(self, name: str, position: int) -> None:
+    def register_block(self, name: str, position: int) -> None:
         """Note a new block; if all rings together have too many blocks, forget the oldest."""
         self._blocks[name, position] = self._rings[name]
         while len(self._blocks) > MOST_RING_BYTES // BLOCK_BYTES:
-            self._blocks.popitem(last=False)[1].forget_block()
+            self._blocks.popitem(last=False)[1].forget_oldest()
 
-    def note_block_end(self, name: str, position: int) -> None:
+    def unregister_block(self, name: str, position: int) -> None:
         del self._blocks[name, position]
 
 
@@ -86,17 +86,17 @@ class ReceivedRing:
         self._first, self._restored, self._blocks, self._room = self.end, self.end, deque(), 0
 
     @property
-    def begin(self) -> int:
+    def first(self) -> int:
         return max(self._first, self.end - self.most)
 
     @property
-    def lack_reason(self) -> str:
+    def missing_reason(self) -> str:
         """Return why nothing older is kept, "" if nothing is missing."""
-        if not self.begin or self.begin == self.end:
+        if not self.first or self.first == self.end:
             return ""
-        if self.end - self.begin == self.most:
+        if self.end - self.first == self.most:
             return f"older than the {exact_size(self.most)} that are kept"
-        if self.begin == self._restored:
+        if self.first == self._restored:
             return "from before the keyframe at which the run continues"
         if self._all.is_full:
             return "older than the 64MiB that all histories keep together"
@@ -120,7 +120,7 @@ class ReceivedRing:
             done += len(part)
         return position
 
-    def skip(self, size: int) -> int:
+    def add_unknown(self, size: int) -> int:
         """Give positions to bytes of unknown value, MOST_SKIPPED at most; return the first position."""
         return self.append(bytes(min(size, MOST_SKIPPED)))  # else the end of one connection empties the ring
 
@@ -130,11 +130,11 @@ class ReceivedRing:
         self._blocks.append(bytearray())
         self._room = BLOCK_BYTES
         while position - self._first >= self.most + BLOCK_BYTES:
-            self._all.note_block_end(self._name, self._first)
-            self.forget_block()
-        self._all.note_block_begin(self._name, position)
+            self._all.unregister_block(self._name, self._first)
+            self.forget_oldest()
+        self._all.register_block(self._name, position)
 
-    def forget_block(self) -> None:
+    def forget_oldest(self) -> None:
         self._blocks.popleft()
         self._first += BLOCK_BYTES
         if not self._blocks:
@@ -142,7 +142,7 @@ class ReceivedRing:
 
     def read(self, start: int, stop: int) -> bytes:
         """Return the bytes from `start` to `stop` that the ring still has."""
-        start, stop = max(start, self.begin), min(stop, self.end)
+        start, stop = max(start, self.first), min(stop, self.end)
         if start >= stop:
             return b""
         place, found = start - self._first, bytearray()

@@ -21,7 +21,7 @@ from trcvtui.snapshots.bench import EngineTiming, LineAnswer, PeerSnapshot, Trig
 from trcvtui.snapshots.conversations import ConversationSnapshot
 from trcvtui.snapshots.doctor import DoctorSnapshot
 from trcvtui.snapshots.replay import ReplayPosition
-from trcvtui.snapshots.scenario import PlayerSnapshot, TrialSnapshot
+from trcvtui.snapshots.scenario import PlayerSnapshot, SplitTestSnapshot
 
 if TYPE_CHECKING:  # the screen's process starts the engine before it knows what a project is
     from trcvtui.project.project import Project
@@ -31,9 +31,9 @@ MostItems = Meta(max_length=64)  # a request is bounded, so that a picture costs
 
 
 class UpdateRequest(Struct, frozen=True):
-    """A request for ledger lines after `since_seq`, bytes of `data`, and jobs of instances `partial_of`.
+    """A request for ledger lines after `since_seq`, bytes of variables `data`, and jobs of `partial_of`.
 
-    `waves` has the instances with pins drawn over time, and the number of the last change on the screen.
+    `waves` has each instance whose pins are drawn, with the number of its last change on the screen.
     `bench` and `project` are the numbers in the last picture. If `bench` is old, `since_seq` counts as 0.
     """
 
@@ -85,7 +85,7 @@ class BenchUpdate(Struct, frozen=True):
     project_number: int = 0
     project: Project | None = None
     player: PlayerSnapshot | None = None
-    trial: TrialSnapshot | None = None
+    trial: SplitTestSnapshot | None = None
     waves: tuple[WaveformDelta, ...] = ()
     history: HistoryWindow | None = None
     unsaved: int = 0  # edits of the project that are not saved
@@ -108,7 +108,7 @@ class BenchUpdate(Struct, frozen=True):
 UNSAVED_COMMANDS: Final = ("create ", "delete ", "resize ")  # `save project` leaves these out
 
 
-def restore_commands(snapshot: Snapshot, project: Project) -> Iterator[str]:
+def restoring_commands(snapshot: Snapshot, project: Project) -> Iterator[str]:
     """Yield the lines that restore inputs and TCON connections on a new bench.
 
     A pin that acts on a rising edge is left out: nothing is sent or reset again.

@@ -33,7 +33,7 @@ class EngineStopped(Exception):
     folder: Path | None = None
 
 
-class Driver(Protocol):
+class BenchDriver(Protocol):
     """What a screen may do with a bench. With `is_shared`, other tabs of `serve` use this bench, too."""
 
     is_shared: bool
@@ -47,7 +47,7 @@ class Driver(Protocol):
     def poll_picture(self) -> BenchUpdate | None:
         """Return the newest picture that has arrived since the last call."""
 
-    def describe_cuts(self) -> str:
+    def describe_quit_cuts(self) -> str:
         """Return in words which connections are cut when the screen quits, or "" for none."""
 
     def restart(self) -> None: ...

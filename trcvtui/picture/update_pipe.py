@@ -1,7 +1,7 @@
 """The transport of a picture from the engine to the screen: a pickle with the changed parts of the snapshot.
 
 Rule 1: the cost depends on the changed parts only. For unchanged parts the screen keeps its objects.
-Rule 2: pickling and writing stop when a gap ends, and go on in the next gap. A picture never changes.
+Rule 2: pickling and writing stop when a gap ends. As a picture never changes, they go on in the next gap.
 Rule 3: a screen that does not read never delays a scan. The engine writes only what the channel takes.
 """
 

@@ -47,7 +47,7 @@ class CallOrder:
         self.awake = set(self._places)
         self._order: list[int] = []  # the places of the CONNECTs in `_ordered`
         self._ordered: set[str] = set()
-        self._awake_since = set(self._places)  # which CONNECTs have been awake since `take_awake`
+        self._awake_since = set(self._places)  # which CONNECTs have been awake since `take_touched`
 
     def wake_all(self) -> None:
         """Wake every instance: `call` calls each one the next time that this instance is due."""
@@ -83,11 +83,11 @@ class CallOrder:
         self.awake = self.awake - (asleep - awake) - self._empty  # empty, or all asleep
         return changed
 
-    def places(self, connect: str) -> Sequence[int]:
+    def call_positions(self, connect: str) -> Sequence[int]:
         return self._places[connect]
 
-    def take_awake(self) -> set[str]:
-        """Return the CONNECTs on which anything may have changed since `take_awake` was called last."""
+    def take_touched(self) -> set[str]:
+        """Return the CONNECTs on which anything may have changed since `take_touched` was called last."""
         awake, self._awake_since = self._awake_since, set(self.awake)
         return awake
 

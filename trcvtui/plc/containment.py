@@ -25,7 +25,7 @@ RunPart = tuple[str, str]  # its kind and its name: ("instance", "TRCV_C_1")
 
 
 class ExceptionNote(NamedTuple):
-    """An exception and the name of its report. `in_connection` means a connection in an unknown state."""
+    """An exception and its report's name. If `in_connection`, a connection is in an unknown state."""
 
     why: str
     in_connection: bool
@@ -90,7 +90,7 @@ class Containment:
         self._off_record(lambda: self.attempt(part, do))
 
     def attempt(self, part: RunPart, do: Callable[[], T]) -> T | None:
-        """Return what `do` returns. Return None if `do` raises or the journal has an exception (rule 1)."""
+        """Return what `do` returns, or None if it raises or the journal has an exception here (rule 1)."""
         try:
             self.raise_recorded(part)  # recorded before any call of `do`: it was not carried out
             answer = do()

@@ -15,7 +15,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.blocks.udp.datagram_jobs import UdpBinding
 from trcvtui.plc.containment import INTERNAL_ERROR
 from trcvtui.plc.ledger import InputEdge, Outputs, StatusEdge
-from trcvtui.plc.serial_line_control import StreamDrain, StreamFeed
+from trcvtui.plc.serial_line_control import BufferDrain, BufferFeed
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, framer_snapshot
 from trcvtui.project.project import InstanceDecl
 
@@ -46,7 +46,7 @@ class Instance:
         self._bound = bound
         self._env = bound.env
         self._note = note
-        self._stream: StreamFeed | StreamDrain | None = None  # of a TRCV_C or TSEND_C on a ComBuffer
+        self._stream: BufferFeed | BufferDrain | None = None  # of a TRCV_C or TSEND_C on a ComBuffer
         self._known: dict[Outcome, StatusEdge] = {}
         self._pulsed: list[str] = []  # TRUE for the next call
         self._fading: list[str] = []  # TRUE in the last call, FALSE in the next
@@ -54,7 +54,7 @@ class Instance:
         self._snapshot: InstanceSnapshot | None = None  # the last one
         self.restart_block()
 
-    def set_com_stream(self, stream: StreamFeed | StreamDrain | None) -> None:
+    def set_com_stream(self, stream: BufferFeed | BufferDrain | None) -> None:
         self._stream = stream
 
     def restart_block(self) -> None:
@@ -123,7 +123,7 @@ class Instance:
             self._blinking or self._fading
         )
         if self._stream is not None:
-            self._stream.note_outcome(
+            self._stream.handle_outcome(
                 outcome, bool(self.inputs["EN_R" if self._row.receives_on_net else "REQ"])
             )
             stays_awake = stays_awake or self._stream.keeps_awake
@@ -224,7 +224,7 @@ class Instance:
     # -- for readers -----------------------------------------------------------------------------------
 
     def job_bytes(self) -> bytes:
-        return self._block.job.partial_bytes()
+        return self._block.job.received_part()
 
     def framer(self) -> FramerSnapshot | None:
         job, bound = self._block.job, self._bound

@@ -12,7 +12,14 @@ from typing import Final, NamedTuple
 
 from msgspec import Struct
 
-from trcvtui.blocks.environment import JobEnded, JobStarted, ModeChange, SendEnded, SendStarted, SerialNote
+from trcvtui.blocks.environment import (
+    ModeChanged,
+    ReceiveEnded,
+    ReceiveStarted,
+    SendEnded,
+    SendStarted,
+    SerialNote,
+)
 from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.table import outcome_field
@@ -100,9 +107,9 @@ class BenchNote(Struct, frozen=True):
 Event = (
     StatusEdge
     | InputEdge
-    | JobStarted
-    | ModeChange
-    | JobEnded
+    | ReceiveStarted
+    | ModeChanged
+    | ReceiveEnded
     | SendStarted
     | SendEnded
     | PeerSent

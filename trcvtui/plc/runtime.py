@@ -27,7 +27,7 @@ from trcvtui.net.connection.resources import Resources
 from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.events import ConnectionChanged, EventKind
 from trcvtui.net.kernel import Handle
-from trcvtui.net.layers.layer_kernel import ReadyKernel
+from trcvtui.net.layers.layer_kernel import ReadyListKernel
 from trcvtui.net.received_ring import ReceivedRing
 from trcvtui.net.serial_line import SerialPortFactory
 from trcvtui.plc.call_order import CallOrder
@@ -57,7 +57,7 @@ from trcvtui.plc.snapshot import (
     AddrSnapshot,
     ConnectionSnapshot,
     InstanceSnapshot,
-    SentBytes,
+    SentCount,
     Snapshot,
     connection_snapshot,
     data_snapshot,
@@ -101,7 +101,7 @@ class Runtime:
     def __init__(
         self,
         project: Project,
-        kernel: ReadyKernel,
+        kernel: ReadyListKernel,
         resources: Resources,
         resolve_peer: Callable[[str], int | None],
         ports: SerialPortFactory | None,
@@ -184,7 +184,7 @@ class Runtime:
     def submit(self, command: Command) -> None:
         self._commands.append(command)
 
-    def use_kernel(self, kernel: ReadyKernel) -> None:
+    def use_kernel(self, kernel: ReadyListKernel) -> None:
         """Use this kernel, which wraps the previous one, for new CONNECTs; older CONNECTs keep theirs."""
         self._kernel = kernel
 
@@ -207,13 +207,13 @@ class Runtime:
         end = self._connections[connect].set_up.listening_end
         return end.port if end else None
 
-    def connected_since(self, connect: str) -> int:
+    def connected_in_scan(self, connect: str) -> int:
         """Return the scan in which the newest connection of a CONNECT came up, or 0 if none came up."""
         connection = self._connections.get(connect)
         return 0 if connection is None else connection.since_scan
 
     def retry_now(self, connect: str) -> None:
-        """End the pause before the next attempt of a CONNECT to connect."""
+        """Let a CONNECT try to connect again at once. This ends the pause before its next attempt."""
         connection = self._connections.get(connect)
         if connection is not None:
             connection.retry_at = None
@@ -244,7 +244,7 @@ class Runtime:
         return bytes(self._data[name].content[start:stop])
 
     def received_ring(self, name: str) -> ReceivedRing | None:
-        """Return the ring of received bytes of a link or ComBuffer. A `sent_ring_name` gives sent bytes."""
+        """Return the newest received bytes of a link or ComBuffer, or sent ones for a `sent_ring_name`."""
         return self._resources.received.get(name)
 
     def job_bytes(self, instance: str) -> bytes:
@@ -255,13 +255,13 @@ class Runtime:
         """Return what has come over the line of a ComBuffer, with its times."""
         return self._lines.recording(combuffer, self._env.now, self.interval_ns)
 
-    def sent_bytes(self, connect: str) -> SentBytes | None:
+    def sent_count(self, connect: str) -> SentCount | None:
         """Return what a CONNECT's present connection has sent, None without a connection."""
         connection = self._connections[connect]
         if connection.state is not State.CONNECTED:
             return None
         ends = str(connection.local or ""), str(connection.peer or "")
-        return SentBytes(*ends, connection.bytes_sent, connection.unacknowledged())
+        return SentCount(*ends, connection.bytes_sent, connection.unacknowledged())
 
     def quiet_until(self) -> int | None:
         """If scans change nothing, return when (ns) time alone causes the next change, or None for never.
@@ -274,7 +274,7 @@ class Runtime:
         due: int | None = None
         for name in self._call_order.awake:
             link = self._connections.get(name) or self._ports[name]
-            if len(self._call_order.places(name)) > 1 and not self._call_order.is_one_task:
+            if len(self._call_order.call_positions(name)) > 1 and not self._call_order.is_one_task:
                 return now
             for at in (link.retry_at, link.set_up.deadline):
                 if at is not None and at > now and (due is None or at < due):
@@ -388,14 +388,14 @@ class Runtime:
         is_changed = instance.fail(why)
         link = self._connections.get(connect) or self._ports.get(connect)
         if link is not None:
-            for direction in link.directions:
+            for direction in link.direction_claims:
                 direction.release_instance(name)
-            if in_connection or not any(map(self._is_working, self._call_order.instances_on((connect,)))):
+            if in_connection or not any(map(self._asks_for_work, self._call_order.instances_on((connect,)))):
                 self._containment.clean_up(("CONNECT", connect), link.abandon)
         return is_changed
 
     @staticmethod
-    def _is_working(instance: Instance) -> bool:
+    def _asks_for_work(instance: Instance) -> bool:
         row, pins = block_row(instance.block_name), instance.inputs
         always = row.uses_network or row.runs_as is Condition.ESTABLISHING  # no CONT: TSEND, TRCV, TCON
         asks = pins.get("CONT", always) or pins.get("EN_R", False) or pins.get("REQ", False)
@@ -416,9 +416,9 @@ class Runtime:
                 self._written.add(name)
                 self.ledger.write(BenchNote(name, "written", f"{len(payload)} bytes at {offset}"))
             case StopPlc():
-                self._stop()
+                self._switch_to_stop()
             case RunPlc():
-                self._run()
+                self._switch_to_run()
             case CreateInstance(decl, place):
                 self._create(decl, place)
             case AddDeclaration(declared):
@@ -542,7 +542,7 @@ class Runtime:
         self._containment.attempt(("instance", name), partial(instance.drop_job, "instance downloaded"))
         instance.restart_block()
 
-    def _stop(self) -> None:
+    def _switch_to_stop(self) -> None:
         if not self.running:
             return
         self.running = False
@@ -554,7 +554,7 @@ class Runtime:
                 self.ledger.write(instance.edge)
                 self._stopped.append(instance)
 
-    def _run(self) -> None:
+    def _switch_to_run(self) -> None:
         if self.running:
             return
         self.running = True
@@ -602,7 +602,7 @@ class Runtime:
         return connection_snapshot(self._ports.get(name) or self._connections[name], self._env.now)
 
     def _renew_snapshots(self) -> None:
-        awake = self._call_order.take_awake() | set(self._resources.unsettled)
+        awake = self._call_order.take_touched() | set(self._resources.unsettled)
         for instance in self._call_order.instances_on(awake):
             self._instance_snapshots[instance.name] = instance.snapshot()
             if instance.data is not None:

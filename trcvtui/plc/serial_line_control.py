@@ -2,7 +2,7 @@
 
 Rule 1: a new TRCV_C or TSEND_C takes over the connection's state from a deleted instance of the same name.
 Rule 2: while the ComBuffer has no room for a whole DATA, the TRCV_C is held (EN_R = 0). Then bytes stay in
-the network and slow the sender. A TRCV_C with bytes in its job is not held. It would drop these bytes.
+the network and slow the sender. A TRCV_C with bytes in its job is not held: if held, it would drop them.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class PortExchange:
             return False
         wrong = self._port.open()
         if isinstance(wrong, PortOpening):
-            self._check_slow_open(now)
+            self._report_slow_open(now)
             return False
         self._opening_since = None
         if wrong is None:
@@ -98,7 +98,7 @@ class PortExchange:
         self._report_once("port not there", wrong)
         return False
 
-    def _check_slow_open(self, now: int) -> None:
+    def _report_slow_open(self, now: int) -> None:
         if self._opening_since is None:
             self._opening_since = now
         elif now - self._opening_since >= RETRY_NS:
@@ -113,7 +113,7 @@ class PortExchange:
     def _handle_loss(self, fault: Fault, now: int) -> None:
         self.close()
         self._retry_at = now + RETRY_NS
-        self._rx.mark_end("port gone")
+        self._rx.mark_connection_end("port gone")
         self.fault = fault
         self._note("port gone", _format_fault(fault))
 
@@ -127,7 +127,7 @@ def _format_fault(fault: Fault) -> str:
 READY_TO_SEND: Final = (Condition.CONNECTED, Condition.SENT)  # the last call's, after which REQ may rise
 
 
-class StreamDrain:
+class BufferDrain:
     """Sends a ComBuffer's bytes with a TSEND_C, at most `per_call` bytes a REQ. 0 means DATA's size."""
 
     keeps_awake = True  # bytes arrive without an event
@@ -146,7 +146,7 @@ class StreamDrain:
     def update_inputs(self, job: Job) -> bool:
         """Put the next bytes into DATA if this call may send; return whether the inputs change."""
         was_asked, self._size = bool(self._size), 0
-        self.check_connection()
+        self.follow_connection()
         if self._ready and self._data is not None and self._incarnation is not None and not job.running:
             room = min(self._data.size, self._per_call or self._data.size)
             payload = self._buffer.read(room)
@@ -159,11 +159,11 @@ class StreamDrain:
         """Return the inputs that replace the program's inputs."""
         return {"req": True, "len": self._size} if self._size else {}
 
-    def note_outcome(self, outcome: Outcome, asked: bool) -> None:
+    def handle_outcome(self, outcome: Outcome, asked: bool) -> None:
         """Note whether the next call may send. It may not while the program's own REQ is 1."""
         self._ready = outcome.condition in READY_TO_SEND and not asked
 
-    def continue_from(self, earlier: StreamDrain) -> None:
+    def continue_from(self, earlier: BufferDrain) -> None:
         """Rule 1: take over from a deleted TSEND_C of the same name."""
         if earlier._connection is self._connection:
             self._incarnation = earlier._incarnation
@@ -183,7 +183,7 @@ class StreamDrain:
         """PLC STOP: the connection is closed."""
         self._incarnation, self._size, self._ready = None, 0, False
 
-    def check_connection(self) -> None:
+    def follow_connection(self) -> None:
         """Empty the ComBuffer if its bytes were for a connection that is gone."""
         connection = self._connection
         is_up = connection.state is State.CONNECTED
@@ -193,7 +193,7 @@ class StreamDrain:
             self._incarnation = connection.incarnation
 
 
-class StreamFeed:
+class BufferFeed:
     """Puts the bytes of a TRCV_C into a ComBuffer. Without `holds`, bytes that have no room are dropped."""
 
     def __init__(
@@ -232,11 +232,11 @@ class StreamFeed:
         """Return the inputs that replace the program's inputs."""
         return {"en_r": False} if self.is_held else {}
 
-    def note_outcome(self, outcome: Outcome, asked: bool) -> None:
+    def handle_outcome(self, outcome: Outcome, asked: bool) -> None:
         """Put the bytes of a DONE into the ComBuffer; end the stream if the connection is gone."""
         connection = self._connection
         if self._follows_en_r and self._was_asked and not asked:
-            self._buffer.mark_end("EN_R fell")  # rules.part_follows_en_r
+            self._buffer.mark_connection_end("EN_R fell")  # rules.part_follows_en_r
         self._was_asked = asked
         size = outcome.rcvd_len
         if outcome.done and size and self._data is not None:
@@ -246,9 +246,9 @@ class StreamFeed:
                 self._buffer.discard_all("of an earlier connection")
             self._incarnation = connection.incarnation
             self._buffer.put(bytes(memoryview(self._data.content)[:size]))
-        self.check_connection()
+        self.follow_connection()
 
-    def continue_from(self, earlier: StreamFeed) -> None:
+    def continue_from(self, earlier: BufferFeed) -> None:
         """Rule 1: take over from a deleted TRCV_C of the same name."""
         if earlier._connection is self._connection:
             self._incarnation, self._was_asked = earlier._incarnation, earlier._was_asked
@@ -261,9 +261,9 @@ class StreamFeed:
             self.is_held = False
             self._buffer.note_held(False)
 
-    def check_connection(self) -> None:
+    def follow_connection(self) -> None:
         """End the stream if the connection of the last bytes is gone."""
-        if self._incarnation is not None and not self._is_same(self._connection):
+        if self._incarnation is not None and not self._is_still_up(self._connection):
             self._end_stream()
 
     def leave_connection(self) -> None:
@@ -275,9 +275,9 @@ class StreamFeed:
         """PLC STOP: the connection is closed; `SerialLines.stop` drops the bytes in the ComBuffer."""
         self._incarnation, self.is_held = None, False
 
-    def _is_same(self, connection: Connection) -> bool:
+    def _is_still_up(self, connection: Connection) -> bool:
         return connection.state is State.CONNECTED and connection.incarnation == self._incarnation
 
     def _end_stream(self) -> None:
         self._incarnation = None
-        self._buffer.mark_end("connection closed")
+        self._buffer.mark_connection_end("connection closed")

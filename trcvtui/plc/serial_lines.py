@@ -1,7 +1,7 @@
 """The ComBuffers of a PLC and their other ends; a TwinCAT program has SerialLineControl for this.
 
-The source of a ComBuffer is `sim` (bench commands), `serial` (PortExchange), a TRCV_C (StreamFeed), or
-another ComBuffer, as by a cable. In a simulated network, `serial` works like `sim`.
+The source of a ComBuffer is `sim` (bench commands), `serial` (PortExchange), a TRCV_C (BufferFeed), or
+another ComBuffer, as over a cable. In a simulated network, `serial` works like `sim`.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from trcvtui.net.serial_line import TCP_URL_PREFIXES, SerialPortFactory
 from trcvtui.plc.containment import Containment, RunPart
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.plc.serial_line_control import PortExchange, StreamDrain, StreamFeed
+from trcvtui.plc.serial_line_control import BufferDrain, BufferFeed, PortExchange
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.project.project import ComBufferDecl, InstanceDecl
 
 TCP_SOURCE: Final = "tcp"  # the source in a recording, if that is a TRCV_C
 CABLE_SOURCE: Final = "cable"
-StreamEnd = StreamFeed | StreamDrain
+StreamEnd = BufferFeed | BufferDrain
 TCP_QUEUE_BYTES: Final = 65_536  # bytes in front of a framer on TCP, where the sender can be slowed
 
 
@@ -121,9 +121,9 @@ class SerialLines:
 
     def _continue_stream(self, name: str, stream: StreamEnd) -> None:
         match self._streams.get(name), stream:
-            case (StreamFeed() as earlier, StreamFeed()):
+            case (BufferFeed() as earlier, BufferFeed()):
                 stream.continue_from(earlier)
-            case (StreamDrain() as before, StreamDrain()):
+            case (BufferDrain() as before, BufferDrain()):
                 stream.continue_from(before)
             case (other, _) if other is not None:
                 other.leave_connection()
@@ -135,9 +135,9 @@ class SerialLines:
     ) -> StreamEnd:
         buffer = self._buffers[decl.name]
         if decl.line == instance.name:
-            return StreamDrain(connection, instance.data, buffer, decl.per_cycle)
+            return BufferDrain(connection, instance.data, buffer, decl.per_cycle)
         follows = rules.part_follows_en_r
-        return StreamFeed(connection, instance.data, buffer, holds=not decl.size, follows_en_r=follows)
+        return BufferFeed(connection, instance.data, buffer, holds=not decl.size, follows_en_r=follows)
 
     def recording(self, name: str, until: int, tick: int) -> LineRecording:
         """Return what has come over the line of a ComBuffer; nothing if the ComBuffer is unknown."""
@@ -153,7 +153,7 @@ class SerialLines:
 
     def pull_cable(self, name: str) -> None:
         """Pull the cable: received bytes stay, an incomplete frame ends."""
-        self._buffers[name].mark_end("line broken")
+        self._buffers[name].mark_connection_end("line broken")
 
     def poll_errors(self) -> None:
         """Ask the drivers of the open ports for their error counts, so that a recording has them."""
@@ -164,7 +164,7 @@ class SerialLines:
         for name, port in self._ports.items():
             self._run_safely(name, partial(port.receive, now))
         for name in self._orphans:
-            self._run_safely(name, self._streams[name].check_connection)
+            self._run_safely(name, self._streams[name].follow_connection)
 
     def _run_safely(self, name: str, do: Callable[[], object]) -> None:
         """Serve one line. If this raises, close the line's port, and never serve the line again."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from msgspec import Struct, field
 
 from trcvtui.blocks.data_area import DataArea
-from trcvtui.blocks.framing import FrameMarks, FrameTally, Framing
+from trcvtui.blocks.framing import FrameSummary, FrameTally, Framing
 from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.serial.com_buffer import SerialBinding
@@ -44,8 +44,8 @@ class ConnectionSnapshot(Struct, frozen=True):
     keep_alive_s: int = 0  # the interval in force; 0: none (UDP)
 
 
-class SentBytes(Struct, frozen=True):
-    """What a CONNECT's present connection has sent. `unacknowledged` is None if the system gives none."""
+class SentCount(Struct, frozen=True):
+    """What a CONNECT's present connection has sent. `unacknowledged` None: the system gives no number."""
 
     local: str
     remote: str
@@ -67,10 +67,10 @@ class FramerSnapshot(Struct, frozen=True):
     discarded: int
     noise: bytes
     tally: FrameTally
-    last: FrameMarks | None
+    last: FrameSummary | None
 
     @property
-    def ending_text(self) -> str:
+    def last_ending_text(self) -> str:
         """Return in words what ended the newest frame."""
         framing = Framing(self.size, suffix=self.suffix or b"")
         return framing.ended_by(self.last.ending) if self.last is not None else ""
@@ -122,7 +122,7 @@ class InstanceSnapshot(Struct, frozen=True):
         return self.outputs.pin(name) if is_output else None
 
 
-class DataSnapshot(Struct, frozen=True):
+class DataSummary(Struct, frozen=True):
     """One global variable: its IEC type as text, its size in bytes, and how often it changed.
 
     The newest change wrote `newest` bytes, the longest change wrote `longest`.
@@ -174,7 +174,7 @@ class Snapshot(Struct, frozen=True):
     interval_ns: int
     instances: tuple[InstanceSnapshot, ...]
     connections: tuple[ConnectionSnapshot, ...]
-    data: tuple[DataSnapshot, ...]
+    data: tuple[DataSummary, ...]
     ledger_seq: int
     connections_used: int = 0
     connections_limit: int = 0
@@ -230,8 +230,8 @@ def connection_snapshot(connection: Connection, now: int) -> ConnectionSnapshot:
     )
 
 
-def data_snapshot(data: DataArea) -> DataSnapshot:
-    return DataSnapshot(data.name, data.type_name, data.size, data.generation, data.newest, data.longest)
+def data_snapshot(data: DataArea) -> DataSummary:
+    return DataSummary(data.name, data.type_name, data.size, data.generation, data.newest, data.longest)
 
 
 def framer_snapshot(

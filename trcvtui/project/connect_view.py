@@ -22,14 +22,14 @@ INDENT: Final = "    "
 REMARK: Final = "  // "
 
 
-class Setting(NamedTuple):
+class FieldLine(NamedTuple):
     """One field with its value, `ID := 1`, and a comment on it."""
 
     text: str
     remark: str = ""
 
 
-def declare_connect(config: ConnectConfig, indent: str = "") -> str:
+def connect_declaration(config: ConnectConfig, indent: str = "") -> str:
     """Return the declaration of a CONNECT with a description; its first line is not indented."""
     assert config.description is not None
     flaw = config.flaw
@@ -42,7 +42,7 @@ def declare_connect(config: ConnectConfig, indent: str = "") -> str:
             field_name(config.description, "RemotePort"), f"where {config.remote_port} listens"
         )
     values = initial_values(config.description, remarks)
-    return declare(config.name, config.description.structure.name, values, indent, remarks.get("", ""))
+    return declaration(config.name, config.description.structure.name, values, indent, remarks.get("", ""))
 
 
 def addr_declaration(addr: AddrParam, indent: str = "") -> str:
@@ -54,7 +54,7 @@ def addr_declaration(addr: AddrParam, indent: str = "") -> str:
     port = next(field.name for field in description.structure.fields if field.name in PORT_FIELDS)
     remarks = {port: f"where {addr.remote_port} listens"} if isinstance(addr.remote_port, str) else {}
     values = initial_values(description, remarks, _ADDRESS_ARRAY_FORM)
-    return declare(addr.name, description.structure.name, values, indent)
+    return declaration(addr.name, description.structure.name, values, indent)
 
 
 PORT_FIELDS: Final = ("rem_port_nr", "RemotePort")
@@ -62,7 +62,9 @@ _ADDRESS_ARRAY_FORM: Final = "[{}]"  # an ARRAY; that of a description is an IP_
 _IP_V4_FORM: Final = "(ADDR := [{}])"
 
 
-def declare(name: str, type_name: str, fields: Sequence[Setting], indent: str = "", remark: str = "") -> str:
+def declaration(
+    name: str, type_name: str, fields: Sequence[FieldLine], indent: str = "", remark: str = ""
+) -> str:
     head = f"{name} : {type_name} := ({REMARK + remark if remark else ''}"
     lines = []
     for number, field in enumerate(fields, 1):
@@ -74,10 +76,10 @@ def declare(name: str, type_name: str, fields: Sequence[Setting], indent: str = 
 
 def initial_values(
     description: Description, remarks: Mapping[str, str], address: str = _IP_V4_FORM
-) -> tuple[Setting, ...]:
+) -> tuple[FieldLine, ...]:
     """Return each field with its initial value in a DB; `remarks` are by field name."""
     return tuple(
-        Setting(f"{field.name} := {_literal(field, description, address)}", remarks.get(field.name, ""))
+        FieldLine(f"{field.name} := {_literal(field, description, address)}", remarks.get(field.name, ""))
         for field in description.structure.fields
     )
 

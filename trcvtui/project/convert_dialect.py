@@ -135,7 +135,7 @@ def _convert(
     config: ConnectConfig, number: int, project: Project, other: Project, notes: list[str]
 ) -> ConnectConfig:
     if config.description is None and other.dialect.describes_connects:
-        return _describe_connect(config, number, other, notes)
+        return _add_description(config, number, other, notes)
     if config.description is not None and not other.dialect.describes_connects:
         return _convert_to_plain_tcp(config, config.description, project, other, notes)
     if isinstance(config.session, IsoSettings):
@@ -162,7 +162,7 @@ def _convert_structure(config: ConnectConfig, dialect: Dialect, notes: list[str]
     return replace(config, flaw=DescriptionFlaw(Flaw.STRUCTURE, "", text), session=None)
 
 
-def _describe_connect(config: ConnectConfig, number: int, other: Project, notes: list[str]) -> ConnectConfig:
+def _add_description(config: ConnectConfig, number: int, other: Project, notes: list[str]) -> ConnectConfig:
     record: dict[str, object] = {
         "name": config.name,
         "ActiveEstablished": config.active,
@@ -188,7 +188,7 @@ def _describe_connect(config: ConnectConfig, number: int, other: Project, notes:
 def _convert_to_plain_tcp(
     config: ConnectConfig, description: Description, project: Project, other: Project, notes: list[str]
 ) -> ConnectConfig:
-    _check_plain_tcp(config, description, other)
+    _require_plain_tcp(config, description, other)
     notes.append(
         f"{config.name}: {description.structure.name} is written as a TCP_CONNECTCONFIG, without its ID"
     )
@@ -209,7 +209,7 @@ def _convert_to_plain_tcp(
     )
 
 
-def _check_plain_tcp(config: ConnectConfig, description: Description, other: Project) -> None:
+def _require_plain_tcp(config: ConnectConfig, description: Description, other: Project) -> None:
     spec = read_spec(description)
     found = ""
     if spec.protocol is not Transport.TCP:

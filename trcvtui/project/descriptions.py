@@ -246,7 +246,7 @@ STRUCTURES: Final = CONNECTIONS | ADDRESSES
 _ADDR_FIELDS: Final = ("rem_ip_addr", "rem_port_nr", "reserved")
 
 
-def is_structure(table: Table) -> bool:
+def has_structure_keys(table: Table) -> bool:
     """Return whether a table has a key of a structure; RemoteAddress and RemotePort do not count."""
     return any(table.has(key) for key in ("type", "bytes", *_ADDR_FIELDS))
 
@@ -255,7 +255,7 @@ def read_addr_structure(table: Table) -> dict[str, Any] | None:
     """Return the arguments of an ADDR from a structure, None if it cannot be read."""
     type_name = table.read("type", TEXT)
     if type_name is not None and type_name not in STRUCTURES:
-        table.add_unknown_name("type", type_name, ADDRESSES, "structure")
+        table.report_unknown_name("type", type_name, ADDRESSES, "structure")
         table.mark_known(*table.unread_keys())
         return None
     raw = table.read("bytes", DB_BYTES)
@@ -302,7 +302,7 @@ USUAL_INTERFACE: Final = 64  # the first PROFINET port of a CPU
 # -- how the fields are written ------------------------------------------------------------------------------
 
 
-def _bytes_of(size: int) -> Callable[[str], bytes | None]:
+def _parser(size: int) -> Callable[[str], bytes | None]:
     def read(text: str) -> bytes | None:
         numbers = parse_octets(text)
         found = bytes(numbers) if numbers is not None else parse_db_bytes(text)
@@ -341,7 +341,7 @@ def _field_kind(field: DescriptionField) -> Kind[Any]:
         case FieldType.NAME:
             return QDN
         case FieldType.BYTES:
-            return text_kind(f"at most {field.size} bytes in hex, or an IPv4 address", _bytes_of(field.size))
+            return text_kind(f"at most {field.size} bytes in hex, or an IPv4 address", _parser(field.size))
 
 
 # -- one table ------------------------------------------------------------------------------------------
@@ -392,7 +392,7 @@ def read_description(table: Table, number: int, structures: tuple[str, ...]) -> 
     """Return the description in a table, by its fields or as bytes. Its ID is `number` if none is given."""
     type_name = table.read("type", STRUCTURE)
     if type_name is not None and type_name not in CONNECTIONS:
-        table.add_unknown_name("type", type_name, CONNECTIONS, "structure")
+        table.report_unknown_name("type", type_name, CONNECTIONS, "structure")
         table.mark_known(*table.unread_keys())
         return None
     raw = table.read("bytes", DB_BYTES)
@@ -402,7 +402,7 @@ def read_description(table: Table, number: int, structures: tuple[str, ...]) -> 
     structure = CONNECTIONS[type_name or _default_type(table, structures)]
     written = _read_fields(table, structure, number, is_plain=type_name is None)
     is_taken = not structures or structure.name in structures
-    return written if type_name or is_taken else _convert_to_param(written)
+    return written if type_name or is_taken else _convert_to_tcon_param(written)
 
 
 def _default_type(table: Table, structures: tuple[str, ...]) -> str:
@@ -411,7 +411,7 @@ def _default_type(table: Table, structures: tuple[str, ...]) -> str:
     return own[0] if own else DEFAULT_TYPE
 
 
-def _convert_to_param(written: WrittenDescription) -> WrittenDescription:
+def _convert_to_tcon_param(written: WrittenDescription) -> WrittenDescription:
     description = written.description
     found = to_tcon_param(read_spec(description), has_interface=bool(description.number("InterfaceId")))
     return replace(written, description=found) if found is not None else written
@@ -537,7 +537,7 @@ def _make_session(
     return IsoSettings(*own, cap=rules.max_len, default_dt_bytes=rules.policy.tpdu_default)
 
 
-def keys_as_bytes(config: ConnectConfig) -> KeyPairs:
+def bytes_keys(config: ConnectConfig) -> KeyPairs:
     """Return structure and bytes; together with the keys of the bench they give the same CONNECT."""
     description = _require_description(config)
     is_known = config.flaw is None or config.flaw.flaw is not Flaw.NO_DESCRIPTION
@@ -548,7 +548,7 @@ def keys_as_bytes(config: ConnectConfig) -> KeyPairs:
     return keys
 
 
-def keys_as_fields(config: ConnectConfig) -> KeyPairs:
+def field_keys(config: ConnectConfig) -> KeyPairs:
     """Return the structure and each of its fields, so that one of them can be changed."""
     description = _require_description(config)
     keys: KeyPairs = [("type", description.structure.name)]
@@ -604,7 +604,7 @@ def dns_answer_of(config: ConnectConfig) -> str | None:
     return NO_SERVER if is_without else config.remote_address
 
 
-def verify_of(config: ConnectConfig) -> str | None:
+def verify_value_of(config: ConnectConfig) -> str | None:
     """Return the value that switches the check of certificates off, None if it is on."""
     tls = tls_credentials_of(config.session)
     return UNSAFE if tls is not None and tls.is_unverified else None

@@ -18,9 +18,9 @@ from trcvtui.project.file import (
     NamesByKind,
     all_names,
     check_names,
-    find_duplicates,
-    find_shared_ends,
-    mark_buffer_users,
+    mark_used_buffers,
+    report_duplicates,
+    report_shared_ends,
     types_of_udts,
 )
 from trcvtui.project.key_rows import Hint, context_of
@@ -53,7 +53,7 @@ from trcvtui.project.tables import Table
 from trcvtui.udt.type_set import TypeSet
 
 
-class AddField(Struct, frozen=True):
+class FormRow(Struct, frozen=True):
     """One field of a form: its key, a hint, the values to choose from, and the value at first."""
 
     key: str
@@ -62,22 +62,22 @@ class AddField(Struct, frozen=True):
     first: str = ""
 
 
-class LineKeys(NamedTuple):
+class CommandKeys(NamedTuple):
     """Keys of a kind. A command line has only the value of a `bare` key. `quoted` texts may have blanks."""
 
     bare: frozenset[str]
     quoted: frozenset[str]
 
 
-def keys_of_line(kind: str, project: Project) -> LineKeys:
+def command_keys_of(kind: str, project: Project) -> CommandKeys:
     asks = [(row.name, row.ask) for row in table_row(kind, project.dialect).keys if row.ask]
-    return LineKeys(
+    return CommandKeys(
         frozenset(name for name, ask in asks if ask.is_bare),
         frozenset(name for name, ask in asks if ask.is_quoted),
     )
 
 
-def fields_of(kind: str, project: Project, block: str = "", to_change: bool = False) -> tuple[AddField, ...]:
+def fields_of(kind: str, project: Project, block: str = "", to_change: bool = False) -> tuple[FormRow, ...]:
     """Return the form fields of a kind except the name. For an instance they depend on its block."""
     row, chosen = table_row(kind, project.dialect), block or default_block(project)
     fields = {
@@ -89,10 +89,10 @@ def fields_of(kind: str, project: Project, block: str = "", to_change: bool = Fa
     return (*first, *fields.values())
 
 
-def _field(key: str, ask: Hint, project: Project, block: str) -> AddField:
+def _field(key: str, ask: Hint, project: Project, block: str) -> FormRow:
     hint = ask.hint if isinstance(ask.hint, str) else ask.hint(project, block)
     first = ask.first if isinstance(ask.first, str) else ask.first(project, block)
-    return AddField(key, hint, ask.choices(project, block), first)
+    return FormRow(key, hint, ask.choices(project, block), first)
 
 
 def default_block(project: Project) -> str:
@@ -128,17 +128,17 @@ def read_entry(
     for other in kinds_sharing_names(kind) if kind != CERTIFICATE else ():
         known = [Table({TABLES[other].called: name}, "", problems) for name in names_of(other, project)]
         reserved = RESERVED_NAMES if "data" in kinds_sharing_names(kind) else ()
-        find_duplicates([(other, known), (kind, [table])], reserved=reserved)
+        report_duplicates([(other, known), (kind, [table])], reserved=reserved)
         if problems:
             break
     around = context_of(project)
     check_names(kind, table, _names(project), around)
     if kind == "combuffer":
         known = [Table(dict(entry_of(b)), "", problems) for b in project.combuffers]
-        find_shared_ends([*known, table])
+        report_shared_ends([*known, table])
     decl = read_table(kind, table, around, number or len(entries_of(kind, project)) + 1)
     if isinstance(decl, ComBufferDecl):
-        decl = mark_buffer_users((decl,), project.instances)[0]
+        decl = mark_used_buffers((decl,), project.instances)[0]
     elif isinstance(decl, CertificateDecl) and decl.number in project.certificates:
         table.report("number", f"{decl.number}, which another certificate has", "an unused number", "taken")
     if problems or decl is None:
@@ -196,7 +196,7 @@ def apply_edits(project: Project, edits: Edits) -> Project:
         project = replace(project, **changed)
     if any(edit.kind == UDT.kind for edit in edits):
         project = replace(project, types=types_of_project(project))
-    return replace(project, combuffers=mark_buffer_users(project.combuffers, project.instances))
+    return replace(project, combuffers=mark_used_buffers(project.combuffers, project.instances))
 
 
 def types_of_project(project: Project) -> TypeSet:
@@ -205,18 +205,18 @@ def types_of_project(project: Project) -> TypeSet:
     return types_of_udts(project.udts, project.base, constants, has_system_types)
 
 
-def apply_step(project: Project, edits: Edits) -> Project:
+def apply_as_step(project: Project, edits: Edits) -> Project:
     """Return the project after these edits, which `undo` takes back as one step."""
     return replace(apply_edits(project, edits), undoable=(*project.undoable, edits)[-MOST_UNDOABLE:])
 
 
-def undo_edits(project: Project) -> Edits:
+def inverse_edits(project: Project) -> Edits:
     """Return the edits that take the newest step back, none if there is no step."""
     return tuple([edit.inverse for edit in reversed(project.undoable[-1])]) if project.undoable else ()
 
 
 def undo_step(project: Project) -> Project:
-    return replace(apply_edits(project, undo_edits(project)), undoable=project.undoable[:-1])
+    return replace(apply_edits(project, inverse_edits(project)), undoable=project.undoable[:-1])
 
 
 def append_entry(project: Project, decl: Declaration) -> Project:
@@ -224,7 +224,7 @@ def append_entry(project: Project, decl: Declaration) -> Project:
     return apply_edits(project, (make_addition(decl, project),))
 
 
-def read_change(decl: Declaration, pairs: Mapping[str, Any], project: Project, where: str) -> Declaration:
+def read_changed(decl: Declaration, pairs: Mapping[str, Any], project: Project, where: str) -> Declaration:
     """Return a declaration with some keys changed; None removes a key. Raise UserError if it is invalid.
 
     The entry is written in the first of its equivalent forms that can be read with the changes.
@@ -244,8 +244,8 @@ def read_change(decl: Declaration, pairs: Mapping[str, Any], project: Project, w
     raise first or UserError([Problem(where, "an entry that cannot be written", "add and remove")])
 
 
-def keys_to_change(decl: Declaration, project: Project) -> dict[str, Any]:
-    """Return the keys of a declaration in the form that `read_change` uses."""
+def changeable_keys(decl: Declaration, project: Project) -> dict[str, Any]:
+    """Return the keys of a declaration in the form that `read_changed` uses."""
     edit = make_change(decl, None, project)
     own = next(_equivalent_forms(decl, edit, apply_edits(project, (edit,))), dict(keys_of(decl)))
     return {key: value for key, value in own.items() if key != TABLES[edit.kind].called}

@@ -19,7 +19,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect, SwitchValue, read_switches
 from trcvtui.errors import Problem, UserError, collect_problems, raise_all_problems
-from trcvtui.project.key_rows import Context, context_of
+from trcvtui.project.key_rows import ReadContext, context_of
 from trcvtui.project.keys import SIM_ROW, TABLES, TOP_ROW, UDT, kinds_sharing_names, read_table, table_row
 from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, InstanceDecl, Project, Task, UdtFile
 from trcvtui.project.tables import (
@@ -49,7 +49,7 @@ BUFFER_ENDS: Final = (
 )
 
 
-def find_duplicates(kinds: Iterable[tuple[str, Sequence[Table]]], reserved: Iterable[str] = ()) -> None:
+def report_duplicates(kinds: Iterable[tuple[str, Sequence[Table]]], reserved: Iterable[str] = ()) -> None:
     """Report every name that is reserved, or that an earlier table of these kinds already has."""
     seen = dict.fromkeys(reserved, "a word of the bench commands")
     for kind, tables in kinds:
@@ -60,7 +60,7 @@ def find_duplicates(kinds: Iterable[tuple[str, Sequence[Table]]], reserved: Iter
                 continue
             if name in seen:
                 table.report(called, f"{quote(name)}, {seen[name]}", "an unused name", "taken")
-            seen.setdefault(name, f"the name of {with_article(TABLES[kind].what)}")
+            seen.setdefault(name, f"which {with_article(TABLES[kind].what)} already has")
 
 
 def all_names(
@@ -85,7 +85,7 @@ def all_names(
     return {of: dict.fromkeys(each) for of, each in found.items()}
 
 
-def check_names(kind: str, table: Table, names: NamesByKind, around: Context) -> None:
+def check_names(kind: str, table: Table, names: NamesByKind, around: ReadContext) -> None:
     """Report every key of a table that refers to an unknown name."""
     rows = table_row(kind, around.dialect).keys
     own = table.peek("name") if kind == "combuffer" else None
@@ -98,10 +98,10 @@ def check_names(kind: str, table: Table, names: NamesByKind, around: Context) ->
         if name in refers.words or (name != own and any(name in names[of] for of in refers.kinds)):
             continue
         known = [*refers.words, *(each for of in refers.kinds for each in names[of] if each != own)]
-        table.add_unknown_name(key, name, known, refers.what)
+        table.report_unknown_name(key, name, known, refers.what)
 
 
-def find_shared_ends(tables: Sequence[Table]) -> None:
+def report_shared_ends(tables: Sequence[Table]) -> None:
     """Report a source, line or port that an earlier ComBuffer has, or a source ComBuffer with a line."""
     for key, has, expected in BUFFER_ENDS:
         seen: dict[str, str] = {}
@@ -120,7 +120,7 @@ def find_shared_ends(tables: Sequence[Table]) -> None:
             table.report("source", found, "a ComBuffer without a line")
 
 
-def mark_buffer_users(
+def mark_used_buffers(
     buffers: Iterable[ComBufferDecl], instances: tuple[InstanceDecl, ...]
 ) -> tuple[ComBufferDecl, ...]:
     written = {i.connect for i in instances if block_row(i.block).writes_tx_buffer}
@@ -280,12 +280,12 @@ class DocumentReader:
         """Return the project; raise UserError with all problems."""
         name = top.require("dialect", TEXT)
         if name is not None and name not in DIALECTS:
-            top.add_unknown_name("dialect", name, DIALECTS, "dialect")
+            top.report_unknown_name("dialect", name, DIALECTS, "dialect")
         if name is None or name not in DIALECTS:
             raise UserError(self.problems)  # without a dialect nothing else in the file has a meaning
         dialect = DIALECTS[name]
         model, options = self.model(top, dialect), self.options(dialect)
-        around = Context(dialect, dialect.answer(options), rules_for(dialect.layout), self.base)
+        around = ReadContext(dialect, dialect.answer(options), rules_for(dialect.layout), self.base)
         body = self.read_all_entries(around)
         sim = SIM_ROW.read(Table(self.section("sim"), f"{self.where}: sim", self.problems), around)
         texts = TOP_ROW.read(top, around)
@@ -311,7 +311,7 @@ class DocumentReader:
         model = top.get("model", TEXT, dialect.default_model)
         if model in dialect.models:
             return model
-        top.add_unknown_name("model", model, dialect.models, "model")
+        top.report_unknown_name("model", model, dialect.models, "model")
         return dialect.default_model
 
     def options(self, dialect: Dialect) -> dict[str, SwitchValue]:
@@ -333,7 +333,7 @@ class DocumentReader:
             self.problems.append(Problem(f"{where}.{BLACK_BOX}", quote(value), "on or off"))
         return value != "off"
 
-    def read_all_entries(self, around: Context) -> dict[str, Any]:
+    def read_all_entries(self, around: ReadContext) -> dict[str, Any]:
         """Return the entries of all kinds by their field in Project, and the types."""
         tables = {kind: self.entries(kind) for kind in TABLES}
         self.check_names(tables, around)
@@ -351,7 +351,7 @@ class DocumentReader:
         tasks = _entries("task", tables.pop("task"), around) or (Task(),)
         around = replace(around, certificates=certificates, first_task=tasks[0].name)
         found = {kind: _entries(kind, of_kind, around) for kind, of_kind in tables.items()}
-        found["combuffer"] = mark_buffer_users(found["combuffer"], found["instance"])
+        found["combuffer"] = mark_used_buffers(found["combuffer"], found["instance"])
         return {
             "types": types or NO_TYPES,
             "tasks": tasks,
@@ -361,7 +361,7 @@ class DocumentReader:
             **{TABLES[kind].field: entries for kind, entries in found.items()},
         }
 
-    def check_names(self, tables: Mapping[str, list[Table]], around: Context) -> None:
+    def check_names(self, tables: Mapping[str, list[Table]], around: ReadContext) -> None:
         """Report every name that is declared twice, and every name that is used but not declared."""
         done: set[str] = set()
         for kind in TABLES:
@@ -369,7 +369,7 @@ class DocumentReader:
                 kinds = kinds_sharing_names(kind)
                 done.update(kinds)
                 reserved = RESERVED_NAMES if kind == "data" else ()  # rule 2
-                find_duplicates([(each, tables[each]) for each in kinds], reserved)
+                report_duplicates([(each, tables[each]) for each in kinds], reserved)
         names = {kind: _names(of_kind) for kind, of_kind in tables.items()}
         blocks = [(table.text("name") or "", table.text("block") or "") for table in tables["instance"]]
         ports = _names(table for table in tables["combuffer"] if table.text("source") == SERIAL)
@@ -377,10 +377,10 @@ class DocumentReader:
         for kind, of_kind in tables.items():
             for table in of_kind:
                 check_names(kind, table, known, around)
-        find_shared_ends(tables["combuffer"])
+        report_shared_ends(tables["combuffer"])
 
     def types(
-        self, udts: list[UdtFile | None], constants: Mapping[str, int], around: Context
+        self, udts: list[UdtFile | None], constants: Mapping[str, int], around: ReadContext
     ) -> TypeSet | None:
         """Return the UDTs of all files, None if a file cannot be read."""
         read = tuple([each for each in udts if each is not None])
@@ -439,7 +439,7 @@ def reread_udts(project: Project) -> tuple[UdtFile, ...]:
             raise
     with raise_all_problems() as problems:
         tables = DocumentReader(dict(document), str(project.path), project.base, problems).entries("udt")
-        find_duplicates([("udt", tables)])
+        report_duplicates([("udt", tables)])
         rows = [UDT.read(table, context_of(project)) for table in tables]
     own = [each.name for each in project.udts]
     removed = {edit.name for step in project.undoable for edit in step if edit.after is None} - {*own}
@@ -462,7 +462,7 @@ def read_constants(content: Mapping[str, Any], where: str, problems: list[Proble
     return {name: number for name in flat if (number := table.read(name, LINT)) is not None}
 
 
-def _entries(kind: str, tables: Iterable[Table], around: Context) -> tuple[Any, ...]:
+def _entries(kind: str, tables: Iterable[Table], around: ReadContext) -> tuple[Any, ...]:
     read = [read_table(kind, table, around, number) for number, table in enumerate(tables, 1)]
     return tuple([entry for entry in read if entry is not None])
 

@@ -23,8 +23,8 @@ KeyPairs = list[tuple[str, KeyValue]]
 Refusal = tuple[str, str]  # what was found, what was expected
 
 
-class Context(Struct, frozen=True):
-    """What is needed to read an entry of a project. If `types` is None, a file of UDTs cannot be read."""
+class ReadContext(Struct, frozen=True):
+    """What is needed to read an entry of a project. `types` is None if a file of UDTs cannot be read."""
 
     dialect: Dialect
     rules: VendorRules
@@ -35,20 +35,20 @@ class Context(Struct, frozen=True):
     first_task: str = "MAIN"
 
     @property
-    def blocks(self) -> tuple[str, ...]:
+    def block_types(self) -> tuple[str, ...]:
         """Return the blocks of the dialect that have pins."""
         return known_blocks(self.dialect.blocks)
 
 
-def context_of(project: Project) -> Context:
+def context_of(project: Project) -> ReadContext:
     p = project
-    return Context(p.dialect, p.rules, p.layout, p.base, p.types, p.certificates, p.tasks[0].name)
+    return ReadContext(p.dialect, p.rules, p.layout, p.base, p.types, p.certificates, p.tasks[0].name)
 
 
 class TableValues(dict[str, Any]):
     """The values of one table by key, None if missing or wrong. `number` is the table's place from 1."""
 
-    def __init__(self, table: Table, around: Context, number: int) -> None:
+    def __init__(self, table: Table, around: ReadContext, number: int) -> None:
         super().__init__()
         self.table = table
         self.around = around
@@ -83,7 +83,7 @@ class Hint(Struct, frozen=True):
     is_of_change: bool = False
 
 
-class NameUse(NamedTuple):
+class NameRef(NamedTuple):
     """The kinds of names that a key takes (`file.NamesByKind`). `by_at` names are written as `@NAME`.
 
     `words` are other values of the key. With `or_none`, the key may be "". Messages call the name `what`.
@@ -96,12 +96,12 @@ class NameUse(NamedTuple):
     or_none: bool = False
 
 
-def _is_always_allowed(table: Table, around: Context) -> bool:
+def _is_always_allowed(table: Table, around: ReadContext) -> bool:
     return True
 
 
 class Key(Struct, frozen=True):
-    """One key. A key without a `kind` is read together with another key.
+    """One key. A key without a `kind` is read together with another key. `help` is one sentence.
 
     `of` is where the declaration keeps the value, as `local.port`. `writes(decl)` returns the value to
     write, or None for no key. `default` is the value of a missing key. With `is_said`, a default value is
@@ -116,11 +116,11 @@ class Key(Struct, frozen=True):
     of: str = ""
     default: Any = None
     ask: Hint | None = None
-    refers: NameUse | None = None
+    refers: NameRef | None = None
     writes: Callable[[Any], Any] | None = None
     is_needed: bool = False
     is_said: bool = False
-    only: Callable[[Table, Context], bool | Refusal] = _is_always_allowed
+    only: Callable[[Table, ReadContext], bool | Refusal] = _is_always_allowed
     reads: Callable[[TableValues], None] | None = None
     is_played: bool = False
 
@@ -190,7 +190,7 @@ class TableRow(Struct, frozen=True):
     head: Callable[[Any], KeyPairs] = _no_keys
     tail: Callable[[Any], KeyPairs] = _no_keys
 
-    def read(self, table: Table, around: Context, number: int = 1) -> Any:
+    def read(self, table: Table, around: ReadContext, number: int = 1) -> Any:
         """Return the declaration of a table, None if a needed key is missing or wrong."""
         values = TableValues(table, around, number)
         for key in self.keys:

@@ -34,13 +34,13 @@ from trcvtui.project.descriptions import (
     tls_of_peer,
 )
 from trcvtui.project.key_rows import (
-    Context,
     Hint,
     Key,
     KeyPairs,
     KeyValue,
-    NameUse,
+    NameRef,
     Offer,
+    ReadContext,
     Refusal,
     TableRow,
     TableValues,
@@ -67,7 +67,7 @@ from trcvtui.project.project import (
     UdtFile,
     WatchDecl,
 )
-from trcvtui.project.proposals import NEW, propose_free
+from trcvtui.project.proposals import NEW, propose_part
 from trcvtui.project.tables import (
     ADDRESS,
     ADDRESSES,
@@ -153,16 +153,16 @@ def free_name(kind: str, start: str, project: Project) -> str:
     return next(name for n in range(1, len(taken) + 2) if (name := f"{start}{n}") not in taken)
 
 
-def _names(*kinds: str, before: tuple[str, ...] = ()) -> Offer:
+def _offer_names(*kinds: str, before: tuple[str, ...] = ()) -> Offer:
     return lambda project, block: (*before, *(name for kind in kinds for name in names_of(kind, project)))
 
 
 def _offer_new_or(kind: str) -> Offer:
-    return _names(kind, before=(NEW,))
+    return _offer_names(kind, before=(NEW,))
 
 
-def _references(*kinds: str) -> Offer:
-    offer = _names(*kinds)
+def _offer_refs(*kinds: str) -> Offer:
+    offer = _offer_names(*kinds)
     return lambda project, block: tuple([f"@{name}" for name in offer(project, block)])
 
 
@@ -175,7 +175,7 @@ def _truth_hint(hint: str, first: str = "", **more: Any) -> Hint:
     return Hint(hint, offer_fixed(*BOOLS), first, **more)
 
 
-def _numbers(with_key: bool = False) -> Offer:
+def _offer_certs(with_key: bool = False) -> Offer:
     return lambda project, block: tuple(
         [str(each.number) for each in project.certificates.values() if each.key or not with_key]
     )
@@ -183,8 +183,8 @@ def _numbers(with_key: bool = False) -> Offer:
 
 # -- TCP and UDP -----------------------------------------------------------------------------------------
 
-_PEER_OR_CONNECT: Final = NameUse("peer or CONNECT", ("peer", "connect"), by_at=True)
-_PEER_OR_UDP: Final = NameUse("peer or UDP_CONFIG", ("peer", "udp_end"), by_at=True)
+_PEER_OR_CONNECT: Final = NameRef("peer or CONNECT", ("peer", "connect"), by_at=True)
+_PEER_OR_UDP: Final = NameRef("peer or UDP_CONFIG", ("peer", "udp_end"), by_at=True)
 
 
 def _local_port(config: ConnectConfig) -> int | None:
@@ -204,8 +204,8 @@ _CONNECT: Final = TableRow(
             Hint("0: a free one", first="0"), writes=_local_port, is_said=True),
         Key("RemoteAddress", ADDRESS, "The partner's address; 0.0.0.0 accepts any.", "remote_address",
             ANY_ADDRESS, Hint("0.0.0.0: any")),
-        Key("RemotePort", PORT_OR_NAME, "The partner's port; @NAME: the port of that peer or CONNECT.",
-            "remote_port", 0, Hint("a port, or @NAME", _references("peer", "connect")), _PEER_OR_CONNECT),
+        Key("RemotePort", PORT_OR_NAME, "The partner's port; @NAME: where that peer or CONNECT listens.",
+            "remote_port", 0, Hint("a port, or @NAME", _offer_refs("peer", "connect")), _PEER_OR_CONNECT),
         Key("SendDelayOpt", TRUTH, "true: small pieces are sent at once (Nagle off).", "send_delay_opt",
             False, _truth_hint("true: Nagle off")),
         Key("KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0 means 10.",
@@ -244,24 +244,24 @@ _ADDR: Final = TableRow(
 # -- connection descriptions -----------------------------------------------------------------------------
 
 
-def _takes_param_alone(project: Project, block: str) -> bool:
+def _has_tcon_param_alone(project: Project, block: str) -> bool:
     return project.dialect.structures == ("TCON_Param",)
 
 
-def _is_newer(project: Project, block: str) -> bool:
-    return not _takes_param_alone(project, block)
+def _has_newer(project: Project, block: str) -> bool:
+    return not _has_tcon_param_alone(project, block)
 
 
 def _field_keys() -> Iterable[Key]:
-    ends, numbers = _references("peer", "connect"), _numbers()
+    ends, numbers = _offer_refs("peer", "connect"), _offer_certs()
     refers = {"RemotePort": _PEER_OR_CONNECT}
 
     def newer_key(name: str, hint: str, choices: Offer = offer_none, is_quoted: bool = False) -> Key:
-        ask = Hint(hint, choices, where=_is_newer, is_quoted=is_quoted)
+        ask = Hint(hint, choices, where=_has_newer, is_quoted=is_quoted)
         return Key(name, None, hint, ask=ask, refers=refers.get(name))
 
     def older_key(name: str, hint: str, choices: Offer = offer_none, first: str = "") -> Key:
-        ask = Hint(hint, choices, first, where=_takes_param_alone)
+        ask = Hint(hint, choices, first, where=_has_tcon_param_alone)
         return Key(name, None, hint, ask=ask, refers=refers.get(name))
 
     yield newer_key("ID", "1 to 4095")
@@ -274,7 +274,7 @@ def _field_keys() -> Iterable[Key]:
     yield newer_key("LocalTSelector", "TCON_IP_RFC: 16#E002, E0.02 or TCP-1", is_quoted=True)
     yield newer_key("RemoteTSelector", "the partner's, as for LocalTSelector", is_quoted=True)
     yield Key("IsoPort", PORT_OR_NAME, "A port to use instead of 102, which needs rights.",
-              default=descriptions.ISO_PORT, ask=Hint("on the bench, in place of 102", ends, where=_is_newer),
+              default=descriptions.ISO_PORT, ask=Hint("on the bench, not 102", ends, where=_has_newer),
               refers=_PEER_OR_CONNECT, writes=descriptions.iso_port_of, is_said=True)  # fmt: skip
     yield newer_key("ActivateSecureConn", "SEC: true is TLS", offer_fixed(*BOOLS))
     yield newer_key("TLSServerCertRef", "the number of a certificate", numbers)
@@ -333,12 +333,12 @@ _DESCRIBED_CONNECT: Final = replace(
         Key("DnsAnswer", descriptions.DNS_ANSWER, "The address that the name in RemoteQDN stands for.",
             writes=descriptions.dns_answer_of),
         Key("verify", VERIFY, "Switches the check of the partner's certificate off.",
-            writes=descriptions.verify_of),
+            writes=descriptions.verify_value_of),
         Key("KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0: as keep_alive.",
             default=0, writes=lambda c: c.keep_alive_interval_s),
         _HISTORY,
     ),
-    also=_make_described_fields, head=lambda c: descriptions.keys_as_bytes(c),
+    also=_make_described_fields, head=lambda c: descriptions.bytes_keys(c),
 )  # fmt: skip
 
 
@@ -352,9 +352,9 @@ _DESCRIBED_ADDR: Final = replace(
         Key("rem_ip_addr", None, "The partner's address; a receiving block writes it.",
             ask=Hint("0.0.0.0: the receiver writes it", first=LOOPBACK)),
         Key("rem_port_nr", None, "The partner's port, or @NAME.",
-            ask=Hint("a port, or @NAME", _references("peer")), refers=_PEER_OR_UDP),
+            ask=Hint("a port, or @NAME", _offer_refs("peer")), refers=_PEER_OR_UDP),
         Key("reserved", None, "The two bytes after rem_port_nr."),
-        Key("RemotePort", None, "@NAME of the port, if `bytes` is given.", refers=_PEER_OR_UDP),
+        Key("RemotePort", None, "@NAME for the partner's port, if `bytes` is given.", refers=_PEER_OR_UDP),
     ),
     also=lambda values: values["structure"], head=lambda a: descriptions.addr_keys(a),
 )  # fmt: skip
@@ -363,17 +363,17 @@ _DESCRIBED_ADDR: Final = replace(
 # -- ComBuffers ------------------------------------------------------------------------------------------
 
 
-def _is_serial(table: Table, around: Context) -> bool | Refusal:
+def _is_serial(table: Table, around: ReadContext) -> bool | Refusal:
     return table.text("source") == SERIAL or ("a key of serial ports", 'source = "serial" beside it')
 
 
-def _sources(project: Project, block: str) -> tuple[str, ...]:
+def _source_choices(project: Project, block: str) -> tuple[str, ...]:
     rows = [(each.name, block_row(each.block)) for each in project.instances]
     streams = [name for name, row in rows if row.owns_link and row.receives_on_net]
     return (SIMULATED, SERIAL, *streams, *names_of("combuffer", project))
 
 
-def _lines(project: Project, block: str) -> tuple[str, ...]:
+def _line_choices(project: Project, block: str) -> tuple[str, ...]:
     ports = [each.name for each in project.combuffers if each.serial is not None]
     rows = [(each.name, block_row(each.block)) for each in project.instances]
     return ("", *ports, *(name for name, row in rows if row.owns_link and row.sends_on_net))
@@ -384,8 +384,8 @@ _COMBUFFER: Final = TableRow(
     (
         _name_key("ComBuffer"),
         Key("source", TEXT, "Where its bytes come from: sim, serial, a TRCV_C instance or another ComBuffer.",
-            "source", SIMULATED, Hint("where bytes come from", _sources, SIMULATED),
-            NameUse("source", ("stream_in", "combuffer"), words=(SIMULATED, SERIAL))),
+            "source", SIMULATED, Hint("where bytes come from", _source_choices, SIMULATED),
+            NameRef("source", ("stream_in", "combuffer"), words=(SIMULATED, SERIAL))),
         Key("port", PORT_NAME, "Its serial port: a device, socket:// or rfc2217://.", "serial.port",
             ask=Hint("serial: a device, socket://"), only=_is_serial, is_needed=True),
         Key("baud", BAUD, "Bits per second.", "serial.baud", 9600, Hint("serial: 9600"),
@@ -399,8 +399,8 @@ _COMBUFFER: Final = TableRow(
         Key("handshake", HANDSHAKE, "The flow control.", "serial.handshake", "none",
             Hint("serial: none", offer_fixed("none", "rts/cts", "dsr/dtr", "xon/xoff")), only=_is_serial),
         Key("line", TEXT, "What sends its bytes: a ComBuffer with a port, or a TSEND_C.",
-            "line", "", Hint("what sends its bytes", _lines),
-            NameUse('TSEND_C, or ComBuffer with source = "serial"', ("port", "stream_out"))),
+            "line", "", Hint("what sends its bytes", _line_choices),
+            NameRef('TSEND_C, or ComBuffer with source = "serial"', ("port", "stream_out"))),
         Key("size", QUEUE_SIZE, "Its size in bytes; the default depends on source.", "size", 0,
             Hint("its size in bytes: 300"), is_played=True),
         Key("per_cycle", QUEUE_SIZE, "The most bytes that leave it in a scan; default: all.", "per_cycle", 0,
@@ -439,10 +439,10 @@ def _lay_out_data(values: TableValues) -> dict[str, Any] | None:
     if text is None:
         return None
     choice = LayoutChoice(*[values[key.name] for key in _LAYOUT_CHOICE_KEYS])
-    place = table.place("type")
+    place = table.location_of("type")
     try:
         type_ = parse_type(text, around.types or NO_TYPES, place)
-        layout = _lay_out_at(type_, choice.rules(around.layout), values["name"] or "?", place)
+        layout = _lay_out_type(type_, choice.rules(around.layout), values["name"] or "?", place)
     except UserError as refused:
         if around.types is not None:  # else the file that cannot be read may declare the type
             table.problems.extend(refused.problems)
@@ -450,7 +450,7 @@ def _lay_out_data(values: TableValues) -> dict[str, Any] | None:
     return {"type": type_, "layout": layout, "size": layout.size}
 
 
-def _lay_out_at(type_: Type, rules: LayoutRules, name: str, place: str) -> Layout:
+def _lay_out_type(type_: Type, rules: LayoutRules, name: str, place: str) -> Layout:
     try:
         return lay_out(type_, rules, name)
     except UserError as refused:
@@ -489,39 +489,39 @@ def link_key(block: str) -> str:
     return block_row(block).buffer_pin or "connect"
 
 
-def _has_config(table: Table, around: Context) -> bool | Refusal:
+def _may_use_config(table: Table, around: ReadContext) -> bool | Refusal:
     row = block_row(table.text("block"))
     if row.datagrams and table.has("connect"):
         return "both a UDP_CONFIG and a CONNECT", "one of them"
     return row.speaks_udp
 
 
-def _has_link(key: str) -> Callable[[Table, Context], bool]:
-    def may_have(table: Table, around: Context) -> bool:
+def _may_link(key: str) -> Callable[[Table, ReadContext], bool]:
+    def may_have(table: Table, around: ReadContext) -> bool:
         block = table.text("block") or ""
-        if block not in around.blocks and not table.has(key):
+        if block not in around.block_types and not table.has(key):
             return False  # an unknown block: what it needs is unknown, too
-        return _has_config(table, around) is not True and link_key(block) == key
+        return _may_use_config(table, around) is not True and link_key(block) == key
 
     return may_have
 
 
-def _may_have_addr(table: Table, around: Context) -> bool:
-    has_datagrams = any(block_row(block).datagrams for block in around.blocks)
+def _may_have_addr(table: Table, around: ReadContext) -> bool:
+    has_datagrams = any(block_row(block).datagrams for block in around.block_types)
     row = block_row(table.text("block"))  # TSEND and TRCV have the pin ADDR, though it does nothing for TCP
     return (row.sends_stream or row.receives_stream) and has_datagrams
 
 
-def _to_link(key: str) -> Callable[[InstanceDecl], str | None]:
+def _link_writer(key: str) -> Callable[[InstanceDecl], str | None]:
     return lambda i: i.connect if key == ("config" if i.on_config else link_key(i.block)) else None
 
 
 def _buffer_key(pin: str) -> Key:
     return Key(pin, TEXT, "The ComBuffer of a TwinCAT block.", "connect",
-               ask=Hint("a ComBuffer", _offer_new_or("combuffer"), propose_free("combuffer"),
+               ask=Hint("a ComBuffer", _offer_new_or("combuffer"), propose_part("combuffer"),
                         lambda project, block: block_row(block).buffer_pin == pin),
-               refers=NameUse("ComBuffer", ("combuffer",)), writes=_to_link(pin), is_needed=True,
-               only=_has_link(pin))  # fmt: skip
+               refers=NameRef("ComBuffer", ("combuffer",)), writes=_link_writer(pin), is_needed=True,
+               only=_may_link(pin))  # fmt: skip
 
 
 def _asks_for_connect(project: Project, block: str) -> bool:
@@ -537,9 +537,9 @@ def _connect_choices(project: Project, block: str) -> tuple[str, ...]:
 def _pointer_key(pin: str) -> Key:
     mark = pin.removeprefix("p").lower()
     return Key(pin, TEXT, f"The variable with the {mark}; default: none, the pointer is 0.", default="",
-               ask=Hint(f"{mark}, none: 0", _names("data", before=("",)),
+               ask=Hint(f"{mark}, none: 0", _offer_names("data", before=("",)),
                         where=lambda project, block: pin in block_row(block).pointers),
-               refers=NameUse("DATA", ("data",)),
+               refers=NameRef("DATA", ("data",)),
                writes=lambda i: dict(zip(block_row(i.block).pointers, i.pointers, strict=False)).get(pin),
                only=lambda table, around: pin in block_row(table.text("block")).pointers)  # fmt: skip
 
@@ -559,12 +559,12 @@ def _read_inputs(values: TableValues) -> None:
             expected = f"another one: blocks of {around.dialect.name} have no pin of that name"
             table.report(lacking, "a pin", expected)
     data, row = values.get("data"), block_row(block)
-    if data is not None and block in around.blocks and not row.data_pin:
+    if data is not None and block in around.block_types and not row.data_pin:
         table.report("data", quote(data), f"no DATA: {block} has no such pin")
-    if block is not None and block not in around.blocks:
-        table.add_unknown_name("block", block, around.blocks, "block")
+    if block is not None and block not in around.block_types:
+        table.report_unknown_name("block", block, around.block_types, "block")
     # Without a known block its pins are unknown; the other keys are checked all the same.
-    pins = tuple(map(around.rules.with_iec_type, row.pins)) if block in around.blocks else ()
+    pins = tuple(map(around.rules.with_iec_type, row.pins)) if block in around.block_types else ()
     inputs = [pin for pin in pins if pin.direction is not Direction.OUT]
     outputs = [pin.name for pin in pins if pin.direction is Direction.OUT]
     for key in table.unread_keys():
@@ -577,7 +577,7 @@ def _read_inputs(values: TableValues) -> None:
 
 
 def _make_instance_fields(values: TableValues) -> dict[str, Any] | None:
-    if values["block"] not in values.around.blocks:
+    if values["block"] not in values.around.block_types:
         return None
     pointers = block_row(values["block"]).pointers
     return {
@@ -589,7 +589,7 @@ def _make_instance_fields(values: TableValues) -> dict[str, Any] | None:
 
 
 _INSTANCE_ADDR_KEY: Final = Key(
-    "addr", TEXT, "The ADDR of a UDP block.", "addr", refers=NameUse("ADDR", ("addr",)),
+    "addr", TEXT, "The ADDR of a UDP block.", "addr", refers=NameRef("ADDR", ("addr",)),
     only=_may_have_addr,
 )  # fmt: skip
 _INSTANCE: Final = TableRow(
@@ -600,27 +600,28 @@ _INSTANCE: Final = TableRow(
         Key("block", TEXT, "The type of the block, such as TRCV_C.", "block", is_needed=True,
             ask=Hint("a block", lambda project, block: project.dialect.blocks, lambda project, block: block)),
         Key("connect", TEXT, "The CONNECT that the instance uses.", "connect", is_needed=True,
-            ask=Hint("of a UDP description", _connect_choices, propose_free("connect"), _asks_for_connect),
-            refers=NameUse("CONNECT", ("connect",)), writes=_to_link("connect"), only=_has_link("connect")),
-        Key("config", TEXT, "The UDP_CONFIG of a UDP block.", "connect", is_needed=True, only=_has_config,
-            ask=Hint("of a UDP block", _offer_new_or("udp_config"), propose_free("udp_config"),
+            ask=Hint("of a UDP description", _connect_choices, propose_part("connect"), _asks_for_connect),
+            refers=NameRef("CONNECT", ("connect",)), writes=_link_writer("connect"),
+            only=_may_link("connect")),
+        Key("config", TEXT, "The UDP_CONFIG of a UDP block.", "connect", is_needed=True, only=_may_use_config,
+            ask=Hint("of a UDP block", _offer_new_or("udp_config"), propose_part("udp_config"),
                     lambda project, block: block_row(block).speaks_udp),
-            refers=NameUse("UDP_CONFIG", ("udp_config",)), writes=_to_link("config")),
+            refers=NameRef("UDP_CONFIG", ("udp_config",)), writes=_link_writer("config")),
         *map(_buffer_key, com_buffer_pins()),
         replace(_INSTANCE_ADDR_KEY, is_needed=True,
                 only=lambda table, around: block_row(table.text("block")).speaks_udp),
         replace(_INSTANCE_ADDR_KEY, writes=lambda i: None, ask=Hint(
-            "of a UDP block", _offer_new_or("addr"), propose_free("addr"), lambda project, block:
+            "of a UDP block", _offer_new_or("addr"), propose_part("addr"), lambda project, block:
             block_row(block).speaks_udp or (block_row(block).owns_link and bool(project.addrs)))),
         Key("data", TEXT, "The variable at its DATA pin; without this key the pin is open.", "data",
-            ask=Hint("a DATA variable", _offer_new_or("data"), propose_free("data"),
+            ask=Hint("a DATA variable", _offer_new_or("data"), propose_part("data"),
                     lambda project, block: bool(block_row(block).data_pin)),
-            refers=NameUse("DATA", ("data",))),
+            refers=NameRef("DATA", ("data",))),
         *map(_pointer_key, affix_pin_names()),
         Key("task", TEXT, "The task that calls it; default: the first one.", is_said=True,
             ask=Hint("a task", lambda project, block: tuple([task.name for task in project.tasks]),
                     lambda project, block: project.tasks[0].name),
-            refers=NameUse("task", ("task",)), writes=lambda i: i.task),
+            refers=NameRef("task", ("task",)), writes=lambda i: i.task),
         Key("inputs", None, "Initial values of input pins, by the pin's name.",
             ask=Hint(_inputs_hint, is_bare=True)),
     ),
@@ -631,11 +632,11 @@ _INSTANCE: Final = TableRow(
 
 # -- peers and what they say -----------------------------------------------------------------------------
 
-_OFFER_ENDS: Final = _references("connect", "udp_config")
+_OFFER_ENDS: Final = _offer_refs("connect", "udp_config")
 _NO_CONNECTION: Final = "a key of TCP peers", "only local and remote: UDP has no connection"
 
 
-def _is_tcp(table: Table, around: Context) -> bool:
+def _is_tcp(table: Table, around: ReadContext) -> bool:
     return not table.is_true("udp")
 
 
@@ -644,18 +645,18 @@ def _is_active(table: Table) -> bool:
     return table.is_true("active", table.has("remote"))
 
 
-def _may_have_remote(table: Table, around: Context) -> bool | Refusal:
+def _may_have_remote(table: Table, around: ReadContext) -> bool | Refusal:
     if table.is_true("udp"):
         return False
     return _is_active(table) or ("an address to connect to", "active = true, or local instead of remote")
 
 
-def _is_active_tcp(table: Table, around: Context) -> bool:
+def _is_active_tcp(table: Table, around: ReadContext) -> bool:
     return not table.is_true("udp") and _is_active(table)
 
 
-def _allowed_with(key: str, found: str) -> Callable[[Table, Context], bool | Refusal]:
-    def is_allowed(table: Table, around: Context) -> bool | Refusal:
+def _allowed_with(key: str, found: str) -> Callable[[Table, ReadContext], bool | Refusal]:
+    def is_allowed(table: Table, around: ReadContext) -> bool | Refusal:
         return not table.is_true("udp") and (table.is_true(key) or (found, f"{key} = true beside it"))
 
     return is_allowed
@@ -704,15 +705,15 @@ _PEER: Final = TableRow(
             writes=lambda p: None if p.udp else p.active),
         Key("remote", END_OR_NAME, "The end to connect to; @C1: where C1 listens.", "end", is_needed=True,
             ask=Hint("address:port, or @NAME", _OFFER_ENDS, _propose_last(_OFFER_ENDS)),
-            refers=NameUse("CONNECT", ("connect",), by_at=True), only=_may_have_remote,
+            refers=NameRef("CONNECT", ("connect",), by_at=True), only=_may_have_remote,
             writes=lambda p: p.end if p.active else None),
-        Key("local", ENDPOINT, "The end at which it listens, or from which it connects.", "source",
+        Key("local", ENDPOINT, "The end from which it connects.", "source",
             ask=Hint("where it listens, 127.0.0.1:0"), only=_is_active_tcp),
-        Key("local", ENDPOINT, "UDP: the end at which it listens.", "end", FREE_PORT,
+        Key("local", ENDPOINT, "The end at which it listens, also for UDP.", "end", FREE_PORT,
             only=lambda table, around: not _is_active_tcp(table, around),
             writes=lambda p: None if p.active else p.end),
         Key("remote", UDP_END_OR_NAME, "UDP: the end to which it sends; default: the last sender.", "remote",
-            refers=NameUse("UDP_CONFIG", ("udp_end",), by_at=True),
+            refers=NameRef("UDP_CONFIG", ("udp_end",), by_at=True),
             only=lambda table, around: table.is_true("udp")),
         Key("reconnect", DELAY, "How long after a close it reconnects; default: never.", "reconnect_ns", 0,
             Hint("this long after a close: T#1s"),
@@ -734,10 +735,10 @@ _PEER: Final = TableRow(
         Key("tls", TRUTH, "Whether it speaks TLS.", default=False, only=_is_tcp, writes=_tls_writer("tls"),
             ask=_truth_hint("true: it speaks TLS", where=_describes_connects)),
         Key("certificate", CERTIFICATE_NUMBER, "The number of its certificate; that needs a key.", only=_TLS,
-            ask=Hint("number of its own, with a key", _numbers(with_key=True), where=_describes_connects),
+            ask=Hint("number of its own, with a key", _offer_certs(with_key=True), where=_describes_connects),
             writes=_tls_writer("certificate")),
         Key("authority", CERTIFICATE_NUMBER, "The number of the certificate that it trusts.", only=_TLS,
-            ask=Hint("number of the one to trust", _numbers(), where=_describes_connects),
+            ask=Hint("number of the one to trust", _offer_certs(), where=_describes_connects),
             writes=_tls_writer("authority")),
         Key("client_certificate", TRUTH, "Whether it asks the client for a certificate.", default=False,
             only=_TLS, writes=_tls_writer("client_certificate")),
@@ -757,7 +758,7 @@ _MESSAGE: Final = TableRow(
         Key("text", TEXT, "What is sent, written as in `peer P1 send`.", "text", is_needed=True,
             ask=Hint("as after `send`: hex 01 02 split=1", is_bare=True)),
         Key("peer", TEXT, "The only peer that may send it; default: any peer may.", "peer", "",
-            Hint("for one peer; none: for all", _names("peer")), NameUse("peer", ("peer",), or_none=True)),
+            Hint("one peer; none: all", _offer_names("peer")), NameRef("peer", ("peer",), or_none=True)),
     ),
     "message", "a message of the library", "message", asks_first=("peer",),
 )  # fmt: skip
@@ -784,8 +785,8 @@ _WATCH: Final = TableRow(
         Key("plc", FAR_END, "The end of the PLC: 10.0.0.5:2000; if the PLC connects, 10.0.0.5.", "plc",
             ask=Hint("the PLC end: 10.0.0.5:2000"), is_needed=True),
         Key("connect", TEXT, "The CONNECT or UDP_CONFIG whose instances are the shadows.", "connect",
-            ask=Hint("a CONNECT", _names("connect"), _propose_last(_names("connect"))),
-            refers=NameUse("CONNECT or UDP_CONFIG", ("connect", "udp_config")), is_needed=True),
+            ask=Hint("a CONNECT", _offer_names("connect"), _propose_last(_offer_names("connect"))),
+            refers=NameRef("CONNECT or UDP_CONFIG", ("connect", "udp_config")), is_needed=True),
         Key("partner", FAR_END, "The end of the partner; default: any.", "partner", "",
             Hint("the other end; none: any")),
     ),
@@ -793,7 +794,7 @@ _WATCH: Final = TableRow(
 )  # fmt: skip
 
 
-_OBSERVED_NAMES: Final = NameUse("CONNECT, UDP_CONFIG or ComBuffer", ("connect", "udp_config", "combuffer"))
+_OBSERVED_NAMES: Final = NameRef("CONNECT, UDP_CONFIG or ComBuffer", ("connect", "udp_config", "combuffer"))
 _TAP: Final = TableRow(
     "tap", "taps", TapDecl,
     "A tap (`trcvtui tap`): forwards bytes between two ends. Instances of a CONNECT are its shadows.",
@@ -804,10 +805,10 @@ _TAP: Final = TableRow(
         Key("to", TAP_PLACE, "Where it forwards to: the end of the PLC, such as 10.0.0.5:2000.", "to",
             ask=Hint("the PLC end: 10.0.0.5:2000"), is_needed=True),
         Key("connect", TEXT, "The CONNECT whose instances receive the bytes to the PLC.", "connect",
-            ask=Hint("a CONNECT", _names("connect"), _propose_last(_names("connect"))),
+            ask=Hint("a CONNECT", _offer_names("connect"), _propose_last(_offer_names("connect"))),
             refers=_OBSERVED_NAMES, is_needed=True),
         Key("back", TEXT, "The CONNECT whose instances receive the bytes from the PLC.", "back", "",
-            Hint("CONNECT for bytes from the PLC, or none", _names("connect")),
+            Hint("CONNECT for bytes from the PLC, or none", _offer_names("connect")),
             refers=_OBSERVED_NAMES._replace(or_none=True)),
     ),
     "tap", "a tap", "tap",
@@ -828,7 +829,7 @@ _TASK: Final = TableRow(
 )  # fmt: skip
 
 
-def _finish_unnamed(values: TableValues) -> None:
+def _finish_certificate(values: TableValues) -> None:
     values.table.mark_known("name")  # it has a number instead
     values.table.report_unread_keys()
 
@@ -842,7 +843,7 @@ _CERTIFICATE: Final = TableRow(
         Key("key", TEXT, "The PEM file of its key.", "key", "", Hint("of your own: its PEM file")),
     ),
     "certificate", "a certificate of TLS", called="number",
-    also=lambda values: {"table": values.table, "base": values.around.base}, finish=_finish_unnamed,
+    also=lambda values: {"table": values.table, "base": values.around.base}, finish=_finish_certificate,
 )  # fmt: skip
 
 SIM_ROW: Final = TableRow(
@@ -907,10 +908,10 @@ def table_row(kind: str, dialect: Dialect) -> TableRow:
     return (DESCRIBED_TABLES if dialect.describes_connects else {}).get(kind, TABLES[kind])
 
 
-def read_table(kind: str, table: Table, around: Context, number: int = 1) -> Any:
+def read_table(kind: str, table: Table, around: ReadContext, number: int = 1) -> Any:
     """Return the declaration of a table; a plain ADDR is allowed in any dialect."""
     row = table_row(kind, around.dialect)
-    plain = kind == "addr" and not descriptions.is_structure(table)
+    plain = kind == "addr" and not descriptions.has_structure_keys(table)
     return (TABLES[kind] if plain else row).read(table, around, number)
 
 
@@ -954,7 +955,7 @@ def keys_of(decl: Declaration) -> KeyPairs:
 def forms_of(decl: Declaration) -> list[KeyPairs]:
     """Return all forms of a declaration's keys, the one that is easiest to change first."""
     if isinstance(decl, ConnectConfig) and decl.description is not None:
-        bench = replace(_DESCRIBED_CONNECT, head=lambda c: descriptions.keys_as_fields(c))
+        bench = replace(_DESCRIBED_CONNECT, head=lambda c: descriptions.field_keys(c))
         return [descriptions.plain_keys(decl), bench.toml_keys(decl), keys_of(decl)]
     return [keys_of(decl)]
 

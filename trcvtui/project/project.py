@@ -96,7 +96,7 @@ class ComBufferDecl(Struct, frozen=True):
 
 
 class PeerDecl(Struct, frozen=True):
-    """One partner. An active peer connects to `end`, a passive one listens there. C1 listens at `@C1`.
+    """One partner. An active peer connects to `end`, a passive one listens there. `@C1`: where C1 listens.
 
     `source` is the local end of an active peer, if the file gives one. The peer connects again
     `reconnect_ns` after a close (0: never). It sends the messages `says` in turn, one every `every_ns`,
@@ -138,7 +138,7 @@ class SequenceDecl(Struct, frozen=True):
 class WatchDecl(Struct, frozen=True):
     """One watched line. Instances on `connect` are shadows that receive what comes to the PLC end `plc`.
 
-    Ends are ADDR or ADDR:PORT. An empty `partner` is any. `back` may be a CONNECT for bytes from `plc`.
+    Ends are ADDR or ADDR:PORT. An empty `partner` means any. `back` may be a CONNECT for bytes from `plc`.
     """
 
     name: str

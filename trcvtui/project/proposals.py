@@ -11,12 +11,12 @@ from trcvtui.project.project import Project
 NEW: Final = "new"  # as a value in a line: the part is created
 
 
-def propose_free(kind: str) -> Callable[[Project, str], str]:
+def propose_part(kind: str) -> Callable[[Project, str], str]:
     """Return a function that proposes a part of a kind, for a project and a block."""
-    return lambda project, block: _find_free(kind, project, block_row(block))
+    return lambda project, block: _find_free_part(kind, project, block_row(block))
 
 
-def _find_free(kind: str, project: Project, row: BlockRow) -> str:
+def _find_free_part(kind: str, project: Project, row: BlockRow) -> str:
     is_for_one = kind in ("addr", "data")
     taken = {name for i in project.instances for name in (i.addr, i.data, *i.pointers) if is_for_one}
     on = [(i.connect, block_row(i.block)) for i in project.instances if not is_for_one]
@@ -43,8 +43,8 @@ def _competes(row: BlockRow, other: BlockRow) -> bool:
         is_user = row.reads_rx_buffer or row.writes_tx_buffer
         return is_user and (other.reads_rx_buffer or other.writes_tx_buffer)
     same_way = (row.receives_on_net and other.receives_on_net) or (row.sends_on_net and other.sends_on_net)
-    return same_way or (_opens(row) and _opens(other) and not (row.owns_link and other.owns_link))
+    return same_way or (_opens_link(row) and _opens_link(other) and not (row.owns_link and other.owns_link))
 
 
-def _opens(row: BlockRow) -> bool:
+def _opens_link(row: BlockRow) -> bool:
     return row.owns_link or (row.has_id and not row.id_alone)  # TCON

@@ -13,10 +13,10 @@ from trcvtui.blocks.pins import Direction, Pin, PinValue
 from trcvtui.blocks.table import BlockRow, block_row, is_time_pin
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import AddrParam, ConnectConfig
-from trcvtui.project.connect_view import REMARK, Setting, addr_declaration, declare, declare_connect
+from trcvtui.project.connect_view import REMARK, FieldLine, addr_declaration, connect_declaration, declaration
 from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.project.tables import expected_name
-from trcvtui.udt.literals import format_time
+from trcvtui.udt.literals import format_duration
 from trcvtui.udt.st_value import initial_value
 
 Inputs = Mapping[str, PinValue]
@@ -122,7 +122,7 @@ def _bind_pins(project: Project, decl: InstanceDecl, values: Inputs, form: CallF
     if not identity or not _row(decl).id_alone:
         link_pin = _row(decl).buffer_pin or ("CONFIG" if decl.on_config else "CONNECT")
         yield f"{link_pin}:={_link_variable(project, decl)}"
-    for name, variable in _variables(decl):
+    for name, variable in _data_bindings(decl):
         yield f"{name}:={f'ADR({variable})' if name.startswith(POINTER_PREFIX) else variable}"
     if decl.addr is not None:
         yield f"ADDR:={decl.addr}"
@@ -142,7 +142,7 @@ def _link_variable(project: Project, decl: InstanceDecl) -> str:
     return name
 
 
-def _variables(decl: InstanceDecl) -> Iterator[tuple[str, str]]:
+def _data_bindings(decl: InstanceDecl) -> Iterator[tuple[str, str]]:
     row = _row(decl)
     if decl.data is not None and row.data_pin:
         yield row.data_pin, decl.data
@@ -178,7 +178,7 @@ def _variable(decl: InstanceDecl, pin: Pin) -> str:
 
 def _literal(pin: Pin, value: PinValue) -> str:
     if is_time_pin(pin.name):
-        return format_time(int(value) * 1_000_000)
+        return format_duration(int(value) * 1_000_000)
     return str(bool(value)).upper() if pin.is_bool else str(int(value))
 
 
@@ -191,7 +191,7 @@ def _declarations(project: Project, decl: InstanceDecl, form: CallForm) -> Itera
     yield from _connection_declarations(project, decl)
     if _row(decl).has_com_buffer:
         yield f"{_link_variable(project, decl)} : ComBuffer;"
-    for _, variable in _variables(decl):
+    for _, variable in _data_bindings(decl):
         data = project.data_decl(variable)
         if data is not None:
             content, is_scl = form.written.get(data.name, b""), project.dialect.describes_connects
@@ -213,7 +213,7 @@ def _connection_declarations(project: Project, decl: InstanceDecl) -> Iterator[s
     config, port = project.connect(decl.connect), project.udp_config(decl.connect)
     describes = project.dialect.describes_connects
     if config is not None and config.description is not None:
-        yield declare_connect(config, INDENT)
+        yield connect_declaration(config, INDENT)
     elif config is not None:
         yield _record(config.name, "TCP_CONNECTCONFIG", _fields(config))
     if port is not None and describes:
@@ -230,7 +230,7 @@ def _connection_declarations(project: Project, decl: InstanceDecl) -> Iterator[s
 
 
 def _record(name: str, type_name: str, fields: Iterable[str]) -> str:
-    return declare(name, type_name, [Setting(field) for field in fields], INDENT)
+    return declaration(name, type_name, [FieldLine(field) for field in fields], INDENT)
 
 
 def _remote_fields(of: AddrParam | ConnectConfig) -> Iterator[str]:

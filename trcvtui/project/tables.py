@@ -20,7 +20,7 @@ from trcvtui.net.received_ring import LEAST_HISTORY, MOST_HISTORY
 from trcvtui.net.results import Endpoint, parse_end
 from trcvtui.net.tap import PLACE_SYNTAX, parse_place
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LAYOUT_ALIASES, LAYOUTS, POINTER_SIZES, TEXT_FORMS
-from trcvtui.udt.literals import format_time, parse_duration, parse_integer
+from trcvtui.udt.literals import format_duration, parse_duration, parse_integer
 from trcvtui.udt.types import ELEMENTARY
 from trcvtui.wording import exact_size, parse_size
 
@@ -32,7 +32,7 @@ MOST_LISTED: Final = 16
 LEAST_SIMILARITY: Final = 0.7  # of 1: STATE is near STATUS, C2 is not near C1
 
 
-def find_hidden(path: str) -> str:
+def hidden_chars(path: str) -> str:
     """Return the control and bidirectional characters of a file's name, escaped; empty if it has none."""
     return one_line("".join(sorted({one for one in path if one in _BIDI or category(one) in _HIDDEN})))
 
@@ -114,7 +114,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 
 def read_text(path: Path) -> str:
     """Return the text of a TOML file; raise UserError when it cannot be read."""
-    hidden = find_hidden(str(path))
+    hidden = hidden_chars(str(path))
     if hidden:
         raise mistake(str(path), f"{hidden} in its name", EXPECTED_VISIBLE_NAME)
     try:
@@ -143,7 +143,7 @@ TRUTH_WORDS: Final = {"1": True, "0": False, "TRUE": True, "FALSE": False}
 
 
 class SetOverride(Struct, frozen=True):
-    """A value given by `--set path=text`. In the document it replaces the TOML value."""
+    """A value given as text, as by `--set path=text`. The document has it in place of a TOML value."""
 
     path: str
     text: str
@@ -228,7 +228,7 @@ def _list_kind(what: str) -> Kind[tuple[str, ...]]:
     return Kind(f"a list of {what}", _texts, lambda text: (text,), write=list)
 
 
-def _tap_place(text: str) -> str | None:
+def _valid_tap_place(text: str) -> str | None:
     try:
         parse_place(text, "")
     except UserError:
@@ -255,25 +255,28 @@ def _addresses(value: Any) -> tuple[str, ...] | None:
 TRUTH: Final = Kind("true or false", _truth, lambda text: TRUTH_WORDS.get(text.upper()))
 TEXT: Final = text_kind("a text in quotes", lambda text: text)
 FILE: Final = text_kind(
-    "a text in quotes", lambda text: None if find_hidden(text) else text, lambda text: EXPECTED_VISIBLE_NAME
+    "a text in quotes", lambda text: None if hidden_chars(text) else text, lambda text: EXPECTED_VISIBLE_NAME
 )
 INTERVAL: Final = text_kind(
-    "a duration of at least T#100us, such as T#10ms", _duration_parser(LEAST_INTERVAL_NS), write=format_time
+    "a duration of at least T#100us, such as T#10ms",
+    _duration_parser(LEAST_INTERVAL_NS),
+    write=format_duration,
 )
-DELAY: Final = text_kind("a duration of at least T#0s, such as T#5ms", _duration_parser(0), write=format_time)
+DELAY: Final = text_kind(
+    "a duration of at least T#0s, such as T#5ms", _duration_parser(0), write=format_duration
+)
 MILLISECONDS: Final = Kind(
     "a TIME of whole milliseconds such as T#50ms or 50",
     lambda value: None if isinstance(value, bool | float) else _milliseconds(str(value)),
     _milliseconds,
-    write=lambda ms: format_time(ms * 1_000_000),
+    write=lambda ms: format_duration(ms * 1_000_000),
 )
 ADDRESS: Final = text_kind("an IPv4 address, four numbers from 0 to 255", parse_address)
 ENDPOINT: Final = text_kind("an IPv4 address and a port such as 127.0.0.1:2000", parse_endpoint, write=str)
 FAR_END: Final = text_kind(
-    "an address with or without a port, such as 10.0.0.5:2000",
-    lambda text: text if parse_end(text) else None,
+    "an address with or without a port, such as 10.0.0.5:2000", lambda text: text if parse_end(text) else None
 )
-TAP_PLACE: Final = text_kind(PLACE_SYNTAX, _tap_place)
+TAP_PLACE: Final = text_kind(PLACE_SYNTAX, _valid_tap_place)
 ADDRESSES: Final = Kind(
     'a list of IPv4 addresses such as ["10.0.0.1"]',
     _addresses,
@@ -308,21 +311,21 @@ HOST_NAMES: Final[Kind[tuple[tuple[str, str], ...]]] = Kind(
 )
 
 
-def _check_reference(text: str) -> str | None:
+def _valid_reference(text: str) -> str | None:
     return text if parse_reference(text) is not None else None
 
 
 PORT_OR_NAME: Final[Kind[int | str]] = Kind(
     "a port from 0 to 65535, or @NAME of a peer or CONNECT",
-    lambda value: _check_reference(value) if isinstance(value, str) else PORT.read(value),
-    lambda text: _check_reference(text) or PORT.from_text(text),
+    lambda value: _valid_reference(value) if isinstance(value, str) else PORT.read(value),
+    lambda text: _valid_reference(text) or PORT.from_text(text),
 )
 UDP_PORT_OR_NAME: Final[Kind[int | str]] = Kind(
     "a port from 0 to 65535, or @NAME of a peer or UDP_CONFIG", PORT_OR_NAME.read, PORT_OR_NAME.from_text
 )
 END_OR_NAME: Final[Kind[Endpoint | str]] = text_kind(
     "an IPv4 address and a port such as 127.0.0.1:2000, or @NAME of a CONNECT",
-    lambda text: _check_reference(text) or parse_endpoint(text),
+    lambda text: _valid_reference(text) or parse_endpoint(text),
     write=str,
 )
 UDP_END_OR_NAME: Final[Kind[Endpoint | str]] = text_kind(
@@ -425,13 +428,13 @@ class Table:
         return [key for key in self._content if key not in self._known]
 
     def report(self, key: str, found: str, expected: str, kind: str = "value") -> None:
-        self.problems.append(Problem(self.place(key), found, expected, kind))
+        self.problems.append(Problem(self.location_of(key), found, expected, kind))
 
-    def add_unknown_name(self, key: str, name: str, known: Iterable[str], what: str) -> None:
+    def report_unknown_name(self, key: str, name: str, known: Iterable[str], what: str) -> None:
         """Report that the name at a key is unknown. `what` is the kind of the known names."""
         self.report(key, quote(name), expected_name(name, known, what), "unknown")
 
-    def place(self, key: str) -> str:
+    def location_of(self, key: str) -> str:
         """Return where a key's value is: `bench.toml: connect C1: LocalPort`, or `--set PATH`."""
         value = self._content.get(key)
         return f"--set {value.path}" if isinstance(value, SetOverride) else f"{self.where}: {key}"

@@ -34,7 +34,7 @@ def append_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
         entries = wanted.setdefault(kind_name(decl), [])
         if isinstance(entries, list):
             entries.append(dict(entry_of(decl)))
-    return _apply(text, wanted, where, lambda plain: _insert_entries(plain, decls), _make_appender(decls))
+    return _try_all(text, wanted, where, lambda plain: _insert_entries(plain, decls), _make_appender(decls))
 
 
 def change_entry(text: str, edit: Edit, form: int, where: str) -> str:
@@ -45,7 +45,7 @@ def change_entry(text: str, edit: Edit, form: int, where: str) -> str:
     wanted = parse_toml(text, where)
     _change_document(wanted, edit, form, lambda value: value)
     change = _document_edit(lambda document: _change_document(document, edit, form, _item))
-    return _apply(text, wanted, where, change)
+    return _try_all(text, wanted, where, change)
 
 
 def _change_document(document: Any, edit: Edit, form: int, item: Callable[[KeyValue], Any]) -> bool:
@@ -88,7 +88,7 @@ def relocate_files(text: str, old: Path, new: Path, where: str) -> str:
         return True
 
     change(wanted)
-    return _apply(text, wanted, where, _document_edit(change), lambda plain: _replace_texts(plain, others))
+    return _try_all(text, wanted, where, _document_edit(change), lambda plain: _replace_texts(plain, others))
 
 
 def add_constants(text: str, constants: Mapping[str, int], where: str) -> str:
@@ -105,7 +105,7 @@ def add_constants(text: str, constants: Mapping[str, int], where: str) -> str:
             document["constants"][name] = number
         return "constants" in document
 
-    return _apply(text, wanted, where, _document_edit(change), lambda plain: plain + at_the_end)
+    return _try_all(text, wanted, where, _document_edit(change), lambda plain: plain + at_the_end)
 
 
 def relocate(file: str, old: Path, new: Path) -> str:
@@ -118,7 +118,7 @@ def relocate(file: str, old: Path, new: Path) -> str:
         return os.path.realpath(old / file)
 
 
-def _apply(text: str, wanted: dict[str, Any], where: str, *edits: Callable[[str], str | None]) -> str:
+def _try_all(text: str, wanted: dict[str, Any], where: str, *edits: Callable[[str], str | None]) -> str:
     ends = CRLF if CRLF in text else "\n"
     plain = text.replace(CRLF, "\n")
     if plain.replace("\n", ends) != text:

@@ -1,7 +1,7 @@
 """Notes the bytes that a recorded PLC has not read: after its blocks have read, and before a close.
 
 Rule 1: bytes that a block reads are in the entry of that read. The notes have only unread bytes.
-Rule 2: unread bytes came before the scan's reads, LATE bytes after. A LATE handle was emptied or not ready.
+Rule 2: unread bytes came before the scan's reads, LATE ones after (their handle was emptied or not ready).
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ class ArrivalLog(Protocol):
     """Keeps notes, each with an owner, a call, its arguments and its answer."""
 
     def note_arrival(self, owner: str, call: str, args: tuple[object, ...], answer: object) -> None: ...
-    def note_wire(
+    def note_call(
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
     ) -> None: ...
 
 
-class _ReceiveQueue:
-    """Counts the bytes of a stream, or the messages, of a handle since its beginning."""
+class _ReceiveCounts:
+    """Counters of one handle since its beginning, in bytes of a stream or in messages."""
 
     __slots__ = ("dropped", "has_ended", "is_udp", "noted", "read", "whole")
 
@@ -41,7 +41,7 @@ class ArrivalRecorder:
 
     def __init__(self, log: ArrivalLog, kernel: Kernel, owners: dict[Handle, str], label: str) -> None:
         self._log, self._kernel, self._owners, self._label = log, kernel, owners, label
-        self._queues: dict[Handle, _ReceiveQueue] = {}
+        self._queues: dict[Handle, _ReceiveCounts] = {}
         self._clients: dict[Handle, int] = {}  # waiting at each listener, as noted
         self._seen: Collection[Handle] | None = None  # by the poll; None: each handle is checked
         self._emptied: set[Handle] = set()  # by a read of this scan
@@ -49,7 +49,7 @@ class ArrivalRecorder:
     # -- calls of the run ----------------------------------------------------------------------------------
 
     def add_handle(self, handle: Handle, is_udp: bool = False) -> None:
-        self._queues[handle] = _ReceiveQueue(is_udp)
+        self._queues[handle] = _ReceiveCounts(is_udp)
 
     def add_listener(self, handle: Handle) -> None:
         self._clients[handle] = 0
@@ -64,7 +64,7 @@ class ArrivalRecorder:
             self._seen = {*self._seen, handle}
 
     def note_read(self, handle: Handle, size: int, room: int) -> None:
-        """Count a read of `size` bytes from a stream. It could have read at most `room` bytes."""
+        """Count a read of `size` bytes from a stream. The read could take at most `room` bytes."""
         queue = self._queues.get(handle)
         if size < room:  # a short read has emptied the handle
             self._emptied.add(handle)
@@ -78,7 +78,7 @@ class ArrivalRecorder:
 
     def note_message_read(self, handle: Handle, source: Endpoint, data: bytes, whole: int) -> None:
         """Count a message that is read. Note the message if no note has it yet."""
-        queue = self._queues.setdefault(handle, _ReceiveQueue(is_udp=False))
+        queue = self._queues.setdefault(handle, _ReceiveCounts(is_udp=False))
         queue.read += 1
         if queue.read > queue.noted:  # it came and was read in one scan
             queue.noted = queue.read
@@ -119,23 +119,23 @@ class ArrivalRecorder:
         self._note_bytes(handle, queue, found, flags)
         if found.end and not queue.has_ended:  # the poll keeps seeing it
             queue.has_ended = True
-            self._log.note_wire(self._get_owner(handle), ENDED, handle, (found.end,), None, b"")
+            self._log.note_call(self._get_owner(handle), ENDED, handle, (found.end,), None, b"")
             self._log_arrival(ENDED, handle, (handle, flags), found.end)
 
-    def _note_bytes(self, handle: Handle, queue: _ReceiveQueue, found: Unread, flags: int) -> None:
+    def _note_bytes(self, handle: Handle, queue: _ReceiveCounts, found: Unread, flags: int) -> None:
         whole = queue.read + found.size
         if whole <= queue.whole and not found.data and not (flags & DISCARD_FLAG and found.size):
             return  # nothing new; but a close notes again what it loses
         queue.whole = max(queue.whole, whole)
         queue.noted += len(found.data)
         if not found.has_session:  # else the wire has other bytes
-            self._log.note_wire(self._get_owner(handle), BYTES_ARRIVED, handle, (whole,), None, found.data)
+            self._log.note_call(self._get_owner(handle), BYTES_ARRIVED, handle, (whole,), None, found.data)
         self._log_arrival(BYTES_ARRIVED, handle, (handle, whole, found.size, flags), found.data)
 
     def _note_message(self, handle: Handle, source: Endpoint, data: bytes, whole: int, flags: int) -> None:
         """Note a message, a datagram also at the wire; messages of a session are different at the wire."""
         if self._queues[handle].is_udp:
-            self._log.note_wire(self._get_owner(handle), MESSAGE, handle, (source, whole), None, data)
+            self._log.note_call(self._get_owner(handle), MESSAGE, handle, (source, whole), None, data)
         self._log_arrival(MESSAGE, handle, (handle, source, whole, flags), data)
 
     def _note_clients(self, handle: Handle, number: int) -> None:

@@ -35,7 +35,7 @@ from trcvtui.wording import size_text
 
 MOST_KEPT_BYTES: Final = 64 << 20
 END_SHOWN_NS: Final = 10_000_000_000
-GAVE_UP_TEXT: Final = "no black box, as it took more than 2 % of processor time"
+GAVE_UP_TEXT: Final = "no black box, as it took more than 2 % of a processor"
 TRIMMED_REASON: Final = "the black box keeps the newest 64 MiB"
 
 
@@ -105,7 +105,7 @@ class BlackBox:
             self._since = 0
             self._state, self._state_from = PendingAnswer(STATE_MAIN), self._passed_scans
             self._send_blocks(self._state.process)
-            self._state.process.finish()
+            self._state.process.request_finish()
         while self._size > self._most:
             oldest = self._kept.popleft()
             self._passed += oldest.entries
@@ -186,7 +186,7 @@ class BlackBox:
         last = BlockWriter(0)
         last.add_entry(LostEntries(0, ENDED_HERE))
         writer.add_block(last.encode())
-        writer.finish()
+        writer.request_finish()
         self._ending.append(writer)
 
     def start_recording(self, path: Path) -> str:

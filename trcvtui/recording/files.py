@@ -80,7 +80,7 @@ class NumberedFile(FileSink, Protocol):
 
     size: int
 
-    def continue_packets(self, packets: RunPackets, old: Iterable[Entry]) -> None:
+    def continue_connections(self, packets: RunPackets, old: Iterable[Entry]) -> None:
         """Take old entries, but make no packets of them; then continue connections of earlier files."""
 
 
@@ -93,7 +93,7 @@ class OldBlock(NamedTuple):
 
 
 class FileLimits(NamedTuple):
-    """Bytes of a file and of all files; 0 is no limit. Ns before and after a trigger; -1 is no limit."""
+    """Bytes of a file and of all files (0: no limit). Ns kept before and after a trigger (-1: no limit)."""
 
     split: int
     ring: int
@@ -180,15 +180,15 @@ class NumberedFiles:
             some = self._scans.popleft()[1]
             self._kept -= len(some)
             if some:  # no file has them: Rule 5
-                self._packets.skip_entries(some)
-                self._pass_entries(some)
+                self._packets.follow_entries(some)
+                self._retire_entries(some)
 
     def _is_large(self, file: NumberedFile) -> bool:
         """Return whether a file is full; keyframes and repeated bytes alone do not fill it."""
         split = self._limits.split
         return file.size >= max(split, self._beside + split // 4)
 
-    def _pass_entries(self, some: list[Entry]) -> None:
+    def _retire_entries(self, some: list[Entry]) -> None:
         scans = sum([isinstance(entry, CallRecord) and entry.call == STEP for entry in some])
         if self._limits.before_ns < 0:  # no trigger: a file has them
             self._passed += len(some)
@@ -238,7 +238,7 @@ class NumberedFiles:
         if self._in_block:
             self._end_block()
         blocks = [decode_entries([old.block], str(self._path)) for old in self._old]
-        self._file.continue_packets(self._packets, chain.from_iterable(blocks))
+        self._file.continue_connections(self._packets, chain.from_iterable(blocks))
         self._file_from = self._passed_scans
         if self._limits.before_ns < 0:
             self.first_scan = self._file_from
@@ -252,7 +252,7 @@ class NumberedFiles:
         assert self._file is not None
         for _, some in self._scans:
             self._file.add_entries(some)
-            self._pass_entries(some)
+            self._retire_entries(some)
         self._scans, self._kept = deque([(self._now, [])]), 0
 
     def _end_file(self) -> None:

@@ -242,7 +242,7 @@ _RECORD_TAGS: Final = {kind: _FIRST_RECORD_TAG + at for at, kind in enumerate(_R
 
 
 @cache
-def _record_fields(record: type) -> tuple[tuple[str, tuple[type, ...]], ...]:
+def _fields_of(record: type) -> tuple[tuple[str, tuple[type, ...]], ...]:
     """Return the name of each field and the types that its value may have."""
     return tuple([(name, _list_hint_types(hint)) for name, hint in get_type_hints(record).items()])
 
@@ -278,7 +278,7 @@ def encode_value(value: object) -> bytes:
     kind: type = type(value)
     if kind in _RECORD_TAGS:
         return bytes([_RECORD_TAGS[kind]]) + b"".join(
-            [encode_value(getattr(value, name)) for name, _ in _record_fields(kind)]
+            [encode_value(getattr(value, name)) for name, _ in _fields_of(kind)]
         )
     assert isinstance(value, tuple), value
     return struct.pack("<BH", _TUPLE, len(value)) + b"".join(map(encode_value, value))
@@ -364,7 +364,7 @@ class _BlockReader:
         if not 0 <= tag - _FIRST_RECORD_TAG < len(_RECORD_TYPES):
             raise self.error(f"tag {tag}", "a tag that this version knows")
         kind = _RECORD_TYPES[tag - _FIRST_RECORD_TAG]
-        made: object = kind(*[self._read_field(name, kinds, depth) for name, kinds in _record_fields(kind)])
+        made: object = kind(*[self._read_field(name, kinds, depth) for name, kinds in _fields_of(kind)])
         return made
 
     def _read_packet_bytes(self) -> bytes:
@@ -411,10 +411,10 @@ class _BlockReader:
             case RunHeader() if _is_valid_header(value):
                 return value
             case (str(owner), str(call), tuple(args), answer):
-                return self._check_call(CallRecord(owner, call, args, answer))
+                return self._require_valid_call(CallRecord(owner, call, args, answer))
         raise self.error("another value", "a call or a note")
 
-    def _check_call(self, made: CallRecord) -> CallRecord:
+    def _require_valid_call(self, made: CallRecord) -> CallRecord:
         if not is_valid_answer(made):
             raise self.error(f"{made.call} of {made.owner}", "an answer that this call can give")
         return made
@@ -426,7 +426,7 @@ class _BlockReader:
         if not isinstance(before, CallRecord):
             raise self.error(f"the question of entry {first}", "a question before it")
         owner, call, args, _ = before
-        return self._check_call(CallRecord(owner, call, args, self.read_value()))
+        return self._require_valid_call(CallRecord(owner, call, args, self.read_value()))
 
 
 def decode_value(content: bytes, where: str) -> object:
@@ -487,7 +487,7 @@ class BlockWriter:
         return _REPEATED_HEAD.pack(_REPEATED_CALL, first) + encode_value(entry.answer)
 
     def encode(self, packets: int | None = None) -> bytes:
-        """Return the block's bytes. `packets` is the CRC-32 of its packets in the file, or None."""
+        """Return the block's bytes. `packets` is the CRC-32 of its packets in the file (None: no check)."""
         order = self._order[:]
         if sys.byteorder == "big":
             order.byteswap()

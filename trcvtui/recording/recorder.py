@@ -93,11 +93,11 @@ class RunRecorder:
         """Open the file, after the project was read; raise UserError if the file is refused."""
         self._sink = self._new_sink()
         if TLS_MODULE in sys.modules and self._may_hold:  # a project without TLS has not loaded it
-            from trcvtui.net.layers.tls import log_keys
+            from trcvtui.net.layers.tls import set_key_log
 
             self._key_log, name = self._opened.enter_context(open_private_file())
-            log_keys(name)
-            self._opened.callback(log_keys, "")
+            set_key_log(name)
+            self._opened.callback(set_key_log, "")
         return self
 
     def add_header(self, bench: RecordedBench, path: Path, options: Iterable[str], is_scenario: bool) -> None:
@@ -244,7 +244,7 @@ def attach_black_box(recorder: RunRecorder | None, reads: FilesRead) -> tuple[Ru
 
 
 def make_recorder(record: RecordTarget, file: Path, waits: bool) -> RunRecorder:
-    """Return a recorder of a file. If the run `waits`, this process writes the file, else another one."""
+    """Return a recorder of a file. If the run `waits`, this process writes it, else another process."""
 
     def make_sink() -> EntrySink:
         if waits:

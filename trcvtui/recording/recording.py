@@ -98,7 +98,7 @@ class RecordingWriter:
             + pcap.interface_block(pcap.USER0, JOURNAL_NAME)
         )
 
-    def continue_packets(self, packets: RunPackets, old: Iterable[Entry]) -> None:
+    def continue_connections(self, packets: RunPackets, old: Iterable[Entry]) -> None:
         for entry in old:
             self._add_entry(entry)
         packets.wire.wall_ns, self._packets = self._wall_ns, packets
@@ -109,7 +109,7 @@ class RecordingWriter:
     def add_entries(self, entries: Iterable[Entry]) -> None:
         for entry in entries:
             if type(entry) is CallRecord:
-                self._add_entry(self._packets.replace_bytes(entry))
+                self._add_entry(self._packets.process_entry(entry))
             elif isinstance(entry, WireCall):
                 self._packets.add_wire_call(entry)
             elif isinstance(entry, Secrets):
@@ -296,7 +296,7 @@ class Recording:
         """Read the whole file; return the first place where it is not as it was written, "" for none."""
         found: list[int] = []
         try:
-            for block, place in self._items(0, []):
+            for block, place in self._blocks(0, []):
                 where = f"{self.path}: byte {place.journal_at}"
                 found.append(place.journal_at)
                 if block.startswith(KEYFRAME_MAGIC):
@@ -319,7 +319,7 @@ class Recording:
     def _read_by_block(self, first: int) -> Iterator[Iterator[Entry]]:
         at = self.read_index()[first].packets_at if first else 0
         payloads: list[bytes] = []
-        found = self._items(at, payloads, first)
+        found = self._blocks(at, payloads, first)
         blocks = (block for block, _ in found if not block.startswith((INDEX_MAGIC, KEYFRAME_MAGIC)))
         number = first
         try:
@@ -331,7 +331,7 @@ class Recording:
                 raise
             self.stopped = str(wrong)
 
-    def _items(self, at: int, payloads: list[bytes], number: int = 0) -> Iterator[tuple[bytes, BlockPlace]]:
+    def _blocks(self, at: int, payloads: list[bytes], number: int = 0) -> Iterator[tuple[bytes, BlockPlace]]:
         """Yield blocks of the journal from `number` on, keyframes and index, with their places.
 
         Before each block, `payloads` gets the payloads of its packets. Raise UserError for a changed block.
@@ -386,7 +386,7 @@ class Recording:
         payloads: list[bytes] = []
         scans = ns = 0
         try:
-            for block, row in self._items(0, payloads):
+            for block, row in self._blocks(0, payloads):
                 if block.startswith(KEYFRAME_MAGIC):
                     with suppress(UserError):  # a broken one is left out: the one before will do
                         frame = _parse_keyframe(block, self.path)
@@ -413,7 +413,7 @@ class Recording:
     def read_keyframe(self, place: BlockPlace) -> Keyframe:
         """Return a keyframe; raise UserError."""
         where = f"{self.path}: byte {place.packets_at}"
-        found = next(self._items(place.packets_at, []), None)
+        found = next(self._blocks(place.packets_at, []), None)
         if found is not None and (frame := _parse_keyframe(found[0], where)).scan == place.scans:
             return frame
         raise mistake(where, "no keyframe", "one, as the index says")

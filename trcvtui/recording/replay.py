@@ -144,13 +144,13 @@ class ReplaySeam:
                 break
         return self._known.get((owner, call, args))
 
-    def has_failed(self, part: RunPart) -> bool:
+    def fails_next(self, part: RunPart) -> bool:
         return type(self.front) is CallRecord and self.front[:3] == (part[1], EXCEPTION, part[:1])
 
     def handle_ledger_note(self, note: LedgerNote) -> None:
         """Do nothing: a replay keeps no notes."""
 
-    def note_wire(
+    def note_call(
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
     ) -> None:
         """Do nothing: a replay has no wire."""
@@ -169,7 +169,7 @@ class ReplaySeam:
         return str(self.front) if isinstance(self.front, LostEntries) else ""
 
     @property
-    def is_in_the_middle(self) -> bool:
+    def has_lost_entries(self) -> bool:
         """Return whether entries before the next one were not recorded."""
         return isinstance(self.front, LostEntries) and self.front.number > 0
 
@@ -204,7 +204,7 @@ class ReplaySeam:
 def make_early_end_error(where: str, lost: str, scan: int, left: int = 0) -> UserError:
     """Return the error of a journal that ends before its run, or has a gap. `left` scans follow the gap."""
     # Keyframes are made from the journal: after a gap there are none.
-    more = f" ({left} later scans cannot run again)" if left else ""
+    more = f" (later scans that cannot run again: {left})" if left else ""
     return mistake(
         where, f"{lost or 'the end of the journal'} after {scan} scans{more}", "the end of the run"
     )

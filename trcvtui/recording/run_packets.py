@@ -31,9 +31,9 @@ class RunPackets:
         self._readers: dict[str, set[str]] = {}  # of each CONNECT: instances that receive
         self._coming: WireCall | None = None  # a read: the next entry has its bytes
         self._at: dict[str, Callable[[CallRecord], CallRecord | None]] = {
-            STEP: self._handle_step,
+            STEP: self._begin_scan,
             SHOWS: self._comment_job_end,
-            "set_options": self._handle_options,
+            "set_options": self._note_session,
             **dict.fromkeys((RECV, "recv_from"), self._handle_read),
             **dict.fromkeys((IN_GAP + BYTES_ARRIVED, IN_GAP + MESSAGE), self._handle_arrival),
             **dict.fromkeys(("send", "send_to"), self._handle_send),
@@ -68,18 +68,18 @@ class RunPackets:
                 places.append(packet.at)
                 numbers.append(number)
 
-    def replace_bytes(self, entry: CallRecord) -> CallRecord:
+    def process_entry(self, entry: CallRecord) -> CallRecord:
         """Take an entry of the journal; return it with a pointer in place of bytes that packets carry."""
         made = self._at.get(entry[1])
         return (made(entry) if made else None) or entry
 
-    def _handle_step(self, entry: CallRecord) -> None:
+    def _begin_scan(self, entry: CallRecord) -> None:
         if isinstance(entry.answer, int):
             self._now = entry.answer
             self.wire.scan += 1
             self._scan_from = len(self.packets)
 
-    def _handle_options(self, entry: CallRecord) -> None:
+    def _note_session(self, entry: CallRecord) -> None:
         if entry.args[-1]:  # it has a session
             self._layered.add(_get_handle(entry))
 
@@ -167,7 +167,7 @@ class RunPackets:
             readers.add(shows.owner)
         if not (done or error) or not isinstance(status, int):
             if not busy and readers == {shows.owner}:  # its job was cancelled
-                theirs.find_failed_job_end(self.wire.scan)
+                theirs.take_failed_job_end(self.wire.scan)
             return
         job = self._jobs[shows.owner] = self._jobs.get(shows.owner, 0) + 1
         size = "" if length is None or error else f" {length} B"
@@ -176,9 +176,9 @@ class RunPackets:
         flow, scan = ours if length is None else theirs, self.wire.scan
         if done:  # of several readers, the length says whose end it is
             expected = flow.job + length if isinstance(length, int) and len(readers) > 1 else 0
-            place = flow.find_job_end(scan, expected, flow is ours) - 1
+            place = flow.take_job_end(scan, expected, flow is ours) - 1
         else:
-            place = flow.find_failed_job_end(scan) - 1
+            place = flow.take_failed_job_end(scan) - 1
             if theirs.ended_in >= scan - LOSS_SCANS:  # the partner's FIN or RST is the reason
                 flow, place = theirs, theirs.in_packets
         if place >= 0:
@@ -200,11 +200,11 @@ class RunPackets:
 
     # -- the next file ----------------------------------------------------------------------------------
 
-    def skip_entries(self, entries: Iterable[Entry]) -> None:
+    def follow_entries(self, entries: Iterable[Entry]) -> None:
         """Follow connections through entries that no file gets: the next file continues the connections."""
         for entry in entries:
             if isinstance(entry, CallRecord):
-                self.replace_bytes(entry)
+                self.process_entry(entry)
             elif isinstance(entry, WireCall):
                 self.add_wire_call(entry)
         self.begin_block()

@@ -14,7 +14,7 @@ from typing import Any, Final, Protocol, TypeVar, cast
 from trcvtui.net.connection.resources import BudgetShare, ScanBudget
 from trcvtui.net.events import EventKind
 from trcvtui.net.kernel import Handle, Kernel, LocalAddress, NewClient, SocketOptions
-from trcvtui.net.layers.layer_kernel import ReadyKernel, unknown_ready_handles
+from trcvtui.net.layers.layer_kernel import ReadyListKernel, unknown_ready_handles
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.net.serial_line import LineErrors, PortOpening, SerialPort
 from trcvtui.recording.arrivals import DISCARD_FLAG, ArrivalRecorder
@@ -44,7 +44,7 @@ class Seam(Protocol):
     def handle_ledger_note(self, note: LedgerNote) -> None:
         """Take what has just been written into the ledger."""
 
-    def note_wire(
+    def note_call(
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
     ) -> None:
         """Take a call of the PLC at the wire."""
@@ -108,7 +108,7 @@ class SeamRecorder:
         if not self.is_off:
             self._keep(_NEW_TUPLE(CallRecord, (owner, IN_GAP + call, args, answer)))
 
-    def note_wire(
+    def note_call(
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
     ) -> None:
         if self.is_off:
@@ -364,7 +364,7 @@ class _RecordedKernel(_SeamKernel):
         return free(handle)
 
 
-class SeamKernel(ReadyKernel, Protocol):
+class SeamKernel(ReadyListKernel, Protocol):
     def note_arrivals(self) -> None:
         """Note what is unread after a scan, if the run is recorded."""
 
@@ -388,14 +388,14 @@ class SeamPort:
 
     def read(self, most: int) -> bytes | Fault:
         got = self._seam.ask(self._owner, "port read", (most,), lambda: self._inner.read(most))
-        self._seam.note_wire(self._owner, "port read", 0, (), None, got if isinstance(got, bytes) else b"")
+        self._seam.note_call(self._owner, "port read", 0, (), None, got if isinstance(got, bytes) else b"")
         return got
 
     def write(self, payload: bytes) -> int | Fault:
         args = len(payload), zlib.crc32(payload)
         taken = self._seam.ask(self._owner, "port write", args, lambda: self._inner.write(payload))
         data = payload[:taken] if isinstance(taken, int) else b""
-        self._seam.note_wire(self._owner, "port write", 0, (), None, data)
+        self._seam.note_call(self._owner, "port write", 0, (), None, data)
         return taken
 
     def close(self) -> None:
@@ -407,7 +407,7 @@ class SeamPort:
 
     def line_errors(self) -> LineErrors | None:
         counted = self._seam.ask(self._owner, "port errors", (), lambda: self._inner.line_errors())
-        self._seam.note_wire(self._owner, "port errors", 0, (), counted, b"")
+        self._seam.note_call(self._owner, "port errors", 0, (), counted, b"")
         return counted
 
 
@@ -449,7 +449,7 @@ class _WireKernel:
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
         found = self._inner.local_addresses()
-        self._seam.note_wire("", "local_addresses", 0, (), found, b"")
+        self._seam.note_call("", "local_addresses", 0, (), found, b"")
         return found
 
     def socket(self, owner: str) -> Handle | Fault:
@@ -459,7 +459,7 @@ class _WireKernel:
         return _note_owner(self._owners, owner, self._inner.datagram_socket(owner))
 
     def _wrap_call(self, name: str) -> Callable[..., object]:
-        call, wire, owners = getattr(self._inner, name), self._seam.note_wire, self._owners
+        call, wire, owners = getattr(self._inner, name), self._seam.note_call, self._owners
         has_bytes, is_last = name in BUFFER_CALLS, name in ("close", "abort")
         is_in_entry = self._is_next and name in ("recv", "recv_from")
 
@@ -484,6 +484,6 @@ class _WireKernel:
         return call_and_note
 
 
-def make_wire_kernel(seam: Seam, kernel: Kernel, is_next: bool) -> ReadyKernel:
+def make_wire_kernel(seam: Seam, kernel: Kernel, is_next: bool) -> ReadyListKernel:
     """Return a kernel that notes calls at the wire. If `is_next`, no layer is between kernel and seam."""
-    return cast(ReadyKernel, _WireKernel(seam, kernel, is_next))
+    return cast(ReadyListKernel, _WireKernel(seam, kernel, is_next))

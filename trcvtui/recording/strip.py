@@ -42,22 +42,22 @@ def read_dissector() -> str:
     return Path(__file__).with_name(DISSECTOR_FILE).read_text(encoding="utf-8")
 
 
-def strip_recording(source: str, target: str, out: StripOptions) -> Iterator[str]:
+def strip_recording(source: str, target: str, omit: StripOptions) -> Iterator[str]:
     """Write the copy; yield remarks on it. Raise UserError for a file that is no recording."""
     recording = Recording(source)
-    if not (out.payload or out.secrets or out.names):
+    if not (omit.payload or omit.secrets or omit.names):
         raise mistake("recording strip", "nothing to leave out", "--no-payload, --no-secrets or --anonymise")
     keeps_journal = not (  # Rule; without secrets in the file, --no-secrets leaves nothing out
-        out.payload or out.names or any(kind == pcap.SECRETS_BLOCK for kind, _ in recording.read_blocks())
+        omit.payload or omit.names or any(kind == pcap.SECRETS_BLOCK for kind, _ in recording.read_blocks())
     )
     with replace_file(target, target, is_new=True, mode=0o600) as file:
-        for block in _StrippedCopy(out, keeps_journal).strip_blocks(recording.read_blocks()):
+        for block in _StrippedCopy(omit, keeps_journal).strip_blocks(recording.read_blocks()):
             file.write(block)
     if recording.stopped:
         yield recording.stopped
     if not keeps_journal:
         yield f"{target}: a capture for Wireshark and trcvtui watch; it cannot be replayed"
-    if out.names and not out.payload:
+    if omit.names and not omit.payload:
         yield f"{target}: the payload is kept, with names and addresses in it; --no-payload removes it"
 
 
@@ -101,7 +101,7 @@ class _StrippedCopy:
             return
         data = bytearray(body[_PACKET_HEAD_BYTES : _PACKET_HEAD_BYTES + size])
         if interface == WIRE_ID:
-            self._clear_ip(data)
+            self._strip_ip_packet(data)
         elif self._out.payload:
             data[SERIAL_HEADER_BYTES:] = bytes(max(0, len(data) - SERIAL_HEADER_BYTES))
         options = [*pcap.parse_options(body, _PACKET_HEAD_BYTES + size + (-size & 3), len(body), "<")]
@@ -110,9 +110,9 @@ class _StrippedCopy:
         texts = tuple(filter(None, map(self._anonymise_comment, comments)) if self._out.names else comments)
         yield pcap.packet_block(interface, high << 32 | low, bytes(data), texts, sent=sent)
 
-    def _clear_ip(self, data: bytearray) -> None:
+    def _strip_ip_packet(self, data: bytearray) -> None:
         found = parse_packet(pcap.RAW_IP, bytes(data), len(data))
-        if not isinstance(found, IpPayload) or not _has_own_header(found, data):
+        if not isinstance(found, IpPayload) or not _has_plain_header(found, data):
             data[:] = bytes(len(data))  # its content is unknown
             return
         if self._out.payload:
@@ -144,5 +144,5 @@ class _StrippedCopy:
         return self._names.setdefault(name, f"instance {len(self._names) + 1}") + colon + rest
 
 
-def _has_own_header(found: IpPayload, data: bytearray) -> bool:
+def _has_plain_header(found: IpPayload, data: bytearray) -> bool:
     return data[0] == 0x45 and len(data) >= _IP_HEADER_BYTES + _HEADER_BYTES[found.protocol]  # no options

@@ -1,4 +1,4 @@
-"""Makes valid packets of the calls of the PLC's kernel at the wire, for IPv4 and serial lines.
+"""Makes valid packets from the calls of the PLC's kernel at the wire, for IPv4 and serial lines.
 
 Calls do not show acknowledgements. So what a packet acknowledges, and when, is made up.
 Segments have at most 1460 bytes; sequence numbers begin at 0 in each direction.
@@ -38,7 +38,7 @@ _PACK_SERIAL: Final = struct.Struct(">IIBBH").pack
 
 
 class WirePacket(NamedTuple):
-    """One packet. A serial packet has its ComBuffer in `line`. The last `payload` bytes are the payload."""
+    """One packet. `line` is a ComBuffer, or "" for IP. The last `payload` bytes are the payload."""
 
     owners: tuple[str, ...]
     line: str
@@ -76,7 +76,7 @@ class Flow:
         self.tail += data
         del self.tail[: max(0, len(self.tail) - MOST_TAIL_BYTES)]
 
-    def find_job_end(self, scan: int, expected: int, is_sent: bool) -> int:
+    def take_job_end(self, scan: int, expected: int, is_sent: bool) -> int:
         """Return the place where the job with DONE in `scan` ended, or 0 if this place is unknown."""
         places = [place for since, place in self.ends if since <= scan]
         if not places:
@@ -84,7 +84,7 @@ class Flow:
         self._end_job(expected if expected in places else places[0 if is_sent else -1])
         return self.job
 
-    def find_failed_job_end(self, scan: int) -> int:
+    def take_failed_job_end(self, scan: int) -> int:
         """Return the end of the bytes that a job with ERROR took in this or the last scan, or else 0."""
         since, place = self.ends[-1] if self.ends else (-9, self.job)
         self._end_job(place)

@@ -1,7 +1,7 @@
 """The writer of a recording is another process. It gets entries by a pipe, between scans, so no scan waits.
 
-Rule 1: bytes that the pipe does not take wait. While more than MOST_WAITING_BYTES wait, new entries are
-left out, at more than twice that size whole blocks. `LostEntries` counts the lost entries.
+Rule 1: bytes that the pipe does not take wait. While over MOST_WAITING_BYTES wait, new entries are skipped.
+While over twice that size waits, whole blocks are skipped, too. `LostEntries` counts the lost entries.
 Rule 2: without the writer the bench continues. `trouble` says in one line why nothing more is recorded.
 Rule 3: when its pipe ends, even by a kill of the run, the writer writes what it has and ends the file.
 """
@@ -40,7 +40,7 @@ WRITER_MAIN, STATE_MAIN = ("follower", "writer_main"), ("follower", "state_main"
 
 
 class WriterProcess:
-    """The sink of a run that must not wait. If `waits`, it first awaits the writer, or raises UserError."""
+    """The sink of a run that must not wait. If `waits`, begin once the writer can write, else UserError."""
 
     def __init__(
         self, path: Path, record: RecordTarget, waits: bool = True, main: tuple[str, str] = WRITER_MAIN
@@ -82,7 +82,7 @@ class WriterProcess:
         if self._waiting_bytes > MOST_WAITING_BYTES:  # Rule 1
             self._lost += len(list(entries))
         else:
-            self._note_lost()
+            self._add_lost_entries()
             for entry in entries:
                 self._block.add_entry(entry)
         self.advance()
@@ -94,11 +94,11 @@ class WriterProcess:
         if self._waiting_bytes > 2 * MOST_WAITING_BYTES:
             self._lost += entries
             return
-        if self._note_lost():
-            self.post_block()
+        if self._add_lost_entries():
+            self.queue_own_block()
         self._queue_block(block)
 
-    def _note_lost(self) -> bool:
+    def _add_lost_entries(self) -> bool:
         lost, self._lost = self._lost, 0
         self._left_out += lost
         if lost:
@@ -109,7 +109,7 @@ class WriterProcess:
         self._waiting += memoryview(LENGTH_PREFIX.pack(len(block))), memoryview(block)
         self._waiting_bytes += LENGTH_PREFIX.size + len(block)
 
-    def finish(self) -> None:
+    def request_finish(self) -> None:
         """Let the file end as soon as all bytes are sent. `advance` notices the end of the file."""
         self._is_finishing = True
 
@@ -118,7 +118,7 @@ class WriterProcess:
         now = clock.now_ns()
         if not self._is_finishing and (now > self._posted_at + POST_INTERVAL_NS or self._block.is_full):
             self._posted_at = now
-            self.post_block()
+            self.queue_own_block()
         self._write_pipe()
         if self._is_finishing and not self._waiting and not self.is_over:
             with suppress(OSError):
@@ -143,7 +143,7 @@ class WriterProcess:
         except OSError:
             self._handle_writer_end()
 
-    def post_block(self) -> None:
+    def queue_own_block(self) -> None:
         block, self._block = self._block.encode(), BlockWriter(0)
         self._queue_block(block)
 

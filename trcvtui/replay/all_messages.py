@@ -17,7 +17,7 @@ from trcvtui.replay.packet_times import PacketTimes
 from trcvtui.replay.survey import Survey
 
 
-class AllMessages:
+class AllMessagesReader:
     """Runs a recording up to the last scan that the survey knows, and keeps keyframes for the replay."""
 
     def __init__(self, keyframes: Keyframes, survey: Survey, path: str = "") -> None:
@@ -61,7 +61,7 @@ class AllMessages:
         return replace(self._rows.make_delta(instance, since), share=share)
 
 
-class TimedRows:
+class RowsWithScans:
     """Rows that are known already; the replay finds the scan number of a row by the time of the row."""
 
     def __init__(self, rows: NewestRows, survey: Survey) -> None:

@@ -10,7 +10,7 @@ from typing import Final
 from trcvtui.errors import UserError, mistake
 from trcvtui.recording.journal import SECRETS_WARNING
 from trcvtui.replay.keyframes import Keyframes
-from trcvtui.replay.run_again import ReplayRun, guard_state
+from trcvtui.replay.run_again import ReplayRun, guard_restored
 from trcvtui.scenario.report import JsonLines
 from trcvtui.scenario.runner import ScenarioRunner, VirtualPace, count_sent_bytes
 
@@ -18,7 +18,7 @@ EXIT_SAME: Final = 0
 EXIT_DIFFERS: Final = 1
 
 
-def check_replay(run: ReplayRun) -> str:
+def find_difference(run: ReplayRun) -> str:
     """Run to the end. Return a text on the first difference from the recording, or an empty text."""
     try:
         while run.scan():
@@ -30,7 +30,7 @@ def check_replay(run: ReplayRun) -> str:
     return ""
 
 
-def print_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
+def replay_to_jsonl(run: ReplayRun, write: Callable[[str], object]) -> bool:
     """Write the lines that the run printed, or would have printed. Return whether all expectations held."""
     bench, scenario = run.bench, run.scenario
     report = JsonLines(write, bench.runtime.interval_ns, bench)
@@ -62,7 +62,7 @@ def run_what_if(
         raise mistake("trcvtui replay", "--check with --set or --dialect", "--check alone, or no --check")
     recording = Recording(path)
     keyframes = Keyframes(recording, str(path))
-    with guard_state(keyframes.first > 0, str(path)):
+    with guard_restored(keyframes.first > 0, str(path)):
         run = WhatIf(keyframes, sets, dialect)
         if form is not None:
             print_both_runs(run, sys.stdout.write)
@@ -91,7 +91,7 @@ def replay_file(path: Path, is_check: bool, form: str | None) -> int:
         sys.stdout.write(f"{failed}\n")
         return EXIT_DIFFERS
     if is_check:
-        wrong = recording.find_damage() or check_replay(run)
+        wrong = recording.find_damage() or find_difference(run)
         scans = f"{run.bench.runtime.scans} scans"
         if keyframes.first:
             scans = f"scans {keyframes.first + 1} to {run.bench.runtime.scans}"
@@ -100,8 +100,8 @@ def replay_file(path: Path, is_check: bool, form: str | None) -> int:
             sys.stderr.write(f"{path} {SECRETS_WARNING}\n")
         return EXIT_DIFFERS if wrong else EXIT_SAME
     try:
-        with guard_state(run.is_restored, str(path)):
-            result, wrong = EXIT_SAME if print_jsonl(run, sys.stdout.write) else EXIT_DIFFERS, ""
+        with guard_restored(run.is_restored, str(path)):
+            result, wrong = EXIT_SAME if replay_to_jsonl(run, sys.stdout.write) else EXIT_DIFFERS, ""
     except UserError as failed:
         result, wrong = EXIT_DIFFERS, str(failed)
     if wrong := recording.find_damage() or wrong:

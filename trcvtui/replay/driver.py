@@ -17,10 +17,10 @@ from trcvtui.picture.update_pipe import UpdatePipe
 from trcvtui.project.tables import quote
 from trcvtui.replay.survey import END, FIRST_EVENT, parse_place
 from trcvtui.signals import TERMINAL_SIGNALS, ignore_signals
-from trcvtui.udt.literals import format_time
+from trcvtui.udt.literals import format_duration
 
 if TYPE_CHECKING:
-    from trcvtui.replay.time_line import TimeLine
+    from trcvtui.replay.time_line import ReplayNavigator
 
 WORK_SLICE_NS: Final = 10_000_000  # of work between two reads of the channel
 PLAY_POLL_S: Final = 0.02  # between two frames while it plays
@@ -37,40 +37,40 @@ def replay_main(channel: Channel, path: Path, at: str | None) -> None:
     serve_screen(channel, lambda: open_time_line(path, at))
 
 
-def open_time_line(path: Path, at: str | None) -> TimeLine:
+def open_time_line(path: Path, at: str | None) -> ReplayNavigator:
     """Return the replay at `at`; raise UserError if the recording has no such scan."""
     from trcvtui.recording.journal import STEP, CallRecord
     from trcvtui.recording.recording import Recording
-    from trcvtui.replay.time_line import TimeLine  # the screen's side needs none of it
+    from trcvtui.replay.time_line import ReplayNavigator  # the screen's side needs none of it
 
     recording, to = Recording(path), FIRST_EVENT if at is None else parse_place(at, "--at")
-    line = TimeLine(recording, str(path), to)
+    line = ReplayNavigator(recording, str(path), to)
     if at is None or to == END or (isinstance(to, tuple) and to[0] != "time") or not recording.read_index():
         return line
     # The index has the scans before the last block; that block has the others.
-    last, ns = line.survey.passed + recording.read_index()[-1].scans, recording.read_index()[-1].ns
+    last, ns = line.survey.last_read_scan + recording.read_index()[-1].scans, recording.read_index()[-1].ns
     for entry in recording.read_entries(len(recording.read_index()) - 1):
         if isinstance(entry, CallRecord) and entry.call == STEP and isinstance(entry.answer, int):
             last, ns = last + 1, entry.answer
     first = line.survey.first + 1
     if first <= to <= last if isinstance(to, int) else to[1] <= ns:
         return line
-    expected = f"a scan from {first} to {last}, or a time up to {format_time(ns)}: {path} has no more"
+    expected = f"a scan from {first} to {last}, or a time up to {format_duration(ns)}: {path} has no more"
     raise mistake("--at", quote(at), expected)
 
 
-def serve_screen(channel: Channel, begin: Callable[[], TimeLine]) -> None:
+def serve_screen(channel: Channel, begin: Callable[[], ReplayNavigator]) -> None:
     """Serve the screen until the screen closes the channel. Send an error before the process ends."""
 
-    def run() -> None:
+    def open_and_serve() -> None:
         with closing(begin()) as time_line:
             channel.send(time_line.controller.bench.project)
             _serve_time_line(channel, time_line)
 
-    serve_until_gone(channel, run)
+    run_and_send_error(channel, open_and_serve)
 
 
-def serve_until_gone(channel: Channel, run: Callable[[], None]) -> None:
+def run_and_send_error(channel: Channel, run: Callable[[], None]) -> None:
     """Call `run`, and send its error, if any, to the screen. Return if the screen is gone."""
     gc.freeze()  # what was imported stays: no collection has to look at it
     ignore_signals(TERMINAL_SIGNALS)  # they belong to the screen
@@ -82,9 +82,9 @@ def serve_until_gone(channel: Channel, run: Callable[[], None]) -> None:
         except (EOFError, OSError):
             raise
         except Exception as error:
-            from trcvtui.bench.error_report import trace_of
+            from trcvtui.bench.error_report import textless_trace
 
-            channel.send(trace_of(error))
+            channel.send(textless_trace(error))
     except (EOFError, OSError):
         return  # the screen is gone
 
@@ -105,21 +105,21 @@ class ScreenChannel:
             else:
                 take(*message)
 
-    def send(self, picture: Callable[[UpdateRequest], BenchUpdate]) -> None:
+    def try_send(self, picture: Callable[[UpdateRequest], BenchUpdate]) -> None:
         """Begin to send the requested picture, if the previous picture has been sent."""
         if self._request is not None and not self.pipe.is_busy():
             self.pipe.begin(picture(self._request))
             self._request = None
 
 
-def _serve_time_line(channel: Channel, time_line: TimeLine) -> None:
-    from trcvtui.replay.run_again import guard_state
+def _serve_time_line(channel: Channel, time_line: ReplayNavigator) -> None:
+    from trcvtui.replay.run_again import guard_restored
 
     screen, is_busy = ScreenChannel(channel), True
     while True:
         waits = 0.0 if is_busy else PLAY_POLL_S if time_line.is_playing or screen.pipe.is_busy() else None
         screen.handle_messages(time_line.handle_line, waits)
-        with guard_state(time_line.controller.run.is_restored, time_line.where):
+        with guard_restored(time_line.controller.run.is_restored, time_line.where):
             is_busy = time_line.advance(clock.now_ns() + WORK_SLICE_NS)
-            screen.send(time_line.make_picture)
+            screen.try_send(time_line.make_picture)
         screen.pipe.advance(clock.now_ns() + WORK_SLICE_NS)

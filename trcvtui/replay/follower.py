@@ -53,7 +53,7 @@ class _IncomingEntries(JournalPosition):
                 self.frame = entry
                 self._waiting.clear()
                 self.beyond = 0
-            elif isinstance(entry, NonJournalEntry) or self._is_before_frame(entry):
+            elif isinstance(entry, NonJournalEntry) or self._pass_before_frame(entry):
                 continue
             else:
                 if isinstance(entry, RunHeader):
@@ -63,7 +63,7 @@ class _IncomingEntries(JournalPosition):
                     self.steps_ahead += 1
                     self.now = entry.answer
 
-    def _is_before_frame(self, entry: Entry) -> bool:
+    def _pass_before_frame(self, entry: Entry) -> bool:
         if self.frame is None or self._has_begun:  # the run needs all entries
             return False
         if (self.steps, self.beyond) == (self.frame.steps, self.frame.beyond):
@@ -86,7 +86,7 @@ class _IncomingEntries(JournalPosition):
         return entry
 
 
-class RecordedRunWriter:
+class KeyframingSink:
     """A sink that also replays its entries. `advance` continues the replay while entries and time allow."""
 
     def __init__(self, sink: FileSink, where: str) -> None:
@@ -162,7 +162,7 @@ class RecordedRunWriter:
         try:
             run = self._run or self._start_run()
             if not run.scan():
-                self._no_secrets = bool(run.replay.gap_text) and not run.replay.is_in_the_middle
+                self._no_secrets = bool(run.replay.gap_text) and not run.replay.has_lost_entries
                 self._give_up(run.replay.gap_text or "the run that makes keyframes has ended")
                 return
             self._write_due_keyframe(run)
@@ -222,7 +222,7 @@ class LastKeyframeSink:
                 file.write(encode_value(self._frame))
 
 
-class _CompleteRunWriter(RecordedRunWriter):
+class _LastStateSink(KeyframingSink):
     """A run that follows to the end of its entries, and writes its last state."""
 
     def close(self) -> None:
@@ -234,8 +234,8 @@ class _CompleteRunWriter(RecordedRunWriter):
 
 def writer_main(path: str, asked: str) -> None:
     """Run as the process that writes a recording (recording/writer.py)."""
-    run_writer(asked, lambda record: RecordedRunWriter(record.make_file_sink(Path(path)), path), path)
+    run_writer(asked, lambda record: KeyframingSink(record.make_file_sink(Path(path)), path), path)
 
 
 def state_main(path: str, asked: str) -> None:
-    run_writer(asked, lambda _: _CompleteRunWriter(LastKeyframeSink(path), path), path)
+    run_writer(asked, lambda _: _LastStateSink(LastKeyframeSink(path), path), path)

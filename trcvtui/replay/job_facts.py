@@ -13,11 +13,11 @@ from msgspec.structs import replace
 
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
+from trcvtui.blocks.environment import ReceiveEnded, ReceiveStarted, SendEnded, SendStarted
 from trcvtui.blocks.table import block_row
 from trcvtui.diagnosis.block_symptoms import BlockSymptoms
 from trcvtui.diagnosis.doctor import RecordedFacts
-from trcvtui.diagnosis.doctor_process import DoctorInput, ReportScan
+from trcvtui.diagnosis.doctor_process import DoctorWorker, ReportScan
 from trcvtui.diagnosis.lint import NO_PINS, HeldPins, lint, list_receivers
 from trcvtui.diagnosis.receiver import NEVER_NS, Receiver
 from trcvtui.errors import UserError
@@ -30,9 +30,9 @@ from trcvtui.recording.journal import IN_GAP, STEP, CallRecord, Entry
 from trcvtui.recording.recording import Recording
 from trcvtui.recording.writer import run_writer
 from trcvtui.replay.keyframes import Keyframes
-from trcvtui.replay.run_again import ReplayRun, guard_state
+from trcvtui.replay.run_again import ReplayRun, guard_restored
 from trcvtui.replay.what_if import WhatIf
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 from trcvtui.snapshots.doctor import Finding, Remedy
 from trcvtui.wording import times
 
@@ -58,7 +58,7 @@ TROUBLE_ROWS: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
     "plc-not-reading": (0.85, "in one second bytes waited at the PLC and no job read them:",
                         (Remedy("keep EN_R at 1", "set {instance} EN_R=1", "instance.{instance}.EN_R=true"),),
                         ),
-    "partner-not-reading": (0.85, "in one second bytes waited to leave: the partner announced no room:", ()),
+    "partner-not-reading": (0.85, "in one second bytes waited to leave; the partner announced no room:", ()),
     "dead-link": (0.85, "in one second no byte that was sent was acknowledged, or the stack gave up:", ()),
     "datagram-size": (0.95, "a datagram was larger than LEN or DATA:", ()),
     "request-too-fast": (0.93, "REQ rose while the previous job was sending:", ()),
@@ -67,7 +67,7 @@ TROUBLE_ROWS: Final[Mapping[str, tuple[float, str, tuple[Remedy, ...]]]] = {
 # fmt: on
 
 
-class _StackWaits:
+class _WaitingBytes:
     """Bytes that wait in the stack of each CONNECT: the smallest count in each second of the run."""
 
     def __init__(self, run: ReplayRun) -> None:
@@ -172,7 +172,7 @@ def collect_recorded_facts(
         run = keyframes.start_run()
         last = keyframes.offset + max([place.scans for place in recording.read_index()], default=0)
         scan = run.scan if tell is None else partial(_scan_and_report, run, last, tell)
-        with guard_state(run.is_restored, path):
+        with guard_restored(run.is_restored, path):
             return _collect(run, run.bench, scan, run.bench.project, is_running=is_running)
     except UserError:
         return None
@@ -180,7 +180,7 @@ def collect_recorded_facts(
 
 def judge_main(path: str, asked: str) -> None:
     """Run as the process of the doctor (diagnosis/judges.py)."""
-    run_writer(asked, lambda _: DoctorInput(path, collect_recorded_facts, load_bench), path)
+    run_writer(asked, lambda _: DoctorWorker(path, collect_recorded_facts, load_bench_project), path)
 
 
 def _scan_and_report(run: ReplayRun, last: int, tell: ReportScan) -> bool:
@@ -227,11 +227,11 @@ class _RunFacts:
         self.wall_ns = run.begins.wall_ns
         self.by_ends: dict[tuple[int, str], str] = {}
         self.harms: dict[str, list[int]] = {}
-        self._bench, self._stack = bench, _StackWaits(run)
+        self._bench, self._stack = bench, _WaitingBytes(run)
         self.symptoms = BlockSymptoms(bench, self.wall_ns)
         self._found: dict[tuple[str, str], Finding] = {}
         self._times = Counter[tuple[str, str]]()
-        self._jobs: dict[str, JobStarted] = {}  # the first of each instance
+        self._jobs: dict[str, ReceiveStarted] = {}  # the first of each instance
         self._until: dict[str, int] = {}  # when its LEN or ADHOC changed first (UTC)
         self._changed: dict[str, int] = {}  # and last
         self._done = Counter[str]()  # jobs of each CONNECT
@@ -285,11 +285,11 @@ class _RunFacts:
                 self._add_trouble("datagram-size", self._takers.get(connection, connection), scan, t_ns)
             case BytesDropped() if event.offset >= 0:
                 self._dropped[event.connection, event.incarnation] = scan, t_ns
-            case JobStarted():
+            case ReceiveStarted():
                 self._add_job(event)
-        if isinstance(event, SendEnded | JobEnded) and event.done:
+        if isinstance(event, SendEnded | ReceiveEnded) and event.done:
             self._done[event.connection] += 1
-        elif isinstance(event, SendEnded | JobEnded) and event.size:
+        elif isinstance(event, SendEnded | ReceiveEnded) and event.size:
             self.harms.setdefault(event.connection, []).append(self.wall_ns + t_ns)
 
     def _add_ends(self, connect: str, local: str, peer: str) -> None:
@@ -315,7 +315,7 @@ class _RunFacts:
             if is_asked:
                 self._add_trouble("not-connected-request", instance, scan, t_ns)
 
-    def _add_job(self, started: JobStarted) -> None:
+    def _add_job(self, started: ReceiveStarted) -> None:
         self._jobs.setdefault(started.instance, started)
         lost = self._dropped.pop((started.connection, started.incarnation), None)
         if lost is not None and started.connection in self._streams and not started.adhoc:
@@ -348,7 +348,7 @@ class _RunFacts:
         until_ns = self._until.get(receiver.instance, NEVER_NS)
         return receiver._replace(need=job.length, adhoc=job.adhoc, until_ns=until_ns)
 
-    def _is_refused(self, cause: str, instance: str) -> bool:
+    def _comes_of_refusal(self, cause: str, instance: str) -> bool:
         """Return whether bytes wait because the instance refuses its jobs: another finding says so."""
         return cause in ("flood", "plc-not-reading") and self.symptoms.refuses_jobs(instance)
 
@@ -370,7 +370,7 @@ class _RunFacts:
             ("dead-link", self._senders, self._stack.find_dead_links()),
         ):
             for connect, since, seconds in some:
-                if connect in blocks and not self._is_refused(cause, blocks[connect]):
+                if connect in blocks and not self._comes_of_refusal(cause, blocks[connect]):
                     scan = since * SECOND // self._bench.runtime.interval_ns + 1
                     trouble = self._make_finding(cause, blocks[connect], connect, scan, since * SECOND)
                     shown = self._bench.runtime.instance_snapshot(blocks[connect])

@@ -91,14 +91,14 @@ class Keyframes:
         self._places = [*journal.list_keyframes()]
         self.first = 0  # the last scan that cannot run: no keyframe is before it
         self.offset = 0  # the last scan of the run before the journal begins
-        if first.is_in_the_middle and self._places:
+        if first.has_lost_entries and self._places:
             frame = journal.read_keyframe(self._places[0])
             self.first = frame.scan
             self.offset = frame.scan - (frame.steps if frame.beyond else frame.steps - 1)
 
     def start_run(self) -> ReplayRun:
         """Return the run before its first scan, or at the first keyframe if the file begins in the middle."""
-        return self.run_at(self.first)
+        return self.restore_at(self.first)
 
     def start_other_run(self, kind: type[OtherRun], seam: ReplaySeam) -> OtherRun:
         """Return the run at the first keyframe, as an object of `kind` with this seam; raise UserError."""
@@ -139,7 +139,7 @@ class Keyframes:
         near = self._scans[kept - 1] if kept else 0, self._places[written - 1].scans if written else 0
         return max(self.first, *near)
 
-    def run_at(self, scan: int) -> ReplayRun:
+    def restore_at(self, scan: int) -> ReplayRun:
         """Return the run at a scan with a keyframe, or at an earlier scan if that keyframe does not fit.
 
         Raise UserError if no keyframe fits.
@@ -155,7 +155,7 @@ class Keyframes:
             if scan <= self.first:
                 raise
         del self._places[at]  # of another version, or damaged
-        return self.run_at(self.find_keyframe_scan(scan))
+        return self.restore_at(self.find_keyframe_scan(scan))
 
     def _restore_run(self, frame: Keyframe) -> ReplayRun:
         run = _decode_run(frame, self._shared, self._where)

@@ -157,7 +157,7 @@ class ReplayedPartners(ReplaySeam):
         if self.intervals_ns is None:
             self.scan += 1
             if self.scan <= recorded.scan:
-                self._now = recorded.advance_time_to(self.scan)
+                self._now = recorded.take_scan_time(self.scan)
         else:
             self._advance_to(self.due_ns)
             self._steps += 1
@@ -169,15 +169,15 @@ class ReplayedPartners(ReplaySeam):
 
     def _advance_to(self, due: int) -> None:
         recorded, latest = self._recorded, due + self.slack_ns
-        while self.scan < recorded.scan and recorded.advance_time_to(self.scan + 1) <= latest:
+        while self.scan < recorded.scan and recorded.take_scan_time(self.scan + 1) <= latest:
             self.scan += 1
-            if recorded.injected == self.scan:
+            if recorded.injected_scan == self.scan:
                 self.note_guess(GuessReason.TIME)  # a planned fault counts calls
         self._now = due
         self._is_on_time = (
-            self.scan > recorded.first and recorded.advance_time_to(self.scan) >= due - self.slack_ns
+            self.scan > recorded.first and recorded.take_scan_time(self.scan) >= due - self.slack_ns
         )
-        if not self._is_on_time and recorded.came > self.scan:
+        if not self._is_on_time and recorded.arrival_scan > self.scan:
             self.note_guess(GuessReason.TIME)  # something came between two recorded scans
 
     def compare_scan(self) -> None:
@@ -186,14 +186,14 @@ class ReplayedPartners(ReplaySeam):
         for socket in self._sockets.values():
             partner = socket.partner
             if partner is not None:
-                self._compare_acts(partner.acts, before, partner.ended_in_fault)
+                self._drop_missed_acts(partner.acts, before, partner.ended_in_fault)
                 unread = self._arrivals(socket) - socket.read
                 if unread > max(partner.most_unread, MOST_UNREAD_BYTES):
                     self.note_guess(GuessReason.PARTNER)  # the window closes
-                if partner.may_hold_back and socket.read >= partner.whole:
+                if partner.may_be_held_back and socket.read >= partner.whole:
                     self.note_guess(GuessReason.PARTNER)  # its window was closed: it would send more now
         for written in recorded.written.values():
-            self._compare_acts(written, before)
+            self._drop_missed_acts(written, before)
         for attempts in recorded.attempts.values():
             if attempts and attempts[0].began <= before:
                 self.note_guess(GuessReason.PARTNER)  # it was called then, and is not now
@@ -205,7 +205,7 @@ class ReplayedPartners(ReplaySeam):
             if self._datagrams_read[owner] > read:
                 self.note_guess(GuessReason.PARTNER)  # there is room now
 
-    def _compare_acts(self, acts: deque[PlcAct], before: int, is_deaf: bool = False) -> None:
+    def _drop_missed_acts(self, acts: deque[PlcAct], before: int, is_deaf: bool = False) -> None:
         while acts and acts[0].scan <= before:
             acts.popleft()
             if not is_deaf:  # a partner that has reset sees nothing more
@@ -219,7 +219,7 @@ class ReplayedPartners(ReplaySeam):
         if not listens and clients and clients[0].since.scan <= before:
             self.note_guess(GuessReason.PARTNER)
 
-    def _match(self, acts: deque[PlcAct], what: tuple[object, ...], is_deaf: bool = False) -> PlcAct | None:
+    def _take(self, acts: deque[PlcAct], what: tuple[object, ...], is_deaf: bool = False) -> PlcAct | None:
         """Remove and return the next recorded act if it is `what` in this scan. Else return None."""
         if acts and acts[0].scan == self.scan and acts[0].what == what and self._is_on_time:
             return acts.popleft()
@@ -345,7 +345,7 @@ class ReplayedPartners(ReplaySeam):
     def _arrivals(self, socket: _Socket) -> int:
         """Return how many bytes have come in all, whether their contents are known or not."""
         return (
-            socket.partner.advance_to(CallPlace(self.scan, self._calls)) if socket.partner is not None else 0
+            socket.partner.arrived_by(CallPlace(self.scan, self._calls)) if socket.partner is not None else 0
         )
 
     def _peek(self, socket: _Socket) -> DatedMessage | None:
@@ -371,7 +371,7 @@ class ReplayedPartners(ReplaySeam):
             self.note_guess(GuessReason.PARTNER)  # our side of the handshake comes at another time
         for socket in self._sockets.values():
             if socket.owner == owner and socket.partner is not None:
-                self._end_released(socket.partner)
+                self._end_if_released(socket.partner)
         made = self._at_socket(owner)
         if isinstance(made, Fault):
             return made
@@ -379,7 +379,7 @@ class ReplayedPartners(ReplaySeam):
         self._sockets[made].port = self._sockets[handle].port
         return NewClient(Handle(made), partner.end)
 
-    def _end_released(self, partner: Partner) -> None:
+    def _end_if_released(self, partner: Partner) -> None:
         if partner.ended is NEVER_PLACE and partner.released_at <= (self.scan, self._calls):
             partner.ended = CallPlace(self.scan)
 
@@ -389,7 +389,7 @@ class ReplayedPartners(ReplaySeam):
         attempts = self._recorded.attempts.get(owner)
         if not attempts or attempts[0].began != self.scan:
             self.note_guess(GuessReason.PARTNER)  # it is called, but not at the same time
-        while attempts and attempts[0].is_before(self.scan):
+        while attempts and attempts[0].is_over_before(self.scan):
             attempts.popleft()
         if not attempts:
             return None
@@ -483,7 +483,7 @@ class ReplayedPartners(ReplaySeam):
         if partner is None:
             return WOULD_BLOCK
         is_deaf = partner.ended_in_fault and self._is_over(socket)
-        same = self._match(partner.acts, (size, check), is_deaf)
+        same = self._take(partner.acts, (size, check), is_deaf)
         failed = self._get_recorded_answer(owner, "send")
         if isinstance(failed, Fault):
             return failed
@@ -500,14 +500,14 @@ class ReplayedPartners(ReplaySeam):
     def _at_send_to(self, owner: str, handle: int, size: int, check: int, end: Endpoint) -> object:
         if owner in self.peers:
             return WOULD_BLOCK
-        self._match(self._recorded.written.get(owner, deque()), (size, check, end))
+        self._take(self._recorded.written.get(owner, deque()), (size, check, end))
         failed = self._get_recorded_answer(owner, "send_to")
         return failed if isinstance(failed, Fault) else size
 
     def _at_shutdown(self, owner: str, handle: int, both: bool) -> object:
         partner = self._sockets[handle].partner
         if partner is not None:
-            self._match(partner.acts, (SHUT,), partner.ended_in_fault)
+            self._take(partner.acts, (SHUT,), partner.ended_in_fault)
         return self._get_recorded_answer(owner, "shutdown")
 
     def _at_close(self, owner: str, handle: int, call: str = CLOSED) -> object:
@@ -516,7 +516,7 @@ class ReplayedPartners(ReplaySeam):
         partner = socket.partner if socket is not None else None
         if socket is not None and partner is not None:  # a close with unread bytes sends RST (RFC 1122)
             how = RESET if call == RESET or self._arrivals(socket) > socket.read else CLOSED
-            self._match(partner.acts, (how,), partner.ended_in_fault and self._is_over(socket))
+            self._take(partner.acts, (how,), partner.ended_in_fault and self._is_over(socket))
         failed = self._get_recorded_answer(owner, call)
         return failed if isinstance(failed, Fault) else None
 
@@ -538,7 +538,7 @@ class ReplayedPartners(ReplaySeam):
         return data[:most]
 
     def _at_port_write(self, owner: str, size: int, check: int) -> object:
-        self._match(self._recorded.written.get(owner, deque()), (size, check))
+        self._take(self._recorded.written.get(owner, deque()), (size, check))
         failed = self._get_recorded_answer(owner, "port write")
         return failed if isinstance(failed, Fault) else size
 

@@ -72,7 +72,7 @@ class Partner:
         self.taken, self.took_all = 0, True  # bytes of the PLC in all; of the newest call
 
     @property
-    def may_hold_back(self) -> bool:
+    def may_be_held_back(self) -> bool:
         """Return whether so many bytes are unread in the recorded run that the partner may be held back."""
         return self.whole - self.read >= self.full_from
 
@@ -91,7 +91,7 @@ class Partner:
         self.fault = fault if is_told and fault is not None else self.fault or fault
         self.ended = min(self.ended, at)
 
-    def advance_to(self, place: CallPlace) -> int:
+    def arrived_by(self, place: CallPlace) -> int:
         """Return how many bytes, known or not, came up to a place; places must not decrease."""
         while self._arrived and self._arrived[0][0] <= place:
             self._come = self._arrived.popleft()[1]
@@ -117,7 +117,7 @@ class DialledAttempt:
         self.is_at_once = False  # answered by the call itself
         self.partner: Partner | None = None
 
-    def is_before(self, scan: int) -> bool:
+    def is_over_before(self, scan: int) -> bool:
         """Return whether the attempt, or its connection, was over before this scan."""
         over = self.gone if self.partner is None else self.partner.released_at
         is_refused = self.answer is not None and self.answered.scan < scan
@@ -144,7 +144,7 @@ class RecordedRun:
         self.first, self.inherited_sockets = first, tuple(standing)
         self.scan = first
         self._times: deque[int] = deque()  # of the newest scans
-        self.came = 0  # the newest scan in which something came
+        self.arrival_scan = 0  # the newest scan in which something came
         self.clients: dict[str, deque[Partner]] = {}
         self.attempts: dict[str, deque[DialledAttempt]] = {}
         self.answers: dict[tuple[str, str], deque[tuple[CallPlace, object]]] = {}
@@ -161,7 +161,7 @@ class RecordedRun:
         self.begins: RunHeader | None = None
         self.is_broken = False  # the journal does not fit: what comes is not known
         self.failures: dict[int, str] = {}  # scan -> what an internal error has stopped in it
-        self.injected = 0  # the newest scan in which a planned fault answered
+        self.injected_scan = 0  # the newest scan in which a planned fault answered
         self.bytes_read = 0
         self.kept = 0  # bytes of all partners that wait
         self._calls = 0
@@ -179,7 +179,7 @@ class RecordedRun:
         for one in self.inherited_sockets:
             self._add_inherited(one)
 
-    def advance_time_to(self, scan: int) -> int:
+    def take_scan_time(self, scan: int) -> int:
         """Return when a scan began; forget the times of scans that are earlier than the previous scan."""
         while len(self._times) > self.scan - scan + 2:
             self._times.popleft()
@@ -218,16 +218,16 @@ class RecordedRun:
     def advance(self) -> None:
         self._read_up_to((STEP,))
         if self._next is not None:
-            self._read_next(self._next)
+            self._add_and_read_next(self._next)
         self._read_up_to(BENCH_CALLS)
 
     def _read_up_to(self, calls: tuple[str, ...]) -> None:
         while (entry := self._next) is not None:
             if isinstance(entry, CallRecord) and entry.owner == BENCH_OWNER and entry.call in calls:
                 return
-            self._read_next(entry)
+            self._add_and_read_next(entry)
 
-    def _read_next(self, entry: Entry) -> None:
+    def _add_and_read_next(self, entry: Entry) -> None:
         self.add_entry(entry)
         self._next = next(self._entries, None)
 
@@ -266,7 +266,7 @@ class RecordedRun:
         self._nth[key] += 1
         fault = answer[0] if isinstance(answer, tuple) and answer else answer
         if isinstance(fault, Fault) and fault.injected:
-            self.injected = self.scan
+            self.injected_scan = self.scan
         known = self.answers.get(key, ())
         if isinstance(fault, Fault) or (key[1] in LASTING_CALLS and not (known and known[-1][1] == answer)):
             place = CallPlace(self.scan, self._nth[key])
@@ -283,7 +283,7 @@ class RecordedRun:
 
     def _date_arrival(self, flags: int, handle: int) -> CallPlace:
         there = CallPlace(self.scan + 1) if flags & LATE else self._earliest_place(handle)
-        self.came = max(self.came, there.scan)
+        self.arrival_scan = max(self.arrival_scan, there.scan)
         return there
 
     def _note_unread_bytes(self, owner: str, handle: int, args: tuple[object, ...], answer: object) -> None:
@@ -380,7 +380,7 @@ class RecordedRun:
             partner = Partner(UNKNOWN_END, self._earliest_place(handle))
             self.clients.setdefault(owner, deque()).append(partner)
         partner.accepted = self._earliest_place(handle)
-        self.came = max(self.came, self.scan)
+        self.arrival_scan = max(self.arrival_scan, self.scan)
         if isinstance(answer, Fault):
             partner.refused = answer
         else:
@@ -400,7 +400,7 @@ class RecordedRun:
             return
         end, attempt = self._dialled.pop(handle)
         attempt.answered, attempt.answer = CallPlace(self.scan), cast(Fault | None, answer)
-        self.came = max(self.came, self.scan)
+        self.arrival_scan = max(self.arrival_scan, self.scan)
         if answer is None:
             attempt.partner = self._partners[handle] = Partner(end, attempt.answered)
 
@@ -420,7 +420,7 @@ class RecordedRun:
             partner.read += len(data)
             partner.note_bytes(at, partner.read)
             self.bytes_read += len(data)
-            self.came = max(self.came, self.scan)
+            self.arrival_scan = max(self.arrival_scan, self.scan)
         elif got == 0 or isinstance(got, Fault):
             partner.note_end(self._ready_place(handle), got or None)
 
@@ -521,7 +521,7 @@ class RecordedRun:
         if isinstance(answer, bytes) and answer:
             self.serial.setdefault(owner, deque()).append((CallPlace(self.scan), answer))
             self.bytes_read += len(answer)
-            self.came = max(self.came, self.scan)
+            self.arrival_scan = max(self.arrival_scan, self.scan)
 
 
 CallHandler = Callable[[RecordedRun, str, int, tuple[object, ...], Any], None]

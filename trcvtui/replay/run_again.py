@@ -17,11 +17,11 @@ from trcvtui.bench.bench import KERNEL_NAMES, Bench
 from trcvtui.commands.table import parse_unbounded_line
 from trcvtui.commands.words import BenchCommand
 from trcvtui.errors import UserError, mistake
-from trcvtui.files import FilesRead, read_from
+from trcvtui.files import FilesRead, substitute_disk
 from trcvtui.project.project import Project
 from trcvtui.recording.journal import CLOSE, DO, REST, SKIP, Entry, RunHeader
 from trcvtui.recording.replay import ReplaySeam, make_early_end_error
-from trcvtui.scenario.scenario import Scenario, load_bench, load_scenario
+from trcvtui.scenario.scenario import Scenario, load_bench_project, load_scenario
 
 RunRoots = tuple[RunHeader, Scenario | None, Project]
 NO_LIMIT: Final = 1 << 62
@@ -37,15 +37,15 @@ def _do_nothing() -> None:
 def roots_of(begins: RunHeader, files: FilesRead, sets: Sequence[str] = ()) -> RunRoots:
     """Return the header, the scenario or None, and the project of a recorded run; raise UserError."""
     path, options = Path(begins.path), (*begins.options, *sets)
-    with read_from(files):
+    with substitute_disk(files):
         if not begins.is_scenario:
-            return begins, None, load_bench(path, options)
+            return begins, None, load_bench_project(path, options)
         scenario = load_scenario(path, options)
         return begins, scenario, scenario.project
 
 
 @contextmanager
-def guard_state(is_restored: bool, where: str) -> Iterator[None]:
+def guard_restored(is_restored: bool, where: str) -> Iterator[None]:
     """Turn exceptions of a run restored from a keyframe into UserError: the file may cause all of them."""
     try:
         yield
@@ -58,7 +58,7 @@ def guard_state(is_restored: bool, where: str) -> Iterator[None]:
 
 
 class ReplayRun:
-    """The bench of a recorded run. `scenario` may be None. If `is_whole`, the run is at its end."""
+    """The bench of a recorded run. `scenario` is None if it had none. If `is_whole`, it is at its end."""
 
     def __init__(
         self,
@@ -96,7 +96,7 @@ class ReplayRun:
 
         Raise UserError at the first difference.
         """
-        with guard_state(self.is_restored, self.where):
+        with guard_restored(self.is_restored, self.where):
             return self._scan()
 
     def _scan(self) -> bool:
@@ -145,7 +145,7 @@ class ReplayRun:
         if self.scenario is not None:  # a step names files from the scenario's folder
             project = replace(project, base=Path(self.begins.path).parent)
         verb, _, rest = line.partition(" ")
-        with read_from(self.replay.files):
+        with substitute_disk(self.replay.files):
             if verb == "udt":
                 from trcvtui.engine.controller import reload_types  # here: only this line needs it
 

@@ -53,7 +53,7 @@ class Survey:
     """
 
     def __init__(self, entries: Iterator[Entry], where: str, first: int = 0, offset: int = 0) -> None:
-        self.first, self.passed = first, offset  # `passed`: the last scan that was read
+        self.first, self.last_read_scan = first, offset  # `passed`: the last scan that was read
         self.times = array("q")  # ns, of each scan that was run
         self._scans = array("q")  # the number of each
         self.errors = array("q")  # scans in which an ERROR comes
@@ -138,11 +138,11 @@ class Survey:
         return False
 
     def _add_scan(self, ns: int) -> None:
-        self.passed += self._skipped + 1  # skipped scans have no time
+        self.last_read_scan += self._skipped + 1  # skipped scans have no time
         self._skipped = 0
-        if self.passed > self.first:
+        if self.last_read_scan > self.first:
             self.times.append(ns)
-            self._scans.append(self.passed)
+            self._scans.append(self.last_read_scan)
 
     def _finish(self) -> None:
         self.is_over = True

@@ -17,7 +17,7 @@ from trcvtui.bench.doctor_requests import BenchDoctor, Judge
 from trcvtui.diagnosis.judges import FilesJudge
 from trcvtui.engine.controller import Controller
 from trcvtui.errors import UserError, mistake
-from trcvtui.files import FilesRead, read_from
+from trcvtui.files import FilesRead, substitute_disk
 from trcvtui.history.ledger_reader import LedgerReader
 from trcvtui.history.messages import MessagesDelta, NewestRows
 from trcvtui.history.pin_waveform import WaveformDelta, cut_delta
@@ -26,7 +26,7 @@ from trcvtui.picture.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.project.project import Project
 from trcvtui.project.tables import quote
 from trcvtui.recording.recording import Recording
-from trcvtui.replay.all_messages import AllMessages, TimedRows
+from trcvtui.replay.all_messages import AllMessagesReader, RowsWithScans
 from trcvtui.replay.keyframes import Journal, Keyframes
 from trcvtui.replay.run_again import ReplayRun
 from trcvtui.replay.survey import END, FIRST_EVENT, Search, Survey, parse_place
@@ -82,7 +82,7 @@ class ReplayController(Controller):
     def __init__(
         self, run: ReplayRun, move: Callable[[str], str], doctor: tuple[BenchDoctor, Judge | None]
     ) -> None:
-        with read_from(FilesRead()):  # a replay has no file on the disk to save
+        with substitute_disk(FilesRead()):  # a replay has no file on the disk to save
             super().__init__(run.bench)
         self._doctor, self.files_judge = doctor  # one for all benches that take each other's place
         self.run = run
@@ -90,7 +90,7 @@ class ReplayController(Controller):
         self.holding = True
         self.position: ReplayPosition | None = None
         self.beside: WhatIfRun | None = None
-        self.messages: AllMessages | TimedRows | None = None
+        self.messages: AllMessagesReader | RowsWithScans | None = None
         self.fired = ""  # the trigger that fired in the last scan
 
     @property
@@ -172,7 +172,7 @@ class CaptureRun(NamedTuple):
     rows: NewestRows | None = None
 
 
-class TimeLine:
+class ReplayNavigator:
     """The scan that a replay shows, and the scan to which it goes."""
 
     def __init__(
@@ -193,8 +193,8 @@ class TimeLine:
         self._since: tuple[int, int] | None = None  # while it plays: the clock and the run's time, ns
         self._note = ""
         self._beside: WhatIfRun | None = None
-        self._messages: AllMessages | TimedRows | None = None  # once a screen asks for them
-        self._go_to(at)
+        self._messages: AllMessagesReader | RowsWithScans | None = None  # once a screen asks for them
+        self._set_goal(at)
 
     # -- lines -----------------------------------------------------------------------------------------
 
@@ -221,15 +221,15 @@ class TimeLine:
             self._wanted = self.controller.scans
             return ""
         if verb == "run" and "#" in rest:
-            self._go_to(("time", self.survey.time_of(self._wanted) + parse_time(rest, "prompt"), ""))
+            self._set_goal(("time", self.survey.time_of(self._wanted) + parse_time(rest, "prompt"), ""))
         elif verb == "run" or rest[:1] in ("+", "-"):
             if not rest.lstrip("+-").isdecimal():
                 raise mistake("prompt", quote(line), "a number of scans")
-            self._go_to(
+            self._set_goal(
                 max(self._least, (self._wanted if self._wanted < END else self.controller.scans) + int(rest))
             )
         else:
-            self._go_to(parse_place(rest, "prompt"))
+            self._set_goal(parse_place(rest, "prompt"))
         return ""
 
     def _set_what_if(self, rest: str) -> str:
@@ -243,7 +243,7 @@ class TimeLine:
             self._beside = WhatIfRun(WhatIf(self._keyframes, sets, dialect, change), rest)
         return ""
 
-    def _go_to(self, to: int | Search) -> None:
+    def _set_goal(self, to: int | Search) -> None:
         self._stop_moving()
         if isinstance(to, int):
             self._wanted = max(self._least, to)
@@ -280,20 +280,20 @@ class TimeLine:
         if self._move(deadline_ns):
             return True
         if self._beside is not None and not self._beside.is_over:
-            self._run_to_parting(self._beside, deadline_ns)
+            self._advance_what_if(self._beside, deadline_ns)
             return True
         if not self.survey.is_over:
             self.survey.advance(deadline_ns)
             return True
-        if isinstance(self._messages, AllMessages) and not self._messages.is_over:
+        if isinstance(self._messages, AllMessagesReader) and not self._messages.is_over:
             self._messages.advance(deadline_ns)
             return True
         return self._goal_scan() != self.controller.scans  # the doctor is another process
 
-    def _run_to_parting(self, beside: WhatIfRun, deadline_ns: int) -> None:
+    def _advance_what_if(self, beside: WhatIfRun, deadline_ns: int) -> None:
         beside.advance(deadline_ns)
         if beside.is_over and beside.run.parts_at is not None:
-            self._go_to(beside.run.parts_at)
+            self._set_goal(beside.run.parts_at)
 
     @property
     def is_playing(self) -> bool:
@@ -355,7 +355,7 @@ class TimeLine:
         if start <= at <= goal:
             self._coming = None
         elif self._coming is None or not start <= self._coming.scans <= goal:
-            self._coming = ReplayController(self._keyframes.run_at(start), self._run_line, self._doctor)
+            self._coming = ReplayController(self._keyframes.restore_at(start), self._run_line, self._doctor)
         moving = self._coming or self.controller
         has_moved = moving.scans < goal
         while moving.scans < goal and clock.now_ns() < deadline_ns:
@@ -368,7 +368,7 @@ class TimeLine:
             except UserError as wrong:
                 self.survey.end_after(before, str(wrong))
                 self._coming = None
-                fresh = ReplayController(self._keyframes.run_at(start), self._run_line, self._doctor)
+                fresh = ReplayController(self._keyframes.restore_at(start), self._run_line, self._doctor)
                 fresh.continue_from(self.controller)
                 self.controller = fresh
                 return True
@@ -382,13 +382,13 @@ class TimeLine:
             self.controller, self._coming = self._coming, None
         return has_moved
 
-    def _make_messages(self) -> AllMessages | TimedRows:
+    def _make_message_reader(self) -> AllMessagesReader | RowsWithScans:
         """Return the reader of the messages of the whole recording."""
         journal, capture = self._journal, self._capture
         if capture is not None and capture.rows is not None:
-            return TimedRows(capture.rows, self.survey)
+            return RowsWithScans(capture.rows, self.survey)
         path = str(journal.path) if capture is None and isinstance(journal, Recording) else ""
-        return AllMessages(self._keyframes, self.survey, path)
+        return AllMessagesReader(self._keyframes, self.survey, path)
 
     def close(self) -> None:
         if self._judge is not None:
@@ -397,7 +397,7 @@ class TimeLine:
     def make_picture(self, request: UpdateRequest) -> BenchUpdate:
         survey, controller, beside = self.survey, self.controller, self._beside
         if request.messages is not None and self._messages is None:
-            self._messages = self._make_messages()
+            self._messages = self._make_message_reader()
         controller.beside, controller.messages = beside, self._messages
         controller.shadows = self._capture.shadows if self._capture else frozenset()
         controller.begun_ns = self._capture.first_ns if self._capture else controller.run.begins.wall_ns

@@ -69,11 +69,11 @@ class _HeldPins:
     def filter_command(self, command: words.BenchCommand) -> words.BenchCommand | None:
         """Return the command without held pins, None if nothing remains."""
         match command:
-            case words.Set(name, pins):
+            case words.SetInputs(name, pins):
                 left = tuple([each for each in pins if (name, each[0]) not in self._pins])
                 self.skipped += len(left) < len(pins)
                 return replace(command, pins=left) if left else None
-            case words.Pulse(name, pin) if (name, pin) in self._pins:
+            case words.PulseInput(name, pin) if (name, pin) in self._pins:
                 self.skipped += 1
                 return None
         return command
@@ -142,7 +142,7 @@ class WhatIf:
         self.recorded_run = recorded = keyframes.start_run()
         recorded.take_lines()  # a keyframe may have some from long before
         self._where = recorded.where
-        if recorded.replay.is_in_the_middle:
+        if recorded.replay.has_lost_entries:
             found = "a file that begins in the middle, without a keyframe"
             raise mistake(self._where, found, "the run's beginning or a keyframe: a what-if needs one")
         self._is_late = keyframes.first > 0
@@ -298,7 +298,7 @@ class WhatIf:
         for kind, name, key in _split_paths(self._sets):
             decl = project.instance(name) if kind == "instance" else None
             if decl is not None:
-                run.bench.do(words.Set(name, ((key, dict(decl.inputs)[key]),)))
+                run.bench.do(words.SetInputs(name, ((key, dict(decl.inputs)[key]),)))
         run.bench.project = replace(run.bench.project, data=project.data)
         return run
 
@@ -380,7 +380,7 @@ class WhatIf:
     def describe(self) -> Iterator[str]:
         was, now = self.get_totals()
         same = "in each scan" if self._partners.intervals_ns is None else "at each time"
-        yield (f"they differ from scan {self.parts_at} on" if self.parts_at else f"STATUS is the same {same}")
+        yield (f"first difference at scan {self.parts_at}" if self.parts_at else f"STATUS is the same {same}")
         if self.value is not None:
             value = self.value
             yield (
@@ -392,7 +392,7 @@ class WhatIf:
         if self.guess_why is not None:
             yield f"from scan {self.guess_from} on the what-if is a guess: {GUESS_TEXTS[self.guess_why]}"
         if self._held.skipped:
-            yield f"{count(self._held.skipped, 'command')} left out: the what-if holds their pins"
+            yield f"{count(self._held.skipped, 'command')} left out: a pin held by the what-if is not written"
         for scan, part in self._source.failures.items():
             yield f"scan {scan}: {part} had an internal error only in the recorded run"
         yield from (*self._notes, *self._what_if.notes)
@@ -415,5 +415,5 @@ def print_both_runs(run: WhatIf, write: Callable[[str], object]) -> None:
         for report, bench, name, edges in zip(reports, benches, names, run.edges, strict=True):
             more = guess if name == WHAT_IF_RUN else {}
             for edge in edges:
-                report.line(bench.runtime.scans, {"run": name, **outputs_record(edge), **more})
+                report.write_line(bench.runtime.scans, {"run": name, **outputs_record(edge), **more})
     reports[0].write_record(run.make_record())

@@ -26,7 +26,7 @@ class _CaptureNotes(ShadowOutput):
         self.events: FirstAndLast[EventNote] = FirstAndLast(MOST_EVENTS)
         self._interval_ns = interval_ns
 
-    def scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
+    def report_scan(self, scan: int, changed: Sequence[StatusEdge], lacking: Sequence[str]) -> None:
         assert self.notes is not None
         self.notes.add_scan()
         at = ScanStamp(scan, (scan - 1) * self._interval_ns)
@@ -37,7 +37,7 @@ class _CaptureNotes(ShadowOutput):
         self.events.add(EventNote(ScanStamp(-(-ns // self._interval_ns) + 1, ns), f"C{number}", text))
 
 
-def read_capture_notes(
+def play_with_notes(
     path: Path, shadows: ShadowChoice, has_payload: bool, file: str, digest: str
 ) -> tuple[ReportSource, RunNotes, list[str]]:
     """Play a capture to shadow instances; return the source and the notes of the page, and warnings."""
@@ -60,13 +60,13 @@ def read_capture_notes(
         f"{file}, {count(found.packets, 'packet')}",
         digest,
         conversations=tuple(
-            _conversation(one, found, plan, given, known) for one in found.all[:MOST_CONVERSATIONS]
+            _conversation_cells(one, found, plan, given, known) for one in found.all[:MOST_CONVERSATIONS]
         ),
     )
     return source, notes, [*plan.notes, *capture_notes(found, troubles)]
 
 
-def _conversation(
+def _conversation_cells(
     one: Conversation, found: Conversations, plan: ShadowPlan, given: PlcEnd | None, known: KnownEnds
 ) -> tuple[str, ...]:
     row: dict[str, Any] = conversation_row(found, one, given, known)

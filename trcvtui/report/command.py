@@ -23,11 +23,11 @@ from trcvtui.recording.journal import DO, SECRETS_WARNING, SHOWS, STEP, CallReco
 from trcvtui.recording.recording import Recording
 from trcvtui.replay.job_facts import collect_recorded_facts
 from trcvtui.replay.keyframes import Journal, Keyframes
-from trcvtui.replay.run_again import ReplayRun, guard_state
+from trcvtui.replay.run_again import ReplayRun, guard_restored
 from trcvtui.report.page import REPORT_MARK, ReportSource, generate_page
 from trcvtui.report.run_notes import MOST_EVENTS, EventNote, FirstAndLast, RunNotes
 from trcvtui.scenario.runner import ScenarioRunner, Verdict
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 from trcvtui.snapshots.doctor import Finding
 from trcvtui.wording import count, last_part
 
@@ -50,7 +50,7 @@ class _ReplayPace:
         self._notes.add_scan()
 
 
-class _CommandNotes:
+class _NotedEntries:
     """Hands the entries of a journal to a replay, and notes each command with the scan before it."""
 
     def __init__(self, entries: Iterator[Entry], scan: int = 0) -> None:
@@ -71,7 +71,7 @@ class _CommandNotes:
         for entry in chain((front,), self):
             if isinstance(entry, CallRecord) and entry.call == SHOWS:
                 notes.add_outputs(self._at, entry.owner, entry.args)
-        notes.finish_rest(self._at)
+        notes.extend_lanes_to(self._at)
 
 
 def replay_with_notes(
@@ -79,13 +79,13 @@ def replay_with_notes(
 ) -> tuple[ReplayRun, RunNotes, Verdict | None, str]:
     """Repeat a run. Return the run, its notes, a scenario's verdict, and why the run ended early, if so."""
     keyframes = Keyframes(journal, where)
-    with guard_state(keyframes.first > 0, where):
+    with guard_restored(keyframes.first > 0, where):
         if keyframes.first:
             run = keyframes.start_run()
-            heard = _CommandNotes(run.replay.entries, keyframes.first + 1)
+            heard = _NotedEntries(run.replay.entries, keyframes.first + 1)
             run.replay.entries = iter(heard)
         else:
-            heard = _CommandNotes(journal.read_entries())
+            heard = _NotedEntries(journal.read_entries())
             run = ReplayRun(iter(heard), where)
         notes, verdict, stopped = RunNotes(run.bench, heard.events, has_payload), None, ""
         run.before_close = notes.note_end
@@ -140,7 +140,7 @@ def write_report(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice
     a recording is a capture, too.
     """
     where = f"--out {out}"
-    _refuse_other(out, where)
+    _refuse_foreign_file(out, where)
     digest, size = sha256(), 0
     try:
         with open_to_read(path) as file:
@@ -154,9 +154,9 @@ def write_report(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice
     findings, verdict = _judge_file(path, shadows[0], shadows[1]), None
     gc.collect()  # else a large capture would be in memory twice
     if recording is None:
-        from trcvtui.report.capture_page import read_capture_notes  # a recording needs none of it
+        from trcvtui.report.capture_page import play_with_notes  # a recording needs none of it
 
-        source, notes, lines = read_capture_notes(path, shadows, has_payload, named, digest.hexdigest())
+        source, notes, lines = play_with_notes(path, shadows, has_payload, named, digest.hexdigest())
     else:
         run, notes, verdict, stopped = replay_with_notes(recording, path.name, has_payload)
         lines, folders = [recording.find_damage() or stopped], _folders(run.replay.files, run.begins.path)
@@ -165,7 +165,7 @@ def write_report(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice
         lines += [f"{path} {SECRETS_WARNING}"] * recording.has_secrets
     source = source._replace(findings=findings)
     is_restored = recording is not None and run.is_restored
-    with guard_state(is_restored, str(path)), replace_file(out, where, is_own=True, mode=0o600) as file:
+    with guard_restored(is_restored, str(path)), replace_file(out, where, is_own=True, mode=0o600) as file:
         for part in generate_page(source, notes, verdict):
             for folder in folders:
                 part = part.replace(folder, "")
@@ -175,7 +175,7 @@ def write_report(path: Path, out: Path, has_payload: bool, shadows: ShadowChoice
 
 
 def _judge_file(path: Path, project: Path | None, plc: str | None) -> tuple[Finding, ...]:
-    receivers = () if project is None else list_receivers(load_bench(project))
+    receivers = () if project is None else list_receivers(load_bench_project(project))
     answer = try_to_judge(str(path), DoctorQuestion(plc, receivers, collect_recorded_facts))
     if isinstance(answer, UserError):
         return ()
@@ -190,7 +190,7 @@ def _recording(path: Path) -> Recording | None:
         return None
 
 
-def _refuse_other(out: Path, where: str) -> None:
+def _refuse_foreign_file(out: Path, where: str) -> None:
     """Raise UserError if the file exists and is not our own report."""
     try:
         with open_to_read(out) as file:

@@ -21,7 +21,7 @@ from trcvtui.project.project import DataDecl
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout, Leaf, layout_shape
 from trcvtui.udt.layout.layout_tree import LeafValues
-from trcvtui.udt.layout.value_text import mark_text, real_text, value_text
+from trcvtui.udt.layout.value_text import odd_text, real_text, value_text
 from trcvtui.udt.layout.values import decode, decode_leaves
 from trcvtui.udt.report import json_members, json_value, own_bytes
 from trcvtui.udt.types import Elementary, StringType, ValueKind
@@ -88,7 +88,7 @@ class MessageTable:
         self._second, self._date = -1, ""
 
     def write(self, labels: tuple[str, ...], row: MessageRow, of: str | None = None) -> None:
-        """Write a row. `of` is the instance or direction of its type; None is the first of `labels`."""
+        """Write a row. `of` is the instance or direction with the row's type, or None for `labels[0]`."""
         if not self.rows and self._form != "jsonl":
             self._write_cells([*self._columns, *self._names])
         self.rows += 1
@@ -239,7 +239,7 @@ def _csv_cell(leaf: Leaf) -> CellFormatter | None:
         return _guard_formula
     if kind is ValueKind.REAL:
         return lambda value, _: real_text(value, leaf.size)
-    return partial(_marked, leaf) if kind is ValueKind.BOOL or leaf.coding.odd is not None else None
+    return partial(_format_marked, leaf) if kind is ValueKind.BOOL or leaf.coding.odd is not None else None
 
 
 def _guard_formula(value: str, _: bytes) -> str:
@@ -247,9 +247,9 @@ def _guard_formula(value: str, _: bytes) -> str:
     return f"'{text}" if value.startswith(FORMULA_STARTS) else text
 
 
-def _marked(leaf: Leaf, value: Value, content: bytes) -> str:
+def _format_marked(leaf: Leaf, value: Value, content: bytes) -> str:
     text = str(value).upper() if isinstance(value, bool) else str(value)
-    mark = mark_text(leaf, own_bytes(leaf, content))
+    mark = odd_text(leaf, own_bytes(leaf, content))
     return f"{text} ({mark})" if mark else text
 
 

@@ -43,7 +43,7 @@ UNSURE_CONFIDENCE: Final = 0.5  # less confident guesses of the PLC end give a w
 PACKETS_PER_READ: Final = 1000  # packets between two scans
 
 
-class MessagesQuestion(NamedTuple):
+class MessagesOptions(NamedTuple):
     """The options of the command line. A project runs for `time_ns`."""
 
     files: Sequence[str]
@@ -63,7 +63,7 @@ class _NoRow(Exception):
     """There is no row: nothing is written, and no file is made."""
 
 
-def write_messages(asked: MessagesQuestion) -> int:
+def write_messages(asked: MessagesOptions) -> int:
     """Write the messages. Return 1 if there are no messages, else 0; raise UserError."""
     first, is_project = asked.files[0], any(file.endswith(".toml") for file in asked.files)
     if is_project and (len(asked.files) > 1 or asked.time_ns is None):
@@ -75,11 +75,11 @@ def write_messages(asked: MessagesQuestion) -> int:
         raise mistake("--udt", "a project beside it, which has the types", "one of both")
     try:
         with _output(asked.out) as out:
-            rows = _FilteredRows(asked, out)
+            rows = _RowWriter(asked, out)
             if asked.time_ns is not None:
-                _run(rows, asked.kernel, asked.time_ns)
+                _run_project(rows, asked.kernel, asked.time_ns)
             elif asked.project is not None:
-                _play(rows, asked.project)
+                _play_captures(rows, asked.project)
             elif asked.layout is None and asked.plc is None and all(map(read_run_header, asked.files)):
                 for path in asked.files:
                     _replay_recording(rows, path)
@@ -107,10 +107,10 @@ def _warn(line: object) -> None:
     sys.stderr.write(f"{one_line(str(line))}\n")
 
 
-class _FilteredRows:
+class _RowWriter:
     """Writes the rows that pass a filter into the table, by instance or by direction."""
 
-    def __init__(self, asked: MessagesQuestion, out: TextIO) -> None:
+    def __init__(self, asked: MessagesOptions, out: TextIO) -> None:
         self.asked, self._out = asked, out
         self.table: MessageTable | None = None
         self._filters: dict[str, Filter | None] = {}
@@ -183,7 +183,7 @@ class _FilteredRows:
 class _BenchMessages:
     """The rows of a bench, taken after each scan. `add_ns` is added to the times of the rows."""
 
-    def __init__(self, bench: Bench, rows: _FilteredRows, add_ns: int = 0, after: int = 0) -> None:
+    def __init__(self, bench: Bench, rows: _RowWriter, add_ns: int = 0, after: int = 0) -> None:
         self.reader = LedgerReader(bench)
         self._streams = StreamReader(bench, self.reader).streams
         self._messages = MessageRows(bench, self.reader, self._streams, after)
@@ -210,12 +210,12 @@ class _BenchMessages:
             stream.forget_oldest(LEAST_SPANS_KEPT, 0)  # they are rows now
 
 
-def _run(rows: _FilteredRows, kernel: str, time_ns: int) -> None:
+def _run_project(rows: _RowWriter, kernel: str, time_ns: int) -> None:
     from trcvtui.scenario.command import LivePace
     from trcvtui.scenario.runner import VirtualPace
-    from trcvtui.scenario.scenario import load_bench
+    from trcvtui.scenario.scenario import load_bench_project
 
-    project = load_bench(Path(rows.asked.files[0]))
+    project = load_bench_project(Path(rows.asked.files[0]))
     rows.begin_table(project, clock.utc_ns() if kernel == "live" else SIM_WALL_NS)
     bench = fresh_bench(project, kernel)
     found, pace = _BenchMessages(bench, rows), LivePace() if kernel == "live" else VirtualPace()
@@ -227,10 +227,10 @@ def _run(rows: _FilteredRows, kernel: str, time_ns: int) -> None:
         bench.close()
 
 
-def _replay_recording(rows: _FilteredRows, path: str) -> None:
+def _replay_recording(rows: _RowWriter, path: str) -> None:
     from trcvtui.replay.keyframes import Keyframes
     from trcvtui.replay.packet_times import PacketTimes
-    from trcvtui.replay.run_again import guard_state
+    from trcvtui.replay.run_again import guard_restored
 
     recording = Recording(path)
     keyframes = Keyframes(recording, path)
@@ -245,7 +245,7 @@ def _replay_recording(rows: _FilteredRows, path: str) -> None:
     def scan() -> bool:
         nonlocal stopped
         try:
-            with guard_state(run.is_restored, path):
+            with guard_restored(run.is_restored, path):
                 if run.scan():
                     return True
                 if not run.is_whole:
@@ -271,16 +271,16 @@ def _zero_ns(paths: Sequence[str], first_ns: int) -> int:
     return first_ns if begins is None else begins.wall_ns
 
 
-class _NoLines:
+class _SilentOutput:
     first_ns = 0
 
-    def scan(self, *_: object) -> None:
+    def report_scan(self, *_: object) -> None:
         """Do nothing: the ledger already has everything that a line would show."""
 
-    note = scan
+    note = report_scan
 
 
-def _play(rows: _FilteredRows, project: Path) -> None:
+def _play_captures(rows: _RowWriter, project: Path) -> None:
     from trcvtui.line.capture_player import CapturePlayer, plan_capture
 
     paths = rows.asked.files
@@ -288,16 +288,16 @@ def _play(rows: _FilteredRows, project: Path) -> None:
     first_ns = found.first_ns or 0
     zero_ns = _zero_ns(paths, first_ns)
     rows.begin_table(plan.project, zero_ns)
-    player = CapturePlayer(plan, found.all, first_ns, _NoLines())
+    player = CapturePlayer(plan, found.all, first_ns, _SilentOutput())
     bench = player.shadows.bench
     messages, ledger = _BenchMessages(bench, rows, first_ns - zero_ns), bench.runtime.ledger
 
-    def sent(packet: PeerSent, ns: int) -> None:
+    def write_sent_packet(packet: PeerSent, ns: int) -> None:
         ledger.write_at(ns, packet)
         if ledger.last_seq % PACKETS_PER_READ == 0:
             messages.reader.catch_up()
 
-    player.shadows.sent, player.shadows.after_scan = sent, messages.add_new_rows
+    player.shadows.sent, player.shadows.after_scan = write_sent_packet, messages.add_new_rows
     player.play_captures(paths)
     played = player.close()
     messages.add_new_rows()
@@ -318,7 +318,7 @@ def _warn_about_capture(found: Conversations, troubles: Sequence[Problem]) -> No
 class _CaptureMessages:
     """Cuts both directions of each conversation into messages; only messages to the PLC have the type."""
 
-    def __init__(self, rows: _FilteredRows) -> None:
+    def __init__(self, rows: _RowWriter) -> None:
         self._found, self._rows, self._zero_ns = Conversations(self._add_event), rows, 0
         self._given = parse_plc(rows.asked.plc) if rows.asked.plc is not None else None
         self._cutters = MessageCutters(self._make_cutter)

@@ -231,7 +231,7 @@ class _PageParts:
         row = self._project.dialect.row(status, block)
         return f"16#{status:04X}" + (f" {row.title}" if row is not None else "")
 
-    def cards(self, name: str) -> Iterator[_Card]:
+    def advice_cards(self, name: str) -> Iterator[_Card]:
         notes, last = self.notes.instances[name], self.notes.last_snapshot(name)
         if last is not None and self.notes.seen.scan and name in self.notes.advice:
             is_end = self.notes.seen == self.notes.until

@@ -13,11 +13,11 @@ from typing import Final, Generic, NamedTuple, TypeVar, cast
 
 from trcvtui.bench.bench import Bench
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.environment import FrameEnded, JobEnded, PartialFrameDropped, SendEnded, SendStarted
+from trcvtui.blocks.environment import FrameEnded, PartialFrameDropped, ReceiveEnded, SendEnded, SendStarted
 from trcvtui.blocks.outcome import Cause, CauseKind
 from trcvtui.diagnosis.advice import Advice, describe_cause
 from trcvtui.diagnosis.evidence import make_current_evidence
-from trcvtui.diagnosis.status_card import Card, DataBytes
+from trcvtui.diagnosis.status_card import CardBuilder, DataContent
 from trcvtui.history.link_statistics import LinkStatistics
 from trcvtui.history.records import ScanStamp
 from trcvtui.history.stream_index import ENDING_EVENTS, StreamIndex
@@ -69,11 +69,11 @@ class TimeLane:
         self.width_ns = width_ns
         self._now = 0
 
-    def mark(self, t_ns: int, now: int) -> None:
+    def set_state(self, t_ns: int, state: int) -> None:
         self.extend_to(max(0, t_ns - 1))
-        self._now = now
+        self._now = state
         self.extend_to(t_ns)
-        self.columns[-1] |= now
+        self.columns[-1] |= state
 
     def extend_to(self, t_ns: int) -> None:
         while t_ns // self.width_ns >= MOST_COLUMNS:
@@ -144,7 +144,7 @@ class RunNotes:
         self.late: FirstAndLast[str] = FirstAndLast(MOST_LATE)  # scans that began late
         self.lost = 0  # lines of the ledger that were dropped before they were read
         self._seq, self._late_scans = 0, bench.late_scans
-        self._card = Card()
+        self._card = CardBuilder()
         self._index = StreamIndex()
         self._statistics = LinkStatistics(self._index)
         self._fresh: list[EdgeNote] = []  # ERRORs of this scan
@@ -173,7 +173,7 @@ class RunNotes:
             self._get(name).part = self.bench.runtime.job_bytes(name)[:MOST_BYTES]
         self._receiving.clear()
         for note in self._fresh:
-            self._explain(note)
+            self._note_cause(note)
         self._fresh.clear()
 
     def note_end(self) -> None:
@@ -199,7 +199,7 @@ class RunNotes:
             self._add_edge(EdgeNote(at, StatusEdge(instance, decl.block, outputs, "", UNKNOWN_CAUSE)))
             self._fresh.clear()
 
-    def finish_rest(self, at: ScanStamp) -> None:
+    def extend_lanes_to(self, at: ScanStamp) -> None:
         """Extend the lanes of the instances to the end of the journal."""
         self.until = max(self.until, at, key=lambda moment: moment.scan)
         for each in self.instances.values():
@@ -223,7 +223,7 @@ class RunNotes:
                 self._add_edge(EdgeNote(at, event))
             case BytesReceived():
                 self._receiving.add(event.instance)
-            case JobEnded() | PartialFrameDropped() | FrameEnded():
+            case ReceiveEnded() | PartialFrameDropped() | FrameEnded():
                 self._add_received(at, event)
             case SendStarted():
                 self._get(event.instance).sends = event.job, self._read_data(event.instance, event.length)
@@ -240,7 +240,7 @@ class RunNotes:
     def _add_edge(self, note: EdgeNote) -> None:
         notes = self._get(note.edge.instance)
         notes.edges.add(note)
-        notes.lane.mark(note.at.t_ns, LAMP_BITS[note.edge.outputs.lit_lamp])
+        notes.lane.set_state(note.at.t_ns, LAMP_BITS[note.edge.outputs.lit_lamp])
         if note.edge.outputs.error:
             notes.error_edges.add((notes.edges.count, note))
             self._fresh.append(note)
@@ -249,11 +249,11 @@ class RunNotes:
             if notes.delivered <= notes.looked_until or notes.delivered % FRAMES_PER_CHECK == 1:
                 self._fresh.append(note)
 
-    def _add_received(self, at: ScanStamp, event: JobEnded | FrameEnded | PartialFrameDropped) -> None:
+    def _add_received(self, at: ScanStamp, event: ReceiveEnded | FrameEnded | PartialFrameDropped) -> None:
         notes = self._get(event.instance)
         self._receiving.discard(event.instance)
         job, done, reason = 0, isinstance(event, FrameEnded), ""
-        if isinstance(event, JobEnded):
+        if isinstance(event, ReceiveEnded):
             job, done, reason = event.job, event.done, event.reason
         elif isinstance(event, PartialFrameDropped):
             reason = event.reason
@@ -274,23 +274,23 @@ class RunNotes:
         if event.detail != "UDP":
             lane = self.links.setdefault(event.connection, TimeLane(self.bench.runtime.interval_ns))
             if event.what is EventKind.CONNECTED or event.what in ENDING_EVENTS:
-                lane.mark(at.t_ns, UP if event.what is EventKind.CONNECTED else 0)
+                lane.set_state(at.t_ns, UP if event.what is EventKind.CONNECTED else 0)
         fault = f"{event.fault.call} gave {event.fault.error}" if event.fault is not None else ""
         detail = ", ".join(filter(None, (event.peer, fault, event.detail)))
         self.events.add(EventNote(at, event.connection, str(event.what), detail))
 
     # -- why --------------------------------------------------------------------------------------------
 
-    def _explain(self, note: EdgeNote) -> None:
+    def _note_cause(self, note: EdgeNote) -> None:
         notes, edge = self._get(note.edge.instance), note.edge
         if edge.outputs.error:
             key = edge.outputs.status, describe_cause(edge.cause, edge.block)
-            _keep(notes.errors, key, note, lambda: self._make_advice(edge.instance), MOST_ERRORS)
+            _count_in(notes.errors, key, note, lambda: self._make_advice(edge.instance), MOST_ERRORS)
             return
         advice = self._make_advice(edge.instance)
         if advice.checks:
             words = _NUMBER_PATTERN.sub("", advice.checks[0])
-            _keep(notes.remarks, words, note, lambda: advice, MOST_REMARKS)
+            _count_in(notes.remarks, words, note, lambda: advice, MOST_REMARKS)
 
     def _make_advice(self, name: str, picture: BenchUpdate | None = None) -> Advice:
         picture = picture or self._picture(name)
@@ -300,7 +300,7 @@ class RunNotes:
             return Advice("", ())
         decl = project.data_decl(instance.data) if instance.data is not None else None
         content = runtime.data(decl.name, MOST_DATA) if decl is not None else b""
-        data = DataBytes(decl, content, runtime.job_bytes(name))
+        data = DataContent(decl, content, runtime.job_bytes(name))
         reads = "read DATA with"
         return self._card.build_advice(evidence, instance, self._index, data, reads, self.has_payload)
 
@@ -315,7 +315,9 @@ class RunNotes:
         )
 
 
-def _keep(cards: dict[K, CauseNote], key: K, note: EdgeNote, advise: Callable[[], Advice], most: int) -> None:
+def _count_in(
+    cards: dict[K, CauseNote], key: K, note: EdgeNote, advise: Callable[[], Advice], most: int
+) -> None:
     known = cards.get(key)
     if known is not None:
         cards[key] = known._replace(times=known.times + 1, last=note.at)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from trcvtui import clock
 from trcvtui.bench.bench import Bench, enter_own_network
-from trcvtui.commands.words import Doctor
+from trcvtui.commands.words import AskDoctor
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead, record_reads, refuse_overwriting_input, replace_file
 from trcvtui.scenario.report import FORMATS, Report
@@ -111,7 +111,7 @@ def _run_all(
         loaded()  # raises if this file is the target; ends the call, as later files cannot make that right
         try:
             judge = None
-            if any(isinstance(step.command, Doctor) for step in (*scenario.start, *scenario.steps)):
+            if any(isinstance(step.command, AskDoctor) for step in (*scenario.start, *scenario.steps)):
                 from trcvtui.diagnosis.judges import RunJudge
                 from trcvtui.recording.recorder import attach_black_box
 

@@ -74,7 +74,7 @@ class DialectRun:
         self.notes = scenario.about.splitlines()
         self.blocks: dict[str, str] = {}
         self.changes: dict[str, dict[int, Outputs | None]] = {}
-        self.end: Verdict | None = None
+        self.verdict: Verdict | None = None
 
     def add_change(self, scan: int, edge: StatusEdge) -> None:
         self.blocks[edge.instance] = edge.block
@@ -83,7 +83,7 @@ class DialectRun:
             changes[scan] = edge.outputs
 
     def close(self, verdict: Verdict) -> None:
-        self.end = verdict
+        self.verdict = verdict
         for changes in self.changes.values():
             changes[verdict.scans + 1] = None
 
@@ -120,22 +120,22 @@ class DialectReport(JsonLines):
         if self._runs:
             self._runs[-1].close(verdict)
         if len(self._runs) == self._dialects:
-            self._compare()
+            self._write_comparison()
 
     def write_error(self, path: Path, error: UserError) -> None:
         self._runs.clear()
         super().write_error(path, error)
 
-    def _compare(self) -> None:
+    def _write_comparison(self) -> None:
         blocks = {name: block for run in self._runs for name, block in run.blocks.items()}
         for name, block in blocks.items():
             walk = WalkComparison(name, block, self._runs)
             text = json_line(walk.record()) if self._is_json else "".join(f"{x}\n" for x in walk.lines())
             self._write(text)
         for run in () if self._is_json else self._runs:
-            assert run.end is not None
+            assert run.verdict is not None
             Text(self._write).write_verdict(
-                replace(run.end, scenario=f"{run.dialect}: {run.end.scenario}", traces=())
+                replace(run.verdict, scenario=f"{run.dialect}: {run.verdict.scenario}", traces=())
             )
             self._write("".join(f"    {one_line(note)}\n" for note in run.notes))
         self._runs.clear()
@@ -163,12 +163,12 @@ class WalkComparison:
         return {
             "instance": self._instance,
             "dialects": self._dialects,
-            "differing": self._count,
+            "differing": self._differing_scans,
             "first": first,
         }
 
     @property
-    def _count(self) -> int:
+    def _differing_scans(self) -> int:
         return sum(last - first + 1 for first, last, _ in self._different)
 
     def lines(self) -> Iterator[str]:
@@ -176,9 +176,8 @@ class WalkComparison:
         where = "no difference" if self._having == self._dialects else f"in {', '.join(self._having)} alone"
         if self._different:
             first, _, shown = self._different[0]
-            where = (
-                f"first differ in scan {first}: {' vs '.join(map(_cell, shown))}; {self._count} scans differ"
-            )
+            cells = " vs ".join(map(_cell, shown))
+            where = f"first differ in scan {first}: {cells}; {self._differing_scans} scans differ"
         yield one_line(f"{self._head}: {where}")
         yield from format_columns(self._table(), "rl" + "l" * len(self._dialects))
 

@@ -22,8 +22,8 @@ from trcvtui.snapshots.scenario import (
     NOW,
     TO_COME,
     PlayerSnapshot,
+    SplitTestSnapshot,
     StepSnapshot,
-    TrialSnapshot,
 )
 
 MOST_STEPS: Final = 1000  # all of them are in each picture
@@ -46,20 +46,20 @@ class Player:
         self._scans = 0  # that have passed in the running step
         self._wanted = 0  # further steps that the user wants
         while not self.is_finished and self._steps[self._current].number == START_STEP:
-            self.step()
+            self.request_step()
 
     @property
     def is_finished(self) -> bool:
         return self._current == len(self._steps) or self._stage.is_over
 
-    def find_trial(self) -> TrialSnapshot | None:
+    def find_trial(self) -> SplitTestSnapshot | None:
         return self._stage.trial.snapshot() if self._stage.trial is not None else None
 
     @property
     def wants_scan(self) -> bool:
         return self._under_way is not None
 
-    def step(self) -> None:
+    def request_step(self) -> None:
         """Begin the next step after the running step. A run to the end stops after the running step."""
         if not self.is_to_end and not self.is_finished:
             self._wanted += 1
@@ -67,12 +67,12 @@ class Player:
         if self._under_way is None:
             self._advance()
 
-    def run(self) -> None:
+    def start_to_end(self) -> None:
         self.is_to_end, self._wanted = True, 0
         if self._under_way is None:
             self._advance()
 
-    def note_scan(self) -> None:
+    def handle_scan(self) -> None:
         """Observe the scan that has just passed, and continue the step that asked for it."""
         self._stage.note_scan()
         if self._under_way is not None:

@@ -22,7 +22,7 @@ from trcvtui.recording.files import FILE_SUFFIX, TRIGGER_WORD, EntrySink, FileLi
 from trcvtui.recording.recorder import make_recorder
 from trcvtui.scenario.command import LivePace, RecordedPace
 from trcvtui.scenario.runner import Pace, VirtualPace
-from trcvtui.scenario.scenario import load_bench, start_steps
+from trcvtui.scenario.scenario import load_bench_project, read_start_steps
 from trcvtui.udt.literals import parse_time
 from trcvtui.wording import count, parse_size, size_text
 
@@ -78,7 +78,7 @@ def record(
     with ExitStack() as opened:
         opened.enter_context(make_folder_or_undo(out, "--out"))
         opened.enter_context(record_reads(recorder.reads))
-        project = load_bench(path)
+        project = load_bench_project(path)
         condition = None if on is None else _parse_trigger(on, project)
         signals: list[int] = []  # signals to end: looked at after a scan, never in the middle of one
         for number in _ending_signals():
@@ -87,7 +87,7 @@ def record(
         opened.enter_context(recorder)
         bench = Bench(project, kernel, recorder.seam)
         opened.callback(bench.close)
-        for step in start_steps(project):
+        for step in read_start_steps(project):
             bench.do(step.command)
         recorder.add_header(bench, path, (), is_scenario=False)
         bench.reports = bench.reports if is_kept else None

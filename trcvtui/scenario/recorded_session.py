@@ -43,12 +43,7 @@ MOST_CHARACTERS: Final = 4_000_000
 FIRST_RUNS: Final = 150
 NEWEST_RUNS: Final = 50
 # The wire decides how many scans these last, not the block: any number from one on is expected.
-WIRE_DEPENDENT: Final = (
-    Condition.ESTABLISHING,
-    Condition.CONNECTED,
-    Condition.SENDING,
-    Condition.RECEIVING,
-)
+WIRE_DEPENDENT: Final = (Condition.ESTABLISHING, Condition.CONNECTED, Condition.SENDING, Condition.RECEIVING)
 ANY_TEXT: Final = str(ANY_SCANS)
 SIM_KERNEL: Final = "sim"
 NEVER: Final = 1 << 62
@@ -116,7 +111,7 @@ class StatusPattern:
         """
         newest = self._atoms(self._newest, self._count - len(self._newest) + 1)
         atoms = [*self._atoms(self._first, 1), *[ANY_SCANS] * self._is_cut, *newest]
-        return " ".join(map(str, _loosen_turns(atoms, by_turns, done) if by_turns else atoms))
+        return " ".join(map(str, _replace_turns(atoms, by_turns, done) if by_turns else atoms))
 
     def _atoms(self, scans: Iterable[Scan | None], place: int) -> list[Atom]:
         return [ANY_SCANS if scan is None else self._atom(scan, at) for at, scan in enumerate(scans, place)]
@@ -125,7 +120,7 @@ class StatusPattern:
         return Atom(scan, 1, at in self._long or scan[0] in self._of_the_wire)
 
 
-def _loosen_turns(atoms: list[Atom], by_turns: Collection[int], done: Collection[int]) -> Iterator[Atom]:
+def _replace_turns(atoms: list[Atom], by_turns: Collection[int], done: Collection[int]) -> Iterator[Atom]:
     """Yield the atoms. After a STATUS in `done`, `...` replaces the scans with a STATUS in `by_turns`."""
     is_open = False
     for atom in atoms:
@@ -203,15 +198,15 @@ class RecordedSession:
         reader.index.add_listeners({BenchNote: self._handle_note})
         if bench.kernel_name == SIM_KERNEL:
             reader.index.add_listeners({StatusEdge: self._expect_frame})
-        reader.lost.append(self._note_gap)
+        reader.on_loss.append(self._note_gap)
         for name in waves.records:
-            self._begin_instance(name)
+            self._begin_trace(name)
 
-    def note(self, command: words.BenchCommand, line: str) -> None:
+    def keep_command(self, command: words.BenchCommand, line: str) -> None:
         """Keep a command that was carried out."""
         if isinstance(command, words.RunScans | words.RunFor):
             return  # each entry has its number of scans
-        if isinstance(command, words.Delete):
+        if isinstance(command, words.DeleteBlock):
             self._expect_trace(command.instance)  # now: later its name is unknown to `expect`
         self.commands += 1
         self._peers_by_the_clock |= _acts_by_clock(command)
@@ -227,8 +222,8 @@ class RecordedSession:
     def _expect_trace(self, instance: str) -> None:
         trace = self._read_to_now().get(instance)
         if trace is not None and trace.pattern:
-            self._add(self._trace(instance, trace.pattern, self.external_partners().connects), instance)
-            self._begin_instance(instance)
+            self._add(self._trace_line(instance, trace.pattern, self.external_partners().connects), instance)
+            self._begin_trace(instance)
 
     @property
     def is_by_the_clock(self) -> bool:
@@ -250,7 +245,7 @@ class RecordedSession:
         partners = tuple(dict.fromkeys(call.peer for call in strange))
         return ExternalPartners(partners, frozenset(call.connection for call in strange))
 
-    def _trace(self, instance: str, pattern: StatusPattern, outside: frozenset[str]) -> str:
+    def _trace_line(self, instance: str, pattern: StatusPattern, outside: frozenset[str]) -> str:
         decl = self._bench.project.instance(instance)
         is_outside = decl is not None and decl.connect in outside
         return f"expect {instance} trace {ANY_TEXT if is_outside else self._pattern(pattern)}"
@@ -262,14 +257,14 @@ class RecordedSession:
     def is_overfull(self) -> bool:
         return self.commands > MOST_COMMANDS or self._characters > MOST_CHARACTERS
 
-    def _begin_instance(self, instance: str) -> _Trace:
+    def _begin_trace(self, instance: str) -> _Trace:
         record = self._waves.records[instance]
         trace = self._shown[instance] = _Trace(StatusPattern(self._of_the_wire), self._interval(instance))
         trace.changes_read = record.total
-        record.on_drop = partial(self._note_dropped, trace, record)
+        record.on_drop = partial(self._add_dropped_change, trace, record)
         return trace
 
-    def _note_dropped(self, trace: _Trace, record: PinHistory, change: PinChange) -> None:
+    def _add_dropped_change(self, trace: _Trace, record: PinHistory, change: PinChange) -> None:
         if record.total - record.kept_count > trace.changes_read:
             self._add_change(trace, change)
             trace.changes_read += 1
@@ -278,12 +273,12 @@ class RecordedSession:
 
     def _read_to_now(self) -> dict[str, _Trace]:
         self._catch_up()
-        return self._read(self._bench.runtime.scans)
+        return self._read_changes(self._bench.runtime.scans)
 
-    def _read(self, until: int) -> dict[str, _Trace]:
+    def _read_changes(self, until: int) -> dict[str, _Trace]:
         """Read all new changes of pins, and count the calls up to scan `until`."""
         for name, record in self._waves.records.items():
-            trace = self._shown.get(name) or self._begin_instance(name)
+            trace = self._shown.get(name) or self._begin_trace(name)
             changes = record.list_changes_after(trace.changes_read)
             if len(changes) < record.total - trace.changes_read:
                 trace.pattern.mark_cut()
@@ -291,17 +286,17 @@ class RecordedSession:
             for change in changes:
                 self._add_change(trace, change)
             trace.changes_read = record.total
-            self._count_calls(trace, until)
+            self._add_quiet_calls(trace, until)
         return self._shown
 
     def _add_change(self, trace: _Trace, change: PinChange) -> None:
         _, scan, _, edge = change
         if not isinstance(edge, StatusEdge) or edge.condition == Condition.NOT_CALLED:
             return
-        self._count_calls(trace, scan - 1)
+        self._add_quiet_calls(trace, scan - 1)
         trace.status, trace.is_lost = (edge.outputs.status, edge.outputs.error), False
         trace.pattern.add(trace.status)
-        trace.next_call = self._call_after(trace, scan)
+        trace.next_call = self._next_call(trace, scan)
 
     def _interval(self, instance: str) -> int:
         """Return the time from call to call of an instance, in ns."""
@@ -309,32 +304,32 @@ class RecordedSession:
         task = self._bench.project.task(decl.task) if decl is not None else None
         return task.interval_ns if task is not None else self._bench.runtime.interval_ns
 
-    def _call_after(self, trace: _Trace, scan: int) -> int:  # the first scan at or after the task's next time
+    def _next_call(self, trace: _Trace, scan: int) -> int:  # the first scan at or after the task's next time
         each = self._bench.runtime.interval_ns
         if trace.interval == each:
             return scan + 1
         due = ((scan - 1) * each // trace.interval + 1) * trace.interval
         return -(-due // each) + 1
 
-    def _count_calls(self, trace: _Trace, until: int) -> None:
+    def _add_quiet_calls(self, trace: _Trace, until: int) -> None:
         """Add at most two calls without a change up to scan `until`. A pattern needs no more calls."""
         if trace.next_call <= until:
             trace.pattern.add(trace.status)
-            if self._call_after(trace, trace.next_call) <= until:
+            if self._next_call(trace, trace.next_call) <= until:
                 trace.pattern.add(trace.status)
-            trace.next_call = self._call_after(trace, until)
+            trace.next_call = self._next_call(trace, until)
 
     def _handle_note(self, seq: int, scan: int, t_ns: int, note: BenchNote) -> None:
         if note.what not in END_NOTES and note.what not in BEGIN_NOTES:
             return
-        for name, trace in self._read(scan - 1).items():
+        for name, trace in self._read_changes(scan - 1).items():
             if note.what in BEGIN_NOTES:
                 trace.interval = self._interval(name)
             elif note.what != DELETED or note.subject == name:
                 trace.next_call = NEVER
 
     def _note_gap(self, seq: int, scan: int, t_ns: int) -> None:
-        for trace in self._read(scan).values():
+        for trace in self._read_changes(scan).values():
             trace.pattern.add_gap()
             trace.is_lost, trace.next_call = True, NEVER
 
@@ -356,7 +351,7 @@ class RecordedSession:
         if content[:size]:
             self._add(f"expect {decl.data} hex {content[:size].hex(' ')}", frame_in=scan)
 
-    def mark(self) -> None:
+    def restart_expectations(self) -> None:
         """Begin the expectations anew from here (rule 2)."""
         before = dict(self._read_to_now())
         here = [instance.name for instance in self._bench.project.instances]
@@ -365,7 +360,7 @@ class RecordedSession:
         for instance in here:
             self._add(f"expect {instance} trace {ANY_TEXT}", instance)
         for name, trace in before.items():
-            fresh = self._begin_instance(name)
+            fresh = self._begin_trace(name)
             fresh.status, fresh.next_call, fresh.is_lost = trace.status, trace.next_call, trace.is_lost
             if fresh.is_lost:
                 fresh.pattern.add_gap()
@@ -379,17 +374,17 @@ class RecordedSession:
             raise mistake("save scenario", found, expected)
         passed = 0
         for entry in self._entries:
-            yield from _run_line(entry.scans - passed)
+            yield from _line_for_scans(entry.scans - passed)
             passed = entry.scans
             yield entry.line
-        yield from _run_line(self._bench.runtime.scans - passed)
+        yield from _line_for_scans(self._bench.runtime.scans - passed)
         outside = self.external_partners().connects
         for instance, trace in self._read_to_now().items():
             if trace.pattern:
-                yield self._trace(instance, trace.pattern, outside)
+                yield self._trace_line(instance, trace.pattern, outside)
 
 
-def _run_line(scans: int) -> Iterator[str]:
+def _line_for_scans(scans: int) -> Iterator[str]:
     if scans:
         yield f"run {scans}"
 
@@ -414,7 +409,7 @@ def _format_command(command: words.BenchCommand, line: str) -> str:
     if line.isprintable() and not from_file:
         return line
     return format_command(
-        replace(command, text="") if isinstance(command, words.PeerSend | words.Write) else command
+        replace(command, text="") if isinstance(command, words.PeerSend | words.WriteBytes) else command
     )
 
 

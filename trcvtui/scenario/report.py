@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from msgspec import Struct
 
-from trcvtui.commands.words import Doctor, Expect, ExpectTrace, Step, Wait
+from trcvtui.commands.words import AskDoctor, Expect, ExpectTrace, Step, Wait
 from trcvtui.errors import UserError, one_line
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.scenario.runner import NO_DELIVERIES, SentCounts, StepResult, Verdict, cause_record
@@ -143,12 +143,12 @@ def _add_rest_case(cases: tuple[JunitCase, ...], verdict: Verdict) -> tuple[Juni
 
 def _is_test_case(step: Step) -> bool:
     command = step.command
-    is_asked = isinstance(command, Doctor) and bool(command.cause)
+    is_asked = isinstance(command, AskDoctor) and bool(command.cause)
     return is_asked or isinstance(command, Wait | Expect | ExpectTrace)
 
 
 def _case_name(step: Step) -> str:
-    """Return `007 expect TRCV_C_1 STATUS=7004`, which is unique in the file, and in order when sorted."""
+    """Return a name such as `007 expect C1 STATUS=7004`, unique in the file, and in order when sorted."""
     number = "start" if step.number == START_STEP else f"{step.number:03}"
     line = one_line(step.line)
     return f"{number} {line if len(line) <= LONGEST_NAME else line[: LONGEST_NAME - 3] + '...'}"
@@ -220,9 +220,11 @@ class JsonLines(Report):
     ) -> None:
         for edge in changed:
             sent = deliveries.get(edge.instance)
-            self.line(scan, outputs_record(edge) if sent is None else outputs_record(edge) | sent._asdict())
+            self.write_line(
+                scan, outputs_record(edge) if sent is None else outputs_record(edge) | sent._asdict()
+            )
 
-    def line(self, scan: int, record: Mapping[str, object]) -> None:
+    def write_line(self, scan: int, record: Mapping[str, object]) -> None:
         times = {"t_ms": (scan - 1) * self._interval_ns / 1e6}
         if self._bench is not None:
             late = {"late_ms": self._bench.late_ns / 1e6} if self._bench.late_ns else {}

@@ -1,6 +1,6 @@
 """Runs a script on a bench without a stop: its steps in order, every scan observed, one verdict.
 
-Bounds: MOST_ERRORS different ERRORs, without the oldest. A failed step has at most NEWEST_ERRORS of them.
+Bounds: MOST_ERRORS different ERRORs (the oldest are dropped first), NEWEST_ERRORS of them at a failed step.
 """
 
 from __future__ import annotations
@@ -79,10 +79,10 @@ def cause_record(cause: Cause, block: str) -> dict[str, object]:
 
 
 class SentCounts(NamedTuple):
-    """Counts the bytes sent on a CONNECT's present connection since the connection began.
+    """Counts of the bytes sent on a CONNECT's present connection since the connection began.
 
     The local stack took `accepted` bytes. The partner's stack has not acknowledged `unacknowledged` of
-    them; None is unknown. The partner's program has read `read_by_peer`; None means no peer of this bench.
+    them (None: unknown). The partner's program has read `read_by_peer` (None: no peer of this bench).
     """
 
     accepted: int
@@ -106,7 +106,7 @@ def count_sent_bytes(bench: Bench, changed: Iterable[StatusEdge]) -> Mapping[str
 
 def _read_sent_counts(bench: Bench, instance: str) -> SentCounts | None:
     decl = bench.project.instance(instance)
-    sent = bench.runtime.sent_bytes(decl.connect) if decl is not None else None
+    sent = bench.runtime.sent_count(decl.connect) if decl is not None else None
     if sent is None:
         return None
     read = [

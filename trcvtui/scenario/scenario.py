@@ -13,21 +13,12 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from trcvtui.bench.program import read_program
-from trcvtui.commands.peer import check_library, read_replies, read_routines
+from trcvtui.commands.peer import check_all_messages, read_replies, read_routines
 from trcvtui.commands.reader import project_after
 from trcvtui.commands.table import parse_script
-from trcvtui.commands.words import (
-    BenchCommand,
-    Expect,
-    ExpectTrace,
-    RunFor,
-    RunScans,
-    Step,
-    TrySplits,
-    Wait,
-)
+from trcvtui.commands.words import BenchCommand, Expect, ExpectTrace, RunFor, RunScans, Step, TrySplits, Wait
 from trcvtui.errors import Problem, UserError, collect_problems, raise_all_problems
-from trcvtui.files import read_bounded
+from trcvtui.files import read_bounded, reason_of
 from trcvtui.paths import configs_path
 from trcvtui.project.file import load_project, load_scenario_document
 from trcvtui.project.project import Project
@@ -55,7 +46,7 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     text = table.require("steps", TEXT)
     table.report_unread_keys()
     steps: list[Step] = []
-    start = _check_commands(project, table.problems)
+    start = _read_commands(project, table.problems)
     # A file that a step names is beside the scenario, even if the project is in another folder.
     here = replace(project, base=path.parent)
     for step in start:
@@ -67,31 +58,31 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     return Scenario(name, about, project, start, tuple(steps))
 
 
-def _check_commands(project: Project, problems: list[Problem]) -> tuple[Step, ...]:
+def _read_commands(project: Project, problems: list[Problem]) -> tuple[Step, ...]:
     """Return the commands of `start`; add the mistakes in all bench commands to `problems`."""
     start: tuple[Step, ...] = ()
     with collect_problems(problems):
-        start = start_steps(project)
-    for read in (read_program, read_routines, read_replies, check_library):
+        start = read_start_steps(project)
+    for read in (read_program, read_routines, read_replies, check_all_messages):
         with collect_problems(problems):
             read(project)
     return start
 
 
-def load_bench(path: Path, overrides: Sequence[str] = ()) -> Project:
+def load_bench_project(path: Path, overrides: Sequence[str] = ()) -> Project:
     """Return the project of a file; raise UserError for mistakes in the project or its bench commands."""
     project = load_project(path, overrides)
-    check_bench(project)
+    check_bench_commands(project)
     return project
 
 
-def check_bench(project: Project) -> None:
+def check_bench_commands(project: Project) -> None:
     """Raise UserError with every mistake in the bench commands of a project."""
     with raise_all_problems() as problems:
-        _check_commands(project, problems)
+        _read_commands(project, problems)
 
 
-def start_steps(project: Project) -> tuple[Step, ...]:
+def read_start_steps(project: Project) -> tuple[Step, ...]:
     """Return the commands of `start`, all as step 0. They run before scan 1. None may let a scan pass."""
     where = f"{project.path}: start"
     steps = tuple(parse_script(project.start, project, where))
@@ -133,7 +124,7 @@ class ScriptLine(Struct, frozen=True):
 class ScenarioFile(Struct, frozen=True):
     """A scenario file as a list shows it. `problem` is the first mistake in the file, in one line.
 
-    `blocks` (each once) and `dialect` are of the project in the file. After a mistake they are empty.
+    `blocks` (each once) and `dialect` are of the file's project. If the file has a mistake, they are empty.
     """
 
     path: Path
@@ -216,7 +207,7 @@ def read_scenario_file(path: Path) -> ScenarioFile | None:
     try:
         content = read_bounded(path, MOST_BYTES)
     except OSError as failed:
-        return ScenarioFile(path, path.stem, "", (), f"{path}: found {failed.strerror}, expected a file")
+        return ScenarioFile(path, path.stem, "", (), f"{path}: found {reason_of(failed)}, expected a file")
     if b"scenario" not in content:
         return None
     if len(content) > MOST_BYTES:

@@ -136,7 +136,7 @@ class StepRunner:
                     self._fail(step, str(section))
             case words.TrySplits() as command:
                 yield from self._try_splits(step, command)
-            case words.Doctor() as command:
+            case words.AskDoctor() as command:
                 yield from self._ask_doctor(step, command)
             case command:
                 self._run_command(step, command)
@@ -173,7 +173,7 @@ class StepRunner:
         if wrong:
             self._fail(step, wrong)
 
-    def _ask_doctor(self, step: words.Step, command: words.Doctor) -> Iterator[None]:
+    def _ask_doctor(self, step: words.Step, command: words.AskDoctor) -> Iterator[None]:
         """Ask the doctor. Until it answers, scans pass on a live bench, but none in virtual time."""
         from trcvtui.bench.doctor_requests import BenchDoctor
 

@@ -42,7 +42,7 @@ class TriggerEvent(Struct, frozen=True):
     holds: bool = False
 
 
-class ReplySnapshot(Struct, frozen=True):
+class ReplyRuleSnapshot(Struct, frozen=True):
     """A reply rule as in `replies` of a project. `missed` counts matches without room for a reply."""
 
     rule: str
@@ -50,8 +50,8 @@ class ReplySnapshot(Struct, frozen=True):
     missed: int = 0
 
 
-class TrafficTally(Struct, frozen=True):
-    """Counters of a receiver of checked frames. `shifts` counts frames that began at an unexpected byte."""
+class TrafficCheckTally(Struct, frozen=True):
+    """Counters of a receiver of checked frames. `shifts` counts how often no frame began where expected."""
 
     frames: int
     lost: int
@@ -64,12 +64,12 @@ class TrafficTally(Struct, frozen=True):
         return not (self.lost or self.doubled or self.shifts)
 
 
-class TrafficSnapshot(Struct, frozen=True):
+class TrafficCheckSnapshot(Struct, frozen=True):
     """Self-checking traffic: frames sent, and tallies of the frames in DATA and of the returned frames."""
 
     sent: int
-    data: TrafficTally | None
-    echo: TrafficTally
+    data: TrafficCheckTally | None
+    echo: TrafficCheckTally
 
 
 class SentMessage(Struct, frozen=True, array_like=True):
@@ -96,8 +96,8 @@ class PeerSnapshot(Struct, frozen=True):
     last_received: bytes
     received_here: int = 0  # on the current or last connection
     udp: bool = False
-    replies: tuple[ReplySnapshot, ...] = ()
+    replies: tuple[ReplyRuleSnapshot, ...] = ()
     link: str = ""  # the CONNECT of its connection, "" if unknown
     silent: bool = False  # the wire of `link` is down
-    check: TrafficSnapshot | None = None
+    check: TrafficCheckSnapshot | None = None
     last_sent: tuple[SentMessage, ...] = ()  # the newest first

@@ -1,4 +1,4 @@
-"""Conversations between other programs, which are watched or go through a tap."""
+"""Conversations between other programs. A conversation is watched, or goes through a tap."""
 
 from __future__ import annotations
 

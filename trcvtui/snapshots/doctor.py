@@ -37,9 +37,9 @@ class Finding(Struct, frozen=True, forbid_unknown_fields=True):
     """One cause: confidence (0 to 1), evidence, place. An empty `mend` means the usual remedies of `cause`.
 
     `way` is to-plc, from-plc, or "" for both. `at` is UTC in ns, byte of the direction, size, packet. An
-    empty `instance` or `connect` is several or none. If `is_fact`, the protocol proves it. A remark is no
-    fault. `packets` are numbers in the capture, `filter` is for Wireshark. The cause leads to `status`, in
-    hex; `explains` are symptoms of blocks. `t_s` is in the capture, `t_ns` and `scan` in the run.
+    empty `instance` or `connect` means several or none. If `is_fact`, the protocol proves it. A remark is
+    no fault. `packets` are numbers in the capture, `filter` is for Wireshark. The cause leads to STATUS
+    `status` in hex; `explains` are block symptoms. `t_s` is in the capture, `t_ns` and `scan` in the run.
     """
 
     confidence: float

@@ -18,7 +18,7 @@ class ReplayPosition(Struct, frozen=True):
     `parts_at` on, that run differs from the recorded run; 0 means no difference yet.
     """
 
-    scan: int
+    report_scan: int
     last_scan: int
     t_ns: int
     last_t_ns: int

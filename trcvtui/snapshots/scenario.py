@@ -32,7 +32,7 @@ class PlayerSnapshot(Struct, frozen=True):
     traces: tuple[tuple[str, str], ...]
 
     @property
-    def failed(self) -> tuple[StepSnapshot, ...]:
+    def failed_steps(self) -> tuple[StepSnapshot, ...]:
         return tuple(step for step in self.steps if step.state == FAILED)
 
 
@@ -56,7 +56,7 @@ class SplitRow(Struct, frozen=True):
         return f"{self.first}" if self.first == self.last else f"{self.first}-{self.last}"
 
 
-class TrialSnapshot(Struct, frozen=True):
+class SplitTestSnapshot(Struct, frozen=True):
     """The progress of `try-splits`; `state` is running, finished, cancelled or failed."""
 
     peer: str

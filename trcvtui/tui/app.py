@@ -18,8 +18,8 @@ from textual.screen import Screen
 from textual.widget import AwaitMount
 
 from trcvtui.files import refuse_files
-from trcvtui.picture.bench_update import UNSAVED_COMMANDS, BenchUpdate, restore_commands
-from trcvtui.picture.protocol import READ_ONLY, Driver, EngineStopped, reads_only
+from trcvtui.picture.bench_update import UNSAVED_COMMANDS, BenchUpdate, restoring_commands
+from trcvtui.picture.protocol import READ_ONLY, BenchDriver, EngineStopped, reads_only
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab import LAB, is_for_lab
@@ -52,8 +52,8 @@ DETACHED_EXIT: Final = 3  # the screen of a tap ends; the tap keeps forwarding
 # refused by default. `files.refuse_files` also refuses each file that this process or its engine opens.
 
 
-def may_open(screen: object) -> bool:
-    """Return whether a read-only app may open this screen, which must only display and open no file."""
+def is_read_only(screen: object) -> bool:
+    """Return whether a read-only app may open this screen: it only displays, and it opens no file."""
     from textual.command import CommandPalette
 
     from trcvtui.tui.curve import CurveScreen
@@ -76,7 +76,7 @@ class BenchApp(TerminalApp):
 
     def __init__(
         self,
-        driver: Driver,
+        driver: BenchDriver,
         project: Project,
         settings: ScreenSettings | None = None,
         read_only: bool = False,
@@ -107,7 +107,7 @@ class BenchApp(TerminalApp):
 
     def on_mount(self) -> None:
         # Not as the default screen: an input field in it fails at start (Textual issue 6444).
-        self.start_terminal()
+        self.set_up_terminal()
         self.push_screen(self.main)
         self._refresh_picture()
         self.set_interval(FRAME_S, self._tick)
@@ -136,13 +136,13 @@ class BenchApp(TerminalApp):
     def _tick(self) -> None:
         """Show a new picture; ask for the next one, less often while the bench rests."""
         now = monotonic()
-        is_due = now >= self._due_at or self._is_at_work(now)
+        is_due = now >= self._due_at or self._needs_each_frame(now)
         self._refresh_picture(is_due)
         if is_due and self.view_model.live is not self._before:
             self._before = self.view_model.live
             self._due_at = max(now - FRAME_S, min(now, self._due_at)) + REST_FRAME_S  # 8 a second on average
 
-    def _is_at_work(self, now: float) -> bool:
+    def _needs_each_frame(self, now: float) -> bool:
         """Return whether each frame asks for a picture; only the main screen on a bench may rest."""
         may_rest = self.screen_stack[-1:] == [self.main] and self._is_on_a_bench
         is_slow = self.main.prompt.is_waiting or self.view_model.known_messages.is_behind
@@ -156,7 +156,7 @@ class BenchApp(TerminalApp):
     async def on_event(self, event: events.Event) -> None:
         await super().on_event(event)
         if isinstance(event, events.Key | events.Paste | events.MouseEvent):
-            if not self._is_at_work(monotonic()):  # do not wait for the slow frame of a bench at rest
+            if not self._needs_each_frame(monotonic()):  # do not wait for the slow frame of a bench at rest
                 self.call_later(self._refresh_picture)
             self._worked_at = monotonic()
 
@@ -165,11 +165,11 @@ class BenchApp(TerminalApp):
             return
         try:
             picture = self._engine.poll_picture()
-            before, unsaved = self.view_model.bench, self.view_model.unsaved
+            before, unsaved = self.view_model.bench, self.view_model.unsaved_count
             if picture is not None:
                 self.view_model.accept_picture(picture)
                 self._edits += [answer.edit for answer in picture.answers if answer.edit]
-            if unsaved and not self.view_model.unsaved:  # a new engine reads them in the saved file
+            if unsaved and not self.view_model.unsaved_count:  # a new engine reads them in the saved file
                 self._edits = [line for line in self._edits if line.startswith(UNSAVED_COMMANDS)]
             if asks:
                 self._engine.request(
@@ -201,7 +201,7 @@ class BenchApp(TerminalApp):
                 above.show()
         elif self.main.is_mounted:
             if self.view_model.bench != before:
-                self.main.reset_bench()
+                self.main.forget_bench()
             if len(self.screen_stack) > 1 and self.screen is not self.main:
                 self.main.show_soon()
             else:
@@ -213,7 +213,7 @@ class BenchApp(TerminalApp):
             self.main.prompt.show_result(line, "", READ_ONLY)
             return
         if self._is_replay and line == SCENARIOS_LINE:
-            self._refuse()
+            self._show_refusal()
             return
         if is_for_lab(line):
             self._open_lab(line)
@@ -229,18 +229,18 @@ class BenchApp(TerminalApp):
 
     def push_screen(self, screen: Any, *how: Any, **more: Any) -> Any:
         """Open a screen; a read-only app refuses most, a replay refuses screens that change the bench."""
-        if (self.only_looks and not may_open(screen)) or (self._is_replay and not _is_for_replay(screen)):
-            self._refuse()
+        if (self.only_looks and not is_read_only(screen)) or (self._is_replay and not _is_for_replay(screen)):
+            self._show_refusal()
             return AwaitMount(self.screen, [])
         return super().push_screen(screen, *how, **more)
 
     def refuses(self) -> bool:
         """Return whether this app is read-only; if so, show that the action is refused."""
         if self.only_looks:
-            self._refuse()
+            self._show_refusal()
         return self.only_looks
 
-    def _refuse(self) -> None:
+    def _show_refusal(self) -> None:
         text = READ_ONLY
         if self._is_replay:
             from trcvtui.snapshots.replay import CANNOT_CHANGE_TEXT as text
@@ -248,7 +248,7 @@ class BenchApp(TerminalApp):
 
     def _send_line(self, line: str) -> int | None:
         if self.only_looks and not reads_only(line):
-            self._refuse()
+            self._show_refusal()
             return None
         if not self.last_words:
             try:
@@ -271,7 +271,9 @@ class BenchApp(TerminalApp):
         if self.lab is not None and self.screen is self.lab:
             self.lab.dismiss()
         way = "" if self.only_looks else "R restarts the engine, "
-        self.main.freeze(f"{why}; {'a new tab starts an engine, ' if self._engine.is_shared else way}q quits")
+        self.main.show_end(
+            f"{why}; {'a new tab starts an engine, ' if self._engine.is_shared else way}q quits"
+        )
         self._select_addition()
         self._resume_keys()
 
@@ -286,7 +288,7 @@ class BenchApp(TerminalApp):
         is_recording = picture is not None and picture.is_recording
         if not self.last_words:
             text = f"R once more {'ends the recording' if is_recording else 'records the run'}, for all tabs"
-            if not self._engine.is_shared or self._is_confirmed("R", text):
+            if not self._engine.is_shared or self._confirm_or_warn("R", text):
                 self.submit("record stop" if is_recording else "record")
             return
         if self._engine.is_shared:
@@ -299,10 +301,10 @@ class BenchApp(TerminalApp):
         if picture is not None:  # None: the new engine ended before its first picture, so its lines are kept
             self._again = ()
         if picture is not None and self._is_on_a_bench:
-            self._again = *self._edits, *restore_commands(picture.snapshot, self.view_model.project)
+            self._again = *self._edits, *restoring_commands(picture.snapshot, self.view_model.project)
         for line in self._again:
             self._engine.submit(line)
-        self.view_model.restart()
+        self.view_model.forget_all()
         self.main.show_restart()
 
     # -- scenarios ----------------------------------------------------------------------------------
@@ -324,10 +326,10 @@ class BenchApp(TerminalApp):
         self.scenarios = None
         self._scenario = chosen or self._scenario
         if keeps:
-            self.main.reset_bench()
+            self.main.forget_bench()
         elif self.view_model.picture is not None and self.view_model.picture.player is not None:
             self.view_model.leave_scenario()
-            self.main.reset_bench()
+            self.main.forget_bench()
         self.main.show()
 
     # -- the lab ------------------------------------------------------------------------------------
@@ -445,7 +447,7 @@ class BenchApp(TerminalApp):
                 self.main.on_peer_selected()
             elif not view.is_frozen:
                 view.selected = name
-                self.main.follow_selected()
+                self.main.reset_for_selected()
                 self.main.action_pane(1)
         elif is_late:  # the keys go now; the part is still selected when it comes
             self._addition = kind, name, inf
@@ -457,19 +459,19 @@ class BenchApp(TerminalApp):
 
         After any other key, the warning about edits comes again. A `serve` tab keeps edits: no warning.
         """
-        picture, unsaved = self.view_model.live, self.view_model.unsaved
+        picture, unsaved = self.view_model.live, self.view_model.unsaved_count
         if unsaved and not self.last_words and not self._engine.is_shared:
             what = f"{count(unsaved, picture.unsaved_word if picture else '')} to the project unsaved"
-            if not self._is_confirmed(unsaved, f"{what}: `save project` saves them, q quits"):
+            if not self._confirm_or_warn(unsaved, f"{what}: `save project` saves them, q quits"):
                 return
         if isinstance(self.screen, QuitTapScreen):
             self.screen.action_leave()
-        elif cuts := self._engine.describe_cuts():
+        elif cuts := self._engine.describe_quit_cuts():
             self.push_screen(QuitTapScreen(cuts), self._handle_quit_choice)
         else:
             self.exit()
 
-    def _is_confirmed(self, what: object, text: str) -> bool:
+    def _confirm_or_warn(self, what: object, text: str) -> bool:
         """Return whether the previous key caused the same warning; if it did not, show the warning."""
         is_meant, self._warned = self._warned == (self._keys - 1, what), (self._keys, what)
         if not is_meant:
@@ -534,7 +536,7 @@ def _is_for_replay(screen: object) -> bool:
 
 
 def run_app(
-    driver: Driver,
+    driver: BenchDriver,
     project: Project,
     theme: str | None = None,
     read_only: bool = False,

@@ -1,6 +1,6 @@
 """Copies of what the screen shows: in a file of the user's state folder, and on the clipboard.
 
-Bounds: MOST_FILES files, without the oldest. A clipboard program is killed after CLIPBOARD_TIMEOUT_S.
+Bounds: MOST_FILES files; the oldest is deleted. A clipboard program is killed after CLIPBOARD_TIMEOUT_S.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def _clipboard_programs() -> Iterator[tuple[str, ...]]:
 
 
 def copy_by_program(text: str) -> str:
-    """Give a text to the first clipboard program that takes the text. Return its name, if there is one."""
+    """Give a text to the first clipboard program that takes it. Return the program's name, or ""."""
     encoding = "utf-16" if sys.platform == "win32" else "utf-8"
     for name, *arguments in _clipboard_programs():
         program = shutil.which(name)

@@ -13,10 +13,10 @@ from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.project.project import DataDecl, Project
 from trcvtui.tui.formatting import clip, plain, status_word
 from trcvtui.tui.view_model.explain import explain_status
-from trcvtui.tui.widgets.dialogs import ListDialog
+from trcvtui.tui.widgets.dialogs import ViewDialog
 from trcvtui.tui.widgets.line_view import ARROW_KEYS, LineView, Row, row
 from trcvtui.udt.byte_text import hex_lines, iec_list
-from trcvtui.udt.report import csv_lines, decode_json, member_rows
+from trcvtui.udt.report import csv_lines, decoded_json, member_rows
 from trcvtui.wording import count, format_columns, stamp_text
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def _list_members(of: CopySource) -> Iterator[tuple[str, ...]]:
 def _format_json(of: CopySource) -> str:
     if of.declared is None or not of.content:
         return ""
-    return decode_json(of.declared.layout, of.content, of.declared.name, MOST_MEMBERS)
+    return decoded_json(of.declared.layout, of.content, of.declared.name, MOST_MEMBERS)
 
 
 FORMATS: Final = (
@@ -175,8 +175,8 @@ class YankList(LineView, inherit_bindings=False):
         self.screen.run_worker(self.screen.run_action(f"take('{FORMAT_LETTERS[y]}')"))
 
 
-class YankScreen(ListDialog[tuple[CopyFormat, str] | None]):
-    """Answers with a format and its text. A letter chooses at once, `y` chooses the row at the cursor."""
+class YankScreen(ViewDialog[tuple[CopyFormat, str] | None]):
+    """Answers with the chosen format and its text. A letter chooses at once, `y` the row at the cursor."""
 
     BINDINGS: ClassVar = [
         *[Binding(letter, f"take('{letter}')", show=False) for letter in FORMAT_LETTERS],

@@ -12,8 +12,8 @@ from trcvtui.errors import UserError
 from trcvtui.tui.view_model.member_numbers import NOT_KNOWN, MemberNumbers, Number, is_number
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.curves import Curve, braille, curve
-from trcvtui.tui.widgets.dialogs import ListDialog
-from trcvtui.tui.widgets.line_view import Part, Row, TextView, hidden_keys, row
+from trcvtui.tui.widgets.dialogs import ViewDialog
+from trcvtui.tui.widgets.line_view import Part, Row, TextView, hidden_bindings, row
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.layout.value_text import value_text
@@ -30,7 +30,7 @@ ERROR, CUT = "▲", "×"  # in one column the greater one wins (`max`)
 
 
 class TimeWindow:
-    """The time in view, in ns. If `span` is None, it is all. If `end` is None, it follows new messages."""
+    """The window of time in view, in ns. `span` None is the whole time, `end` None follows new messages."""
 
     def __init__(self) -> None:
         self.span: int | None = None
@@ -69,7 +69,7 @@ class MemberTrace(NamedTuple):
 class CurveView(TextView, inherit_bindings=False):
     """`path` is the first member, `other` the second. If the type has changed, both are looked up again."""
 
-    BINDINGS: ClassVar = hidden_keys({
+    BINDINGS: ClassVar = hidden_bindings({
         "plus": "zoom(0.5)", "minus": "zoom(2)", "left": "step(-1)", "right": "step(1)",
         "home,g": "step(-1_000_000_000)", "end,G": "step(1_000_000_000)", "p": "other",
     })  # fmt: skip
@@ -86,8 +86,8 @@ class CurveView(TextView, inherit_bindings=False):
 
     def show(self) -> None:
         view, known = self._view_model, self._view_model.known_messages
-        of = view.selected, view.instance is None, view.message_type, view.frozen_at
-        state = known, known.stop, known.first_full, known.gaps, known.errors
+        of = view.selected, view.instance is None, view.message_type, view.frozen_scan
+        state = known, known.next_number, known.first_full, known.gaps, known.errors
         look = self.line_width, self.container_size.height, self.window.span, self.window.end, self.other
         drawn = *of, *state, *look
         if drawn != self._drawn and self.container_size.height:
@@ -100,7 +100,7 @@ class CurveView(TextView, inherit_bindings=False):
     # -- words ------------------------------------------------------------------------------------------
 
     def _describe_messages(self) -> str:
-        known, frozen = self._view_model.known_messages, self._view_model.frozen_at
+        known, frozen = self._view_model.known_messages, self._view_model.frozen_scan
         words = self.instance, count(known.count, "message"), *known.list_remarks()
         state = f"frozen in scan {frozen}" if frozen is not None else ""
         window = "paused: press end to follow" if self.window.end is not None else ""
@@ -141,7 +141,7 @@ class CurveView(TextView, inherit_bindings=False):
         traces = []
         for leaf, style in zip(leaves, TRACE_STYLES, strict=False):
             kept = self._numbers.setdefault(leaf.path, MemberNumbers(declared.layout, leaf))
-            numbers = kept.update_numbers(known, known.stop)
+            numbers = kept.update_numbers(known, known.next_number)
             now = next((number for number in reversed(numbers[gone:]) if number is not None), None)
             drawn = curve(times, numbers, self.window.bounds, width, height, known.gaps)
             traces.append(MemberTrace(leaf, style, now, drawn))
@@ -216,7 +216,7 @@ def _curve_rows(traces: Sequence[MemberTrace], width: int, height: int) -> Itera
 
 
 def _axis_label(trace: MemberTrace, y: int, height: int) -> str:
-    """Return the axis text of row `y`: an end of the axis, or the only number in the middle row."""
+    """Return the axis text of row `y`: an end, or in the middle row the number that both ends share."""
     low, high = trace.curve.axis if trace.curve is not None else (None, None)
     number = {0: high, height - 1: low}.get(y) if low != high else {height // 2: low}.get(y)
     text = f"{number:.6g}" if isinstance(number, float) else "" if number is None else str(int(number))
@@ -234,7 +234,7 @@ def _legend_row(trace: MemberTrace, in_view: int) -> Row:
     return row(*parts, (values, ""), (signs, "dim"))
 
 
-class CurveScreen(ListDialog[None]):
+class CurveScreen(ViewDialog[None]):
     DEFAULT_CSS = "CurveScreen CurveView { width: 100%; height: 100%; border-subtitle-color: $foreground; }"
 
     def __init__(self, view_model: ViewModel, path: str) -> None:

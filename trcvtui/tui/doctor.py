@@ -8,8 +8,8 @@ from trcvtui.bench.doctor_requests import HEALTHY, findings_of
 from trcvtui.snapshots.doctor import DoctorSnapshot, Finding
 from trcvtui.tui.formatting import clip, measure, pad
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.dialogs import CardText, ListDialog
-from trcvtui.tui.widgets.line_view import Part, Row, hidden_keys, row, rule
+from trcvtui.tui.widgets.dialogs import LabelledText, ViewDialog
+from trcvtui.tui.widgets.line_view import Part, Row, hidden_bindings, row, rule
 from trcvtui.wording import count, stamp_text
 
 SURE_CONFIDENCE: Final = 0.85
@@ -26,7 +26,7 @@ class DoctorTarget(NamedTuple):
     byte: int | None = None
 
 
-class FindingList(CardText):
+class FindingList(LabelledText):
     """The findings, then evidence, place and remedy of the finding under the cursor."""
 
     def __init__(self, view_model: ViewModel) -> None:
@@ -84,7 +84,7 @@ class FindingList(CardText):
         if self.findings:
             return scope
         others = len(seen.findings)
-        return f"{HEALTHY}: {scope}" + (f"; a shows {count(others, 'finding')} elsewhere" if others else "")
+        return f"{HEALTHY}: {scope}" + (f"; {count(others, 'finding')} elsewhere: press a" if others else "")
 
     def _finding_row(self, number: int, one: Finding) -> Row:
         confidence = f"{one.confidence:.0%} sure"
@@ -100,28 +100,28 @@ class FindingList(CardText):
         return row(*parts, style="cursor" if is_chosen else "")
 
     def _detail_rows(self, one: Finding) -> list[Row]:
-        rows = self._labelled("", [one.title] if one.title else [], "strong")
+        rows = self._labelled_rows("", [one.title] if one.title else [], "strong")
         rows.append(rule(self._width, ("── evidence ", "dim")))
-        rows += self._labelled("", one.evidence, "")
-        rows += self._labelled("explains", one.explains, "") if one.explains else []
+        rows += self._labelled_rows("", one.evidence, "")
+        rows += self._labelled_rows("explains", one.explains, "") if one.explains else []
         where = " · ".join(filter(None, (str(one.ends or ""), DIRECTION_NAMES[one.way])))
-        rows += self._labelled("line", [where], "dim") if where else []
-        rows += self._labelled("STATUS", [", ".join(one.status)], "") if one.status else []
+        rows += self._labelled_rows("line", [where], "dim") if where else []
+        rows += self._labelled_rows("STATUS", [", ".join(one.status)], "") if one.status else []
         numbers = ", ".join(map(str, one.packets[:MOST_PACKETS])) + " …" * (len(one.packets) > MOST_PACKETS)
         shown = " · ".join(filter(None, (numbers, one.filter)))
-        rows += self._labelled("packets", [shown], "dim") if shown else []
-        place, stream = self.place(), self.place(of_byte=True)
+        rows += self._labelled_rows("packets", [shown], "dim") if shown else []
+        place, stream = self.find_target(), self.find_target(of_byte=True)
         if place is not None:
             when = "" if one.t_ns is None else f", {stamp_text(one.t_ns)} s"
-            rows += self._labelled("s", [f"scan {place.scan}{when}"], "key")
+            rows += self._labelled_rows("s", [f"scan {place.scan}{when}"], "key")
         if stream is not None:
-            rows += self._labelled("b", [f"byte {stream.byte} of the received bytes"], "key")
+            rows += self._labelled_rows("b", [f"byte {stream.byte} of the received bytes"], "key")
         rows.append(rule(self._width, ("── remedy ", "dim")))
         for is_tried, label, style in ((True, "", "strong"), (False, "advice", "")):
             texts = [mend.text for mend in one.mend if mend.tried is is_tried]
-            rows += self._labelled(label, texts, style) if texts else []
+            rows += self._labelled_rows(label, texts, style) if texts else []
         remedy = self.remedy_line()
-        rows += self._labelled("enter", [f"types `{remedy}`"], "key") if remedy else []
+        rows += self._labelled_rows("enter", [f"types `{remedy}`"], "key") if remedy else []
         return rows
 
     # -- where the keys go --------------------------------------------------------------------------------
@@ -134,8 +134,8 @@ class FindingList(CardText):
         on_it = [each.name for each in self._view_model.instances if each.connect == one.connect]
         return next(iter(on_it), self._view_model.selected)
 
-    def place(self, of_byte: bool = False) -> DoctorTarget | None:
-        """Return the chosen finding's scan, or with `of_byte` its byte in the stream. None is unknown."""
+    def find_target(self, of_byte: bool = False) -> DoctorTarget | None:
+        """Return the chosen finding's scan, or with `of_byte` its byte in the stream; None if unknown."""
         one, snapshot = self.chosen_finding, self._view_model.snapshot
         if one is None or snapshot is None:
             return None
@@ -170,10 +170,10 @@ class FindingList(CardText):
         self.draw()
 
 
-class DoctorScreen(ListDialog[DoctorTarget | None]):
+class DoctorScreen(ViewDialog[DoctorTarget | None]):
     """Answers with the place to go to; while it is open, the doctor keeps checking."""
 
-    BINDINGS: ClassVar = hidden_keys({
+    BINDINGS: ClassVar = hidden_bindings({
         "enter": "remedy", "s": "place(False)", "b": "place(True)", "a": "others", "J": "leave",
     })  # fmt: skip
     DEFAULT_CSS = """
@@ -199,8 +199,8 @@ class DoctorScreen(ListDialog[DoctorTarget | None]):
         shown.set_title(None, "Doctor", "all" if shown.of_all else self._view_model.selected)
         keys = {
             "↑↓ choose": len(shown.findings) > 1,
-            "s scan": shown.place() is not None,
-            "b byte": shown.place(of_byte=True) is not None,
+            "s scan": shown.find_target() is not None,
+            "b byte": shown.find_target(of_byte=True) is not None,
             "enter remedy": bool(shown.remedy_line()),
             "a one" if shown.of_all else "a all": True,
             "esc": True,
@@ -214,7 +214,7 @@ class DoctorScreen(ListDialog[DoctorTarget | None]):
             self.dismiss(DoctorTarget(remedy))
 
     def action_place(self, of_byte: bool) -> None:
-        place = self.list.place(of_byte)
+        place = self.list.find_target(of_byte)
         if place is not None:
             self.dismiss(place)
 

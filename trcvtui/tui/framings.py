@@ -14,9 +14,9 @@ from trcvtui.plc.snapshot import block_row
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import clip, pad
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.dialogs import CardText, ListDialog
+from trcvtui.tui.widgets.dialogs import LabelledText, ViewDialog
 from trcvtui.tui.widgets.hex_view import CLASS_OF, HEX_OF, make_marks
-from trcvtui.tui.widgets.line_view import Part, Row, hidden_keys, row, rule
+from trcvtui.tui.widgets.line_view import Part, Row, hidden_bindings, row, rule
 
 NO_READER: Final = "no ReceiveData or ReceiveString reads this ComBuffer: A adds one"
 GOOD_ENDINGS: Final = ("suffix", "size reached")
@@ -40,7 +40,7 @@ def find_framed_block(buffer: str, view_model: ViewModel) -> str:
     return view_model.selected if view_model.selected in readers else next(iter(readers), "")
 
 
-class FramingList(CardText):
+class FramingList(LabelledText):
     """The proposals, then evidence, preview and command lines of the proposal under the cursor."""
 
     def __init__(self, instance: str, project: Callable[[], Project]) -> None:
@@ -90,9 +90,9 @@ class FramingList(CardText):
 
     def _detail_rows(self, chosen: Proposal) -> list[Row]:
         rows = [rule(self._width, ("── why ", "dim"))]
-        rows += self._labelled("for", chosen.evidence, "")
-        rows += self._labelled("but", chosen.doubt, "warn")
-        rows += self._labelled("instead", [chosen.instead] if chosen.instead else [], "strong")
+        rows += self._labelled_rows("for", chosen.evidence, "")
+        rows += self._labelled_rows("but", chosen.doubt, "warn")
+        rows += self._labelled_rows("instead", [chosen.instead] if chosen.instead else [], "strong")
         rows.append(rule(self._width, ("── frames ", "dim")))
         rows += [self._frame_row(frame, chosen) for frame in chosen.preview]
         return [*rows, rule(self._width, ("── enter runs ", "dim")), *self._effect_rows()]
@@ -103,7 +103,7 @@ class FramingList(CardText):
             lines = () if problem else self.lines()
         except UserError as wrong:
             problem = wrong.lines()[0]
-        return self._labelled("✗", [problem], "error") if problem else self._labelled("", lines, "")
+        return self._labelled_rows("✗", [problem], "error") if problem else self._labelled_rows("", lines, "")
 
     def _frame_row(self, frame: PreviewFrame, chosen: Proposal) -> Row:
         framing = chosen.framing
@@ -127,10 +127,10 @@ class FramingList(CardText):
         self.draw()
 
 
-class FramingScreen(ListDialog[tuple[str, ...]]):
+class FramingScreen(ViewDialog[tuple[str, ...]]):
     """The screen of the proposals. Its answer is the bench lines to run, none if you leave it."""
 
-    BINDINGS: ClassVar = hidden_keys({"enter": "apply", "r": "again", "B": "leave"})
+    BINDINGS: ClassVar = hidden_bindings({"enter": "apply", "r": "again", "B": "leave"})
     DEFAULT_CSS = """
     FramingScreen FramingList {
         width: 110; height: auto; max-height: 100%; border-subtitle-color: $foreground;

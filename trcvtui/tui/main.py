@@ -15,7 +15,7 @@ from textual.widget import Widget
 
 from trcvtui.errors import UserError, mistake
 from trcvtui.tui import messages
-from trcvtui.tui.messages import PaneActions
+from trcvtui.tui.messages import ScreenCallbacks
 from trcvtui.tui.panes.function_block import ROWS, FunctionBlock, rows_needed
 from trcvtui.tui.panes.instance_list import InstanceList
 from trcvtui.tui.panes.peer_panel import PeerPanel
@@ -164,8 +164,8 @@ class MainScreen(FullScreen[None]):
         self._submit = submit
         self._pane = 3
         self._past = 4  # history or timing: the open one where both share a place
-        actions = PaneActions(submit, self.action_prompt, lambda text: self.prompt.show_error(text))
-        self.instances = InstanceList(view_model, self.follow_selected)
+        actions = ScreenCallbacks(submit, self.action_prompt, lambda text: self.prompt.show_error(text))
+        self.instances = InstanceList(view_model, self.reset_for_selected)
         self.filter = FilterLine(
             self.instances.set_filter, self.instances.action_move, self.instances, self.instances.choose_first
         )
@@ -248,12 +248,12 @@ class MainScreen(FullScreen[None]):
             pane.show()
         self.received.show()
         self.peer.show()
-        self.prompt.show_answers(self._view_model.answers)
+        self.prompt.accept_answers(self._view_model.answers)
         self._show_keys()
 
     def show_soon(self) -> None:
         """Draw panes below a dialog only twice a second: each drawing makes Textual paint both screens."""
-        self.prompt.show_answers(self._view_model.answers)
+        self.prompt.accept_answers(self._view_model.answers)
         self.peer.show_trial()
         if self._owed is None:
             self._owed = self.set_timer(BELOW_DIALOG_DELAY_S, self._show_delayed)
@@ -271,9 +271,9 @@ class MainScreen(FullScreen[None]):
         picture = self._view_model.live
         self.key_line.show_keys_of(self.focused, bool(picture and picture.holding))
 
-    def reset_bench(self) -> None:
+    def forget_bench(self) -> None:
         self.block.forget()
-        self.follow_selected()
+        self.reset_for_selected()
         self.on_peer_selected()
 
     def run_own_line(self, line: str) -> bool:
@@ -287,14 +287,14 @@ class MainScreen(FullScreen[None]):
             self.prompt.show_result(line, "", wrong.lines()[0])
         return True
 
-    def freeze(self, last_words: str) -> None:
+    def show_end(self, last_words: str) -> None:
         """Show that the engine has ended and what you can do. Keep the last picture, with grey lamps."""
         self._set_running(False)
         self.prompt.show_error(last_words, stays=True)
 
     def show_restart(self) -> None:
         self._set_running(True)
-        self.reset_bench()
+        self.forget_bench()
         self.prompt.inform("the engine restarts")
 
     def _set_running(self, runs: bool) -> None:
@@ -305,12 +305,12 @@ class MainScreen(FullScreen[None]):
 
     # -- what the panes say -------------------------------------------------------------------------
 
-    def follow_selected(self) -> None:
-        self.history.forget()
-        self.timing.forget()
-        self.status.point_at(None)
-        self._link(range(0), range(0))
-        self.table.cursor, self.table.of_job, self.table.past = None, False, None
+    def reset_for_selected(self) -> None:
+        self.history.clear_history()
+        self.timing.reset_cursor()
+        self.status.explain_at(None)
+        self._show_links(range(0), range(0))
+        self.table.cursor, self.table.shows_job, self.table.past = None, False, None
         self.received.data.cursor = self.received.job.cursor = None
         self.show()
 
@@ -320,17 +320,17 @@ class MainScreen(FullScreen[None]):
 
     def on_edge_selected(self, message: messages.EdgeSelected) -> None:
         line = message.line
-        self.status.point_at(line)
-        self.history.point_at(message.seq)
-        self.timing.point_at(line.scan if line else None, message.seq)
+        self.status.explain_at(line)
+        self.history.choose_edge(message.seq)
+        self.timing.show_scan(line.scan if line else None, message.seq)
 
     def on_byte_selected(self, message: messages.ByteSelected) -> None:
-        self.table.of_job, self.table.past = message.of_job, None
-        self._link_field(self.table.select_member_at(message.offset))
+        self.table.shows_job, self.table.past = message.of_job, None
+        self._show_field_link(self.table.select_member_at(message.offset))
         self.table.show()
         self.received.show()
 
-    def on_past_selected(self, message: messages.PastSelected) -> None:
+    def on_past_selected(self, message: messages.PastCursorMoved) -> None:
         """Decode the job of the selected byte in the past, and show the member at this byte."""
         of_job = self.received.face.job_of_cursor()
         mine = of_job is not None and of_job[0] == self._view_model.selected
@@ -338,7 +338,7 @@ class MainScreen(FullScreen[None]):
         if self.table.was_thrown_away:
             self.table.cursor = None
         in_data = mine and not self.table.was_thrown_away
-        field = self.table.select_member_at(self.received.face.byte_in_job()) if in_data else range(0)
+        field = self.table.select_member_at(self.received.face.offset_in_job()) if in_data else range(0)
         self.received.face.show_field(field, goes_there=False)
         self.table.show()
         self.received.show()
@@ -348,8 +348,8 @@ class MainScreen(FullScreen[None]):
         if message.row is None:
             self.timing.action_now()
         else:
-            self.status.point_at(None)  # the edge may be forgotten: then no other edge must explain the scan
-            self.history.point_at(None)
+            self.status.explain_at(None)  # the edge may be forgotten: no other edge may explain the scan
+            self.history.choose_edge(None)
             self.timing.go_to(message.row.scan)
         self.received.show()
 
@@ -359,21 +359,21 @@ class MainScreen(FullScreen[None]):
                 self.received.face.show_field(message.field, goes_there=True)
             self.received.show()
             return
-        self._link_field(message.field)
+        self._show_field_link(message.field)
         self._decoded_view().go_to(message.field.start)
         self.received.show()
 
     def _decoded_view(self) -> HexView:
-        of_job = self.table.of_job and self.received.job.display
+        of_job = self.table.shows_job and self.received.job.display
         return self.received.job if of_job else self.received.data
 
-    def _link_field(self, field: range) -> None:
+    def _show_field_link(self, field: range) -> None:
         none = range(0)
-        self._link(*((none, field) if self.table.of_job else (field, none)))
+        self._show_links(*((none, field) if self.table.shows_job else (field, none)))
 
-    def _link(self, data: range, job: range) -> None:
-        self.received.data.show_link(data)
-        self.received.job.show_link(job)
+    def _show_links(self, data: range, job: range) -> None:
+        self.received.data.link_bytes(data)
+        self.received.job.link_bytes(job)
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
         """Open the pane that got the focus, and show its keys."""
@@ -381,7 +381,7 @@ class MainScreen(FullScreen[None]):
             return
         for digit, pane in self._panes().items():
             if pane in event.widget.ancestors_with_self:
-                self._open(digit)
+                self._open_pane(digit)
         if not {self.received, self.prompt} & {*event.widget.ancestors}:
             self.received.end_search()
         self._show_keys()
@@ -390,7 +390,7 @@ class MainScreen(FullScreen[None]):
 
     def action_pane(self, digit: int) -> None:
         if digit != 1:
-            self._open(digit)
+            self._open_pane(digit)
         elif self.has_class(ZOOM):
             self.action_zoom()
         if digit != 1 and self.has_class(LIST):
@@ -398,7 +398,7 @@ class MainScreen(FullScreen[None]):
         self.set_focus(self._focus_target(digit))
 
     def watch_focused(self) -> None:
-        """Give the pane with the focus a class. `:focus-within` would style all of its parts again."""
+        """Give the pane with the focus a class, as `:focus-within` would style all of its parts again."""
         for pane in (self.received, self.peer):
             if pane.has_class(WITHIN_CLASS) != pane.has_focus_within:
                 pane.set_class(pane.has_focus_within, WITHIN_CLASS, update=False)
@@ -408,7 +408,7 @@ class MainScreen(FullScreen[None]):
         """Show a scan of an instance in the timing pane, or a byte of its received stream in pane 5."""
         if place.instance != self._view_model.selected:
             self._view_model.selected = place.instance
-            self.follow_selected()
+            self.reset_for_selected()
         if place.scan is not None:
             self.action_pane(8)
             self.timing.go_to(place.scan)
@@ -416,7 +416,7 @@ class MainScreen(FullScreen[None]):
             self.action_pane(5)
             self.received.go_to(place.byte)
 
-    def _open(self, digit: int) -> None:
+    def _open_pane(self, digit: int) -> None:
         self._pane = digit
         if digit in PAST_PANES:
             self._past = digit
@@ -433,7 +433,7 @@ class MainScreen(FullScreen[None]):
         first, then = (self.timing, self.status) if self.has_class("-broad") else (self.status, self.timing)
         if (order := self._grid.children).index(first) > order.index(then):  # a grid is filled in child order
             self._grid.move_child(first, before=then)
-        self.tabs.mark(self._pane, *seen)
+        self.tabs.mark_open(self._pane, *seen)
         if (rows := self._format_grid_rows()) != self._rows:
             self._grid.styles.grid_rows = self._rows = rows
 
@@ -465,7 +465,7 @@ class MainScreen(FullScreen[None]):
         self._arrange()
 
     async def action_pin(self, letter: str) -> None:
-        place = "" if self._takes_pin_keys() else self.block.place_of_pin(letter)
+        place = "" if self._takes_pin_keys() else self.block.pin_key_hint(letter)
         if place:
             self.prompt.show_error(place)
         elif missing := self.block.press(letter):
@@ -481,15 +481,15 @@ class MainScreen(FullScreen[None]):
             await self.run_action(f"app.press_from_afar({event.key!r})")
 
     def action_members(self) -> None:
-        self.table.of_job = not self.table.of_job
-        self._link_field(self.table.chosen_field())
+        self.table.shows_job = not self.table.shows_job
+        self._show_field_link(self.table.chosen_field())
         self.table.show()
 
     def action_theirs(self) -> None:
         """Show DATA in the layout that fits the received bytes, or in the PLC's own layout if none fits."""
         from trcvtui.diagnosis.data_view import make_view_command  # read when first asked for
 
-        decl, offer = self._view_model.declaration, self.status.offer()
+        decl, offer = self._view_model.declaration, self.status.layout_offer()
         line = make_view_command(decl, offer.choice if offer else NO_CHOICE) if decl is not None else ""
         if line:
             self._submit(line)
@@ -540,7 +540,7 @@ class MainScreen(FullScreen[None]):
         if lack:
             self.prompt.show_error(f"nothing to yank: {lack}")
             return None
-        of_job = pane == "job" or (pane == "udt" and self.table.of_job)
+        of_job = pane == "job" or (pane == "udt" and self.table.shows_job)
         past = self.received.face.job_of_cursor()
         if past is not None and pane != "stream" and past[0] != self._view_model.selected:
             past = None  # pane 6 shows DATA beside a job of another instance
@@ -553,10 +553,10 @@ class MainScreen(FullScreen[None]):
     def _handle_yank(self, taken: tuple[CopyFormat, str] | None) -> None:
         from trcvtui.tui.clipboard_and_files import yank
 
-        if taken is not None and not self._is_refused():
+        if taken is not None and not self._refuse_if_read_only():
             self.run_worker(yank(self.app, *taken, self.prompt.inform, self.prompt.show_error))
 
-    def _is_refused(self) -> bool:
+    def _refuse_if_read_only(self) -> bool:
         refuses = getattr(self.app, "refuses", None)
         return bool(refuses and refuses())
 
@@ -599,11 +599,11 @@ class MainScreen(FullScreen[None]):
 
     def remove_part(self, part: ProjectPart) -> None:
         """Open the prompt with the line that removes a part. You see the effect before sending the line."""
-        if not self._is_refused():
+        if not self._refuse_if_read_only():
             self.action_prompt(f"remove {part.kind} {part.name}")
 
     def action_undo(self) -> None:
-        if self.prompt.is_open or self._is_refused():
+        if self.prompt.is_open or self._refuse_if_read_only():
             return
         if self._view_model.project.undoable:
             self.action_prompt("undo")
@@ -621,7 +621,7 @@ class MainScreen(FullScreen[None]):
         def report(text: str) -> None:
             self.prompt.inform(f"{line} · {text}")
 
-        if not self._is_refused():
+        if not self._refuse_if_read_only():
             self.run_worker(yank(self.app, CopyFormat("", "it", lambda of: line), line, report, report))
 
     def action_mark(self) -> None:

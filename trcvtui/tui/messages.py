@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from trcvtui.fleet.fleet_list import Entry
 
 
-class PaneActions(NamedTuple):
+class ScreenCallbacks(NamedTuple):
     """What a pane may do: send a bench command line, open the prompt with lines, show an error."""
 
     submit: Callable[[str], None]
@@ -35,7 +35,7 @@ class ByteSelected(Message):
     of_job: bool
 
 
-class PastSelected(Message):
+class PastCursorMoved(Message):
     """The cursor moved to another byte or message of the past."""
 
 
@@ -83,12 +83,12 @@ class ScenarioChosen(Message):
     """Another scenario file was chosen in the list: show its text."""
 
 
-class RowSelected(Message):
+class LabRowSelected(Message):
     """Another row of the lab's tree was chosen: show its bytes."""
 
 
 @dataclass
-class FitWanted(Message):
+class ProfileChosen(Message):
     """Request to take the profile with this number in the ranking as theirs."""
 
     number: int

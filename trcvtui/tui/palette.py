@@ -109,7 +109,7 @@ async def press_other_pane_key(main: MainScreen, key: str, missing: str = "") ->
         return
     digits = [str(digit) for digit in sorted({each.digit for each in found})]
     is_of_peer = digits == [str(PEER_PANE)] or (not found and any(button.letter == key for button in BUTTONS))
-    if is_of_peer and not is_pin and main.peer.lacks_peer():  # which has shown the error
+    if is_of_peer and not is_pin and main.peer.complain_if_no_peer():  # which has shown the error
         return
     if digits:
         pane = f"pane {digits[0]}" if len(digits) == 1 else f"panes {', '.join(digits[:-1])} and {digits[-1]}"
@@ -151,7 +151,7 @@ SEARCH_SYNONYMS: Final = {
 }
 
 
-def search_words(title: str, about: str) -> set[str]:
+def make_search_words(title: str, about: str) -> set[str]:
     text = f"{title} {about}".casefold()
     also = [words for words, those in SEARCH_SYNONYMS.items() if any(each in text for each in those)]
     return set(re.findall(r"\w+", " ".join([text, *also])))
@@ -170,7 +170,7 @@ class OrderedCommands(SystemCommandsProvider):
     async def search(self, query: str) -> Hits:
         matcher, typed = self.matcher(query), re.findall(r"\w+", query.casefold())
         for title, about, callback, _ in self.app.get_system_commands(self.screen):
-            words, score = search_words(title, about), matcher.match(title)
+            words, score = make_search_words(title, about), matcher.match(title)
             if all(any(word.startswith(each) for word in words) for each in typed):
                 score = max(score, WORD_SCORE * len(query))
             if score > 0:
@@ -187,7 +187,7 @@ def _all(bench: PaletteContext) -> Iterator[SystemCommand]:
         yield from part(bench)
     yield from commands_of_keys(bench.main)
     yield from _yank_commands(bench)
-    yield from _recent_commands(bench.main)
+    yield from _recent_project_commands(bench.main)
 
 
 def _offer_scans(bench: PaletteContext) -> Iterator[SystemCommand]:
@@ -312,7 +312,7 @@ def _yank_commands(bench: PaletteContext) -> Iterator[SystemCommand]:
         yield SystemCommand(f"Yank {form.name}", about, partial(bench.main.yank, form.letter))
 
 
-def _recent_commands(main: MainScreen) -> Iterator[SystemCommand]:
+def _recent_project_commands(main: MainScreen) -> Iterator[SystemCommand]:
     try:
         for path in () if getattr(main.app, "only_looks", False) else recent_projects():
             line = make_run_line(path)
@@ -324,7 +324,7 @@ def _recent_commands(main: MainScreen) -> Iterator[SystemCommand]:
 
 def _select(bench: PaletteContext, name: str) -> None:
     bench.view_model.selected = name
-    bench.main.follow_selected()
+    bench.main.reset_for_selected()
 
 
 def _select_peer(bench: PaletteContext, name: str) -> None:

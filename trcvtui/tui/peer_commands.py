@@ -79,7 +79,7 @@ def buttons_for(faults: bool, peer: PeerSnapshot | None = None) -> tuple[Button,
     return (*always, *silence, CLEAR_BUTTON if faults else FAULT_BUTTON, *tries, *replies, checks)
 
 
-def make_try_line(peer: str, mode: str, payload: str, instance: str, gap: str) -> str:
+def make_try_splits_line(peer: str, mode: str, payload: str, instance: str, gap: str) -> str:
     """Return the bench command that tries every split of a payload. Only `gap`'s first pause counts."""
     options = f" gap={gap.split(',')[0].strip()}" if gap.strip() else ""
     message = _quote(payload) if mode == TEXT else payload.strip()

@@ -14,8 +14,8 @@ from textual.widgets import Input
 from trcvtui.snapshots.bench import LineAnswer
 from trcvtui.tui.formatting import clip, plain, wrap_text
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import LineView, Row, hidden_keys, row
-from trcvtui.tui.widgets.typed_lines import TypedField, TypedLine
+from trcvtui.tui.widgets.line_view import LineView, Row, hidden_bindings, row
+from trcvtui.tui.widgets.typed_lines import EntryField, EntryLine
 
 MOST_KEPT_LINES: Final = 200
 MOST_ROWS: Final = 4
@@ -38,7 +38,7 @@ class EchoLine(LineView, can_focus=False):
     def show_answer(
         self, line: str, error: str = "", waits: bool = False, text: str = "", stays: bool = False
     ) -> None:
-        """Show a command and its answer for MESSAGE_TIME_S. With `waits` or `stays` there is no limit."""
+        """Show a command and its answer for MESSAGE_TIME_S; with `waits` or `stays`, until the next one."""
         if self._end is not None:
             self._end.stop()
         expires = bool(line or error or text) and not (waits or stays)
@@ -82,9 +82,9 @@ class EchoLine(LineView, can_focus=False):
         return row((": ", "dim"), (clip(self._line, self.line_width - 6), ""), mark)
 
 
-class PromptInput(TypedField):
+class PromptInput(EntryField):
     KEYS: ClassVar = (("enter", "send"), ("tab", "complete"), ("↑↓", "earlier lines"), ("esc", "close"))
-    BINDINGS: ClassVar = hidden_keys({
+    BINDINGS: ClassVar = hidden_bindings({
         "up": "recall(-1)", "down": "recall(1)", "tab": "complete", "escape": "close",
     })  # fmt: skip
 
@@ -128,7 +128,7 @@ class Prompt(Vertical):
         self._echo = EchoLine()
         self.show_preview = self._echo.show_preview  # also for a line that you type in another field
         self._input = PromptInput(self)
-        self._open_line = TypedLine(":", self._input)
+        self._open_line = EntryLine(":", self._input)
         self._open_line.id, self._open_line.display = "open-line", False
         self._focus_before: Widget | None = None
         self._lines: list[str] = []
@@ -231,7 +231,7 @@ class Prompt(Vertical):
         self.add_to_history(line)
         self._echo.show_answer(line, error, text=text)
 
-    def show_answers(self, answers: dict[int, LineAnswer]) -> None:
+    def accept_answers(self, answers: dict[int, LineAnswer]) -> None:
         for number, answer in answers.items():
             if answer.error or number == self._last:
                 self._echo.show_answer(answer.line, answer.error, text=answer.message)

@@ -35,7 +35,7 @@ def recent_projects() -> list[str]:
 
 
 def remember_project(project: Path) -> None:
-    """Put a project first, unless it is the demo. Ignore a file that cannot be read or written."""
+    """Put a project first, unless it is the demo. Do nothing if the list cannot be read or written."""
     path = os.path.abspath(project)
     if project != paths.demo_path():
         with suppress(OSError, UserError):

@@ -16,7 +16,7 @@ from trcvtui.tui.messages import MessageChosen
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.tui.widgets.lines import KEY_ACTIONS, KeyLine, Keys
-from trcvtui.udt.literals import format_time
+from trcvtui.udt.literals import format_duration
 from trcvtui.wording import count, utc_text
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def position_bar(position: ReplayPosition, width: int) -> str:
     """Return a bar of the whole recording: the present scan, what has passed, the ERRORs."""
     pieces, first = len(position.marks), position.first + 1
     scans = max(1, position.last_scan - position.first)
-    here = max(0, position.scan - first) * width // scans
+    here = max(0, position.report_scan - first) * width // scans
 
     def sign(column: int) -> str:
         if column == here:
@@ -134,14 +134,14 @@ def _what_if_lines(position: ReplayPosition) -> tuple[str, ...]:
 
 def _position_parts(position: ReplayPosition, holding: bool) -> Iterator[Part]:
     more = "" if position.is_read else "+"
-    yield f"scan {position.scan} of {position.last_scan}{more}", "strong"
+    yield f"scan {position.report_scan} of {position.last_scan}{more}", "strong"
     if position.first:
         yield f" from {position.first + 1} on", ""
-    yield f" · {format_time(position.t_ns)} of {format_time(position.last_t_ns)}{more}", ""
+    yield f" · {format_duration(position.t_ns)} of {format_duration(position.last_t_ns)}{more}", ""
     if position.first_ns is not None:
         yield f" · {utc_text(position.first_ns + position.t_ns)}", ""
     yield f" · {'‖' if holding else '▶'} {position.speed}", "" if holding else "done"
-    if holding and position.wanted != position.scan:  # the run is replayed up to the wanted scan
+    if holding and position.wanted != position.report_scan:  # the run is replayed up to the wanted scan
         known = position.wanted <= position.last_scan
         yield f" · on the way{f' to {position.wanted}' if known else ''}", "warn"
     if position.note:
@@ -199,7 +199,7 @@ class ReplayScreen(MainScreen):
             is_beside = position is not None and bool(position.what_if)
             if is_beside != self._is_beside:  # timing alone for both runs, or all panes again
                 self._is_beside = is_beside
-                self._open(TIMING_PANE)
+                self._open_pane(TIMING_PANE)
                 if is_beside != self.has_class(ZOOM):
                     self.action_zoom()
             self._arrange()
@@ -216,7 +216,7 @@ class ReplayScreen(MainScreen):
         return True  # a pin key then gets the replay's refusal
 
     def action_at(self, where: str) -> None:
-        self.received.table.messages.follow()
+        self.received.table.messages.follow_newest()
         self._submit(f"at {where}")
 
     def go_to_place(self, place: DoctorTarget) -> None:
@@ -230,7 +230,7 @@ class ReplayScreen(MainScreen):
             self._submit(f"at {message.row.scan}")
 
     def action_edge(self, step: str) -> None:
-        self.received.table.messages.follow()
+        self.received.table.messages.follow_newest()
         self._submit(f"at edge {step} {self._view_model.selected}")
 
     def action_speed(self, step: str) -> None:

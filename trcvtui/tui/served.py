@@ -1,4 +1,4 @@
-"""The same screen in a browser on this machine, by textual-serve. Without `--write` it is read-only.
+"""The same screen in a browser on this machine, through textual-serve. Without `--write` it is read-only.
 
 Rule 1: the server is only on 127.0.0.1 and only for its own pages. Otherwise any other page in the same
 browser could command the bench. So the Host and the Origin of every request are checked.
@@ -82,9 +82,9 @@ class AccessControl:
         return f"{self.address}/?{TOKEN_PARAMETER}={self.token}"
 
     def find_refusal(self, host: str, origin: str | None, is_socket: bool) -> str:
-        """Return why a request is refused even with the right token, or "" if it is served.
+        """Return why a request is refused even with the right token, or "" if rule 1 allows it.
 
-        A browser always names the Origin of a websocket, so a socket without it is not from our page.
+        A browser always names the Origin of a websocket, so a websocket without it is not from our page.
         """
         if host.lower() not in self._own or (origin is None and is_socket):
             return FOREIGN_REFUSAL
@@ -119,7 +119,7 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
     try:
         with closing(EngineDriver(project, kernel, read_only=not write, is_shared=True)) as engine:
             engine.wait_for_project()
-            command, begin = command_line(project, engine.door, write, theme), partial(restart_engine, engine)
+            command, begin = command_line(project, engine.door, write, theme), partial(revive_engine, engine)
             answers = application(command, entrance, f"trcvtui {project.name}", about, begin)
             web.run_app(answers, sock=door, print=None, shutdown_timeout=SHUTDOWN_S)
     except (EngineStopped, OSError) as failed:
@@ -127,7 +127,7 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
         raise mistake("trcvtui serve", found, "room for an engine: see `ulimit -n` and TMPDIR") from None
 
 
-def restart_engine(engine: EngineDriver) -> str:
+def revive_engine(engine: EngineDriver) -> str:
     """If the engine has ended, print why and restart it. Return why the restart failed, or ""."""
     try:
         engine.poll_picture()
@@ -137,7 +137,7 @@ def restart_engine(engine: EngineDriver) -> str:
         try:
             engine.wait_for_project()
         except (UserError, EngineStopped) as wrong:
-            engine.wait(EXIT_WAIT_S)  # its end must be over when the next tab tries again
+            engine.wait_for_message(EXIT_WAIT_S)  # its end must be over when the next tab tries again
             return f"{wrong}\n"
     return ""
 

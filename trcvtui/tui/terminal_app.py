@@ -18,7 +18,7 @@ from textual.command import Provider
 
 from trcvtui.tui.settings import ScreenSettings
 from trcvtui.tui.widgets.theme import COMPONENT_CLASSES, OWN_THEMES, THEMES, readable_colours
-from trcvtui.tui.widgets.typed_lines import TypedField, dispatch_key
+from trcvtui.tui.widgets.typed_lines import EntryField, dispatch_key
 
 TERMINAL_CHECK_S: Final = 1.0
 REST_INTERVAL_S: Final = 2.0  # so long without a key: collect the middle generation
@@ -37,7 +37,7 @@ def _ordered_commands() -> type[Provider]:
 
 
 class TerminalApp(App[None]):
-    """A subclass calls `start_terminal` when it is mounted, and `finish_start` after its first frame."""
+    """A subclass calls `set_up_terminal` when it is mounted, and `finish_start` after its first frame."""
 
     TITLE = "trcvtui"
     CSS_PATH = Path(__file__).with_name("styles.tcss")
@@ -83,13 +83,13 @@ class TerminalApp(App[None]):
 
     def on_load(self) -> None:
         if not self.is_headless:  # before Textual changes the terminal's mode
-            self._end_on_signals()
+            self._add_signal_handlers()
 
-    def start_terminal(self) -> None:
+    def set_up_terminal(self) -> None:
         if self._look.ansi:
             self.theme = self._look.name  # with the watcher: native colours need it
         if not self.is_headless and not self.is_web:
-            self.set_interval(TERMINAL_CHECK_S, self._leave_a_dead_terminal)
+            self.set_interval(TERMINAL_CHECK_S, self._exit_if_hung_up)
 
     async def finish_start(self) -> None:
         await self.mount_fields()
@@ -99,9 +99,9 @@ class TerminalApp(App[None]):
             self._end_by_signal(self._ended_by)
         self.show_start_message()
         limit_garbage_collector()
-        self.set_interval(REST_INTERVAL_S, self._collect_at_rest)
+        self.set_interval(REST_INTERVAL_S, self._collect_garbage)
 
-    def _end_on_signals(self) -> None:
+    def _add_signal_handlers(self) -> None:
         """Let ENDING_SIGNALS end the screen as `q` does, so that the terminal's state is restored."""
         loop = asyncio.get_running_loop()
         for number in ENDING_SIGNALS:
@@ -115,11 +115,11 @@ class TerminalApp(App[None]):
             self._ended_by = number
             return
         if not self.is_web:
-            self._leave_a_dead_terminal()
+            self._exit_if_hung_up()
         self.end_children(False)
         self.exit(return_code=128 + number)  # as a shell reports a signal
 
-    def _leave_a_dead_terminal(self) -> None:
+    def _exit_if_hung_up(self) -> None:
         """End if the terminal is gone. Under `make` no SIGHUP comes, and reading would spin for ever."""
         if not os.isatty(sys.__stdin__.fileno() if sys.__stdin__ else -1):
             self.end_children(True)
@@ -141,7 +141,7 @@ class TerminalApp(App[None]):
     def _is_quit_key(self, event: events.Key | events.Paste) -> bool:
         if not self._is_up or isinstance(event, events.Paste):
             return False
-        if event.is_printable and (self._kept_keys or isinstance(self.focused, TypedField)):
+        if event.is_printable and (self._kept_keys or isinstance(self.focused, EntryField)):
             return False
         bound = self.screen.active_bindings.get(event.key)
         return bound is not None and bound.binding.action in QUIT_ACTIONS
@@ -164,7 +164,7 @@ class TerminalApp(App[None]):
 
     # -- the collector ------------------------------------------------------------------------------
 
-    def _collect_at_rest(self) -> None:
+    def _collect_garbage(self) -> None:
         """Collect garbage while no key comes, if `gc.get_count` shows new objects."""
         self._rests = self._rests + 1 if self._keys == self._keys_seen else 0
         self._keys_seen = self._keys

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from trcvtui.errors import Problem
-from trcvtui.udt.types import Pointer, StringType, Unplaced
+from trcvtui.udt.types import Pointer, RawType, StringType
 
 # Baosky allows 6 or 8 levels; beyond this no tool in the field follows.
 MOST_NESTED = 32
@@ -28,7 +28,7 @@ class Formula(NamedTuple):
 Number = int | Formula
 
 
-class Reference(NamedTuple):
+class TypeName(NamedTuple):
     """The name of a type, qualified or not (`Lib.T`, `_.T`)."""
 
     name: str
@@ -46,7 +46,7 @@ class TextSpec(NamedTuple):
 class RangeSpec(NamedTuple):
     """A subrange such as `INT(0..10)`."""
 
-    base: Reference
+    base: TypeName
     low: Number
     high: Number
 
@@ -72,7 +72,7 @@ class StructSpec(NamedTuple):
     """
 
     members: tuple[MemberSpec, ...]
-    base: Reference | None = None
+    base: TypeName | None = None
     pack: int | None = None
     is_union: bool = False
     is_class: bool = False
@@ -85,13 +85,13 @@ class EnumSpec(NamedTuple):
     known only inside the enumeration.
     """
 
-    base: Reference | None
+    base: TypeName | None
     values: tuple[tuple[str, Number | None], ...]
     is_scoped: bool = False
 
 
 # A type that names no other type is its own specification.
-Spec = Reference | StringType | Pointer | Unplaced | TextSpec | RangeSpec | ArraySpec | StructSpec | EnumSpec
+Spec = TypeName | StringType | Pointer | RawType | TextSpec | RangeSpec | ArraySpec | StructSpec | EnumSpec
 
 
 class Declaration(NamedTuple):

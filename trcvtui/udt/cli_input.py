@@ -58,7 +58,7 @@ def read_values(name: str) -> dict[str, object]:
 
     where, text = where_of(name), _read_text(name)
     try:
-        pairs = partial(_refuse_duplicates, where)
+        pairs = partial(_unique_members, where)
         values = json.loads(text, parse_float=partial(_parse_float, where), object_pairs_hook=pairs)
     except json.JSONDecodeError as wrong:
         place = f"{where}, line {wrong.lineno}, column {wrong.colno}"
@@ -82,7 +82,7 @@ def _parse_float(where: str, text: str) -> float:
     return number
 
 
-def _refuse_duplicates(where: str, pairs: list[tuple[str, object]]) -> dict[str, object]:
+def _unique_members(where: str, pairs: list[tuple[str, object]]) -> dict[str, object]:
     values: dict[str, object] = {}
     for key, value in pairs:
         if key in values:

@@ -21,7 +21,7 @@ from trcvtui.udt.ast import Declarations, SenderLayout
 from trcvtui.udt.cli_input import STDIN, read_hex_argument, read_messages, read_types, read_values, where_of
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import NO_CHOICE, LayoutChoice, LayoutRules, parse_choice
-from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
+from trcvtui.udt.resolve import KNOWN_TYPE, expected_constant, unknown_name
 from trcvtui.udt.sources import qualify_variables, set_header_context
 from trcvtui.udt.system_types import unverified_in
 from trcvtui.udt.type_set import TypeSet
@@ -75,7 +75,7 @@ def list_types(args: SimpleNamespace) -> tuple[str, bool]:
             rows[-1] |= {"size": layout.size, "layout": layout.rules.name}
         except UserError as refused:
             rows[-1]["problems"] = [str(suggest_option(each)) for each in refused.problems]
-        rows[-1]["sender"] = types.sender(name).layout or None
+        rows[-1]["sender"] = types.sender_layout(name).layout or None
     if not rows:
         _ = types.get_type(args.type, "--type") if args.type else types.only_name(own)  # raises the mistake
     is_good = any(row["layout"] for row in rows)
@@ -92,19 +92,19 @@ def list_types(args: SimpleNamespace) -> tuple[str, bool]:
 
 
 def show(args: SimpleNamespace) -> str:
-    from trcvtui.udt.report import show_json, show_text
+    from trcvtui.udt.report import layout_json, layout_table
 
-    layout = layout_of(args)
-    return show_json(layout) if args.format == "json" else show_text(layout)
+    layout = read_layout(args)
+    return layout_json(layout) if args.format == "json" else layout_table(layout)
 
 
 def decode(args: SimpleNamespace) -> str:
-    from trcvtui.udt.report import csv_lines, decode_json, decode_text, markdown, member_rows
+    from trcvtui.udt.report import csv_lines, decoded_json, decoded_text, markdown, member_rows
 
-    layout = layout_of(args)
+    layout = read_layout(args)
     data = read_hex_argument(" ".join(args.hex))
     if args.format in ("json", "text"):
-        return (decode_json if args.format == "json" else decode_text)(layout, data)
+        return (decoded_json if args.format == "json" else decoded_text)(layout, data)
     rows = member_rows(layout, data, layout.name)
     return "\n".join(markdown(rows) if args.format == "md" else csv_lines(rows))
 
@@ -113,7 +113,7 @@ def encode(args: SimpleNamespace) -> str:
     from trcvtui.udt.byte_text import BYTE_FORMS
     from trcvtui.udt.report import encode_values
 
-    layout = layout_of(args)
+    layout = read_layout(args)
     content = encode_values(layout, read_values(args.values))
     return BYTE_FORMS[args.format](content, layout.name)
 
@@ -123,7 +123,7 @@ def export(args: SimpleNamespace) -> str | None:
     from trcvtui.udt import exports
 
     exports.check_arguments(args.to, args.port)  # mistakes in arguments before those in files
-    text = exports.export(layout_of(args), args.to, args.port)
+    text = exports.export(read_layout(args), args.to, args.port)
     if args.out is None:
         return text.removesuffix("\n")
     from trcvtui.files import write_file
@@ -134,26 +134,26 @@ def export(args: SimpleNamespace) -> str | None:
 
 def compare(args: SimpleNamespace) -> tuple[str, bool]:
     """Return the answer of `udt compare`, and whether both sides are equal."""
-    from trcvtui.udt.compare.compare import Comparison, compare_json, compare_text, is_equal
+    from trcvtui.udt.compare.compare import Comparison, comparison_json, comparison_text, is_equal
 
-    (ours, notes), (theirs, their_notes) = [side.layout() for side in type_choices(args, *_split_sides(args))]
+    (ours, notes), (theirs, their_notes) = [side.layout() for side in read_choices(args, *_split_sides(args))]
     write_notes(dict.fromkeys([*notes, *their_notes]))
     comparison = Comparison(ours, theirs)
     data = read_hex_argument(" ".join(args.hex)) if args.hex else b""
     rows = list(comparison.rows(data))
-    answer = compare_text if args.format == "text" else compare_json
+    answer = comparison_text if args.format == "text" else comparison_json
     return answer(comparison, rows, data), is_equal(comparison, rows)
 
 
 def fit(args: SimpleNamespace) -> tuple[str, bool]:
-    """Return the answer of `udt fit`, and whether any layout fits best. Ours may not hold the type."""
+    """Return the answer of `udt fit`, and whether a layout fits best, even if ours cannot hold the type."""
     from trcvtui.udt.compare.fit import rank
     from trcvtui.udt.compare.fit_report import fit_json, fit_text
 
-    [ours] = type_choices(args, args)
+    [ours] = read_choices(args, args)
     rules, notes = ours.rules()
     messages = read_messages(" ".join(args.hex))
-    fits = rank(ours.type, messages, ours.name, own=rules, sender=ours.types.sender(ours.name).layout)
+    fits = rank(ours.type, messages, ours.name, own=rules, sender=ours.types.sender_layout(ours.name).layout)
     try:
         name = lay_out(ours.type, rules, ours.name).name
     except UserError as refused:
@@ -177,7 +177,7 @@ def choose_cure_sides(args: SimpleNamespace) -> tuple[LayoutRules, Layout]:
         given: list[str | None] = getattr(args, option)
         if len(given) == 1:
             setattr(args, option, [None, *given])
-    ours, theirs = type_choices(args, *_split_sides(args))
+    ours, theirs = read_choices(args, *_split_sides(args))
     (rules, our_notes), (layout, their_notes) = ours.rules(), theirs.layout()
     write_notes(dict.fromkeys([*(our_notes if ours.types.source_layout(ours.name) else []), *their_notes]))
     return rules, layout
@@ -196,7 +196,7 @@ class TypeChoice(NamedTuple):
 
     def rules(self) -> tuple[LayoutRules, list[str]]:
         """Return the rules, and notes on a layout from the type's source or on unverified offsets."""
-        choice, name, sender = self.choice, self.name, self.types.sender(self.name)
+        choice, name, sender = self.choice, self.name, self.types.sender_layout(self.name)
         unsure = [f"{name}: {each}: {UNVERIFIED_NOTE}" for each in unverified_in(self.type)]
         if choice.layout is not None or not sender.layout:
             return choice.rules(), unsure
@@ -210,7 +210,7 @@ class TypeChoice(NamedTuple):
     def layout(self) -> tuple[Layout, list[str]]:
         """Return layout and notes; the sender's layout if none is chosen and ours cannot hold the type."""
         rules, notes = self.rules()
-        sender = self.types.sender(self.name).layout
+        sender = self.types.sender_layout(self.name).layout
         try:
             return lay_out(self.type, rules, self.name), notes
         except UserError as refused:
@@ -227,9 +227,9 @@ def _refusal_text(name: str, rules: LayoutRules, refused: UserError) -> str:
     return f"{name}: {rules.name} cannot hold this type ({problem.where}, {problem.found}); "
 
 
-def layout_of(args: SimpleNamespace) -> Layout:
+def read_layout(args: SimpleNamespace) -> Layout:
     """Return the layout that the arguments name, and write its notes on stderr; raise UserError."""
-    [choice] = type_choices(args, args)
+    [choice] = read_choices(args, args)
     layout, notes = choice.layout()
     write_notes([*notes, *notes_of(choice.types, choice.name, choice.type, layout.rules)])
     return layout
@@ -250,7 +250,7 @@ def read_file_layout(path: str) -> tuple[Layout, SenderLayout]:
     name = outer[0] if is_good else types.only_name(own)
     layout, notes = TypeChoice(types, name, types.get_type(name, path)).layout()
     write_notes(notes)
-    return layout, types.sender(name)
+    return layout, types.sender_layout(name)
 
 
 def parse_layout_choice(args: SimpleNamespace) -> LayoutChoice:
@@ -306,7 +306,7 @@ def suggest_option(problem: Problem) -> Problem:
     if problem.expected == KNOWN_TYPE:
         return replace(problem, expected=f"{KNOWN_TYPE}; add --with FILE that declares it")
     name = unknown_name(problem)
-    if problem.expected == unknown_constant(name):
+    if problem.expected == expected_constant(name):
         if problem.found != f"'{name}'":  # declared, but with several values or none
             return replace(problem, expected=f"one number; add --constant {name}=VALUE")
         expected = f"a known constant; add --constant {name}=VALUE, or --with FILE that declares it"
@@ -314,7 +314,7 @@ def suggest_option(problem: Problem) -> Problem:
     return problem
 
 
-def type_choices(args: SimpleNamespace, *sides: SimpleNamespace) -> list[TypeChoice]:
+def read_choices(args: SimpleNamespace, *sides: SimpleNamespace) -> list[TypeChoice]:
     """Return the type and layout options of each side. The default type is the only type of FILE."""
     choices = [parse_layout_choice(side) for side in sides]  # mistakes in arguments before those in files
     types, own = read_all_types(args, *[side.type for side in sides])

@@ -121,7 +121,7 @@ MOST_ALIKE = 64  # constants with the same last name; with more of them the name
 MOST_NAMES_SHOWN = 4  # values or names in one message
 
 
-class _Entry(NamedTuple):
+class _ConstantEntry(NamedTuple):
     """A number plus an offset. Names in the number are looked up in `scope` first."""
 
     name: str
@@ -142,13 +142,13 @@ class _LookUpResult(NamedTuple):
 
 
 class Constants:
-    """All constants of a set of types. A name, as `Lib.GVL.MAX`, or its end, as `GVL.MAX`, finds one."""
+    """All constants of a set of types. A whole name, `Lib.GVL.MAX`, or its end, `GVL.MAX`, finds one."""
 
     def __init__(self, given: Mapping[str, int] | None = None, declared: Iterable[Constant] = ()) -> None:
-        self.whole: dict[str, list[_Entry]] = {}
-        self.by_end: dict[str, list[_Entry]] = {}
+        self.whole: dict[str, list[_ConstantEntry]] = {}
+        self.by_end: dict[str, list[_ConstantEntry]] = {}
         self.found: dict[tuple[str, str], _LookUpResult] = {}
-        self.path: list[_Entry] = []  # the entries under evaluation, the outermost first
+        self.path: list[_ConstantEntry] = []  # the entries under evaluation, the outermost first
         self.reasons: dict[str, str] = {}
         self.is_first = True
         for name, number in (given or {}).items():
@@ -164,8 +164,8 @@ class Constants:
             number, offset = (number, offset + 1) if own is None else (own, 0)
             self._add(f"{enumeration}.{name}", 2, number, offset, enumeration)
 
-    def value(self, number: Number, unknown: list[str], scope: str = "") -> int | None:
-        """Return the value of a number. If None, `unknown` gets the unknown names. Raise UserError."""
+    def evaluate_number(self, number: Number, unknown: list[str], scope: str = "") -> int | None:
+        """Return the number's value. If it is None, `unknown` gets the unknown names. Raise UserError."""
 
         if self.is_first:  # once in the order of the files: a long chain then refers to known values only
             self.is_first = False
@@ -180,7 +180,7 @@ class Constants:
 
         return evaluate(number, look_up)
 
-    def reason(self, name: str) -> str:
+    def missing_reason(self, name: str) -> str:
         """Return why a declared name has no value, such as `which is 1 and 2 (b.st:3:1)`, else ""."""
         return self.reasons.get(name.casefold(), "")
 
@@ -189,7 +189,7 @@ class Constants:
     ) -> None:
         name = plain_name(name)
         key = name.casefold()
-        entry = _Entry(name, tuple(key.split(".")), layer, number, offset, scope, where)
+        entry = _ConstantEntry(name, tuple(key.split(".")), layer, number, offset, scope, where)
         self.whole.setdefault(key, []).append(entry)
         self.by_end.setdefault(entry.parts[-1], []).append(entry)
 
@@ -214,7 +214,7 @@ class Constants:
             names_text = ", ".join(map(str, [*circle[:MOST_NAMES_SHOWN], circle[0].name]))
             self.reasons.setdefault(key, f"which is defined by itself: {names_text}")
 
-    def _find_entries(self, key: str, scope: str) -> list[_Entry]:
+    def _find_entries(self, key: str, scope: str) -> list[_ConstantEntry]:
         own = self.whole.get(f"{scope}.{key}".casefold()) if scope else None
         exact = own or self.whole.get(key)  # the names of the enumeration itself come first
         if exact:
@@ -226,13 +226,13 @@ class Constants:
         pairs = [(min(len(entry.parts), len(parts)), entry) for entry in alike]
         return _keep_first_layer([entry for size, entry in pairs if entry.parts[-size:] == parts[-size:]])
 
-    def _evaluate_entries(self, name: str, entries: list[_Entry]) -> _LookUpResult:
-        values: dict[int, _Entry] = {}
+    def _evaluate_entries(self, name: str, entries: list[_ConstantEntry]) -> _LookUpResult:
+        values: dict[int, _ConstantEntry] = {}
         for entry in entries:
             unknown: list[str] = []
             self.path.append(entry)
             try:
-                value = self.value(entry.number, unknown, entry.scope)
+                value = self.evaluate_number(entry.number, unknown, entry.scope)
             except UserError:
                 value = None
                 self.reasons.setdefault(name.casefold(), f"which cannot be calculated: {entry}")
@@ -247,7 +247,7 @@ class Constants:
         return _LookUpResult(None, (name,))
 
 
-def _describe_values(name: str, values: Mapping[int, _Entry]) -> str:
+def _describe_values(name: str, values: Mapping[int, _ConstantEntry]) -> str:
     texts = []
     for value, entry in list(values.items())[:MOST_NAMES_SHOWN]:
         own = "" if entry.name.casefold() == name.casefold() else entry.name
@@ -256,6 +256,6 @@ def _describe_values(name: str, values: Mapping[int, _Entry]) -> str:
     return " and ".join(texts)
 
 
-def _keep_first_layer(entries: list[_Entry]) -> list[_Entry]:
+def _keep_first_layer(entries: list[_ConstantEntry]) -> list[_ConstantEntry]:
     first = min((entry.layer for entry in entries), default=0)  # the user's, then files', then enumerations'
     return [entry for entry in entries if entry.layer == first]

@@ -68,7 +68,7 @@ def parse_time(text: str, where: str = "duration") -> int:
     return ns
 
 
-def format_time(ns: int, prefix: str = "T#") -> str:
+def format_duration(ns: int, prefix: str = "T#") -> str:
     """Return nanoseconds as an IEC duration, largest unit first: 1_500_000_000 is `T#1s500ms`."""
     parts = []
     rest = abs(ns)
@@ -85,7 +85,7 @@ def format_literal(row: Elementary, count: int) -> str:
     ns = count * row.unit_ns + row.epoch_ns
     match row.kind:
         case ValueKind.DURATION:
-            return format_time(ns, prefix)
+            return format_duration(ns, prefix)
         case ValueKind.DATE:
             return prefix + _date_text(ns // DAY)
         case ValueKind.TIME_OF_DAY:

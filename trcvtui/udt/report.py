@@ -12,7 +12,7 @@ from trcvtui.errors import one_line
 from trcvtui.udt.layout.coding import SURROGATE, Value
 from trcvtui.udt.layout.layout import Layout, Leaf
 from trcvtui.udt.layout.layout_tree import Data, LeafValues
-from trcvtui.udt.layout.value_text import NO_DATA, mark_text, special_text, value_text
+from trcvtui.udt.layout.value_text import NO_DATA, odd_text, special_text, value_text
 from trcvtui.udt.layout.values import decode_leaves, encode
 from trcvtui.udt.types import Enumeration, Pointer, StringType, type_text
 from trcvtui.wording import format_columns, json_text
@@ -20,7 +20,7 @@ from trcvtui.wording import format_columns, json_text
 Row = tuple[str, ...]
 
 
-def show_json(layout: Layout) -> str:
+def layout_json(layout: Layout) -> str:
     """Return the object of `udt show`. Its members are the leaves in offset order."""
     members: list[dict[str, object]] = []
     for leaf in sorted(layout.leaves(), key=attrgetter("offset")):
@@ -39,7 +39,7 @@ def show_json(layout: Layout) -> str:
     return indented_json(record)
 
 
-def show_text(layout: Layout) -> str:
+def layout_table(layout: Layout) -> str:
     """Return the table of `udt show`: every leaf and every gap in offset order."""
     head = f"{one_line(layout.name)}: {layout.size} bytes, align {layout.align}, {_layout_text(layout)}"
     table = format_columns([("offset", "size", "type", "path"), *_show_rows(layout)], "rrll")
@@ -61,7 +61,7 @@ def place_text(leaf: Leaf) -> str:
     return str(leaf.offset) if leaf.bit is None else f"{leaf.offset}.{leaf.bit}"
 
 
-def decode_json(layout: Layout, data: Data, name: str = "", most: int | None = None) -> str:
+def decoded_json(layout: Layout, data: Data, name: str = "", most: int | None = None) -> str:
     """Return the object of `udt decode`, with values by path, null past the end, and oddities as `marks`.
 
     The object has the first `most` members. `name` is the path of a lone value. `escaped` are the paths of
@@ -79,7 +79,7 @@ def json_members(
 ) -> tuple[dict[str, Value | None], dict[str, object]]:
     """Return the values of leaves by name, and what is odd in them as `marks` and `escaped`."""
     found = {name: value for (name, _), value in zip(named, values, strict=True)}
-    marks = {name: mark for name, leaf in named if (mark := mark_text(leaf, own_bytes(leaf, data)))}
+    marks = {name: mark for name, leaf in named if (mark := odd_text(leaf, own_bytes(leaf, data)))}
     escaped = [name for name, value in found.items() if isinstance(value, str) and SURROGATE.search(value)]
     odd = ("marks", marks), ("escaped", escaped)
     return {name: json_value(each) for name, each in found.items()}, {key: some for key, some in odd if some}
@@ -89,7 +89,7 @@ def own_bytes(leaf: Leaf, data: Data) -> bytes:
     return bytes(data[leaf.offset : leaf.offset + leaf.size])
 
 
-def decode_text(layout: Layout, data: Data) -> str:
+def decoded_text(layout: Layout, data: Data) -> str:
     """Return the table of `udt decode`: every leaf with its value, and how far the bytes go."""
     head = f"{one_line(layout.name)}: {_extent_text(len(data), layout.size)}, {_layout_text(layout)}"
     rows = member_rows(layout, data, layout.name)

@@ -1,4 +1,4 @@
-"""Makes types of specifications: looks up names, evaluates formulas, and collects every problem.
+"""Turns specifications into types: looks up names, evaluates formulas, and collects every problem.
 
 Rule: a bad type never hides a good type. Each bad type keeps all its problems.
 """
@@ -26,12 +26,12 @@ from trcvtui.udt.types import (
     Enumeration,
     Member,
     Pointer,
+    RawType,
     StringType,
     Struct,
     Subrange,
     Type,
     Union,
-    Unplaced,
     all_members,
 )
 
@@ -63,15 +63,15 @@ class Resolver:
         self.system_users |= {key} if uses_system else set()
         first = self.declared.setdefault(key, declaration)
         for problem in declaration.problems:
-            self.refuse(key, problem)
+            self.report(key, problem)
         if first is not declaration:
             expected = f"one declaration of it; the first is at {first.where}"
-            self.refuse(key, Problem(declaration.where, f"'{declaration.name}' a second time", expected))
+            self.report(key, Problem(declaration.where, f"'{declaration.name}' a second time", expected))
         if declaration.name.upper() in ELEMENTARY and declaration.name.upper() not in VENDOR_NAMES:
             expected = "a name that no IEC type has"
-            self.refuse(key, Problem(declaration.where, f"'{declaration.name}'", expected))
+            self.report(key, Problem(declaration.where, f"'{declaration.name}'", expected))
 
-    def refuse(self, key: str, *problems: Problem) -> None:
+    def report(self, key: str, *problems: Problem) -> None:
         bad = self.bad.setdefault(key, {})
         for problem in problems:
             # Problems inherited from used types are bounded: else a chain of bad types multiplies them.
@@ -90,7 +90,7 @@ class Resolver:
             if depth > ast.MOST_NESTED:
                 found = f"'{declaration.name}' nested {depth} deep"
                 expected = f"at most {ast.MOST_NESTED} levels"
-                self.refuse(key, Problem(declaration.where, found, expected))
+                self.report(key, Problem(declaration.where, found, expected))
             if type_ is not None and key not in self.bad:  # a bad type is left out, the good ones stay
                 self.types[key], self.depths[key] = type_, depth
 
@@ -121,7 +121,7 @@ class Resolver:
         names = (self.key_of(reference) for reference in references(spec)) if spec else ()
         return (name for name in names if name in self.declared)
 
-    def key_of(self, reference: ast.Reference) -> str:
+    def key_of(self, reference: ast.TypeName) -> str:
         """Return the key of a name such as `Lib.T`. It is the whole name if declared, else T."""
         whole = reference.name.casefold()
         return whole if self.is_declared(whole) else whole.rpartition(".")[2]
@@ -134,9 +134,9 @@ class Resolver:
     def build(self, spec: ast.Spec, name: str, user: str) -> tuple[Type | None, int]:
         """Return the type of a specification, or None if a part is bad, and how deep the type nests."""
         match spec:
-            case StringType() | Pointer() | Unplaced():
+            case StringType() | Pointer() | RawType():
                 return spec, 0
-            case ast.Reference():
+            case ast.TypeName():
                 return self.look_up(spec, user)
             case ast.ArraySpec():
                 return self.build_array(spec, user)
@@ -151,7 +151,7 @@ class Resolver:
 
     def build_array(self, spec: ast.ArraySpec, user: str) -> tuple[Type | None, int]:
         element, depth = self.build(spec.element, "", user)
-        bounds = [self.limits(low, high, user) for low, high in spec.bounds]
+        bounds = [self.find_limits(low, high, user) for low, high in spec.bounds]
         known = tuple([pair for pair in bounds if pair is not None])
         if element is None or len(known) < len(bounds):
             return None, depth + 1
@@ -160,14 +160,14 @@ class Resolver:
     def build_text(self, spec: ast.TextSpec, user: str) -> Type | None:
         length = self.evaluate_number(spec.length, user)
         if length is not None and length < 1:
-            self.refuse(user, _make_number_problem(spec.length, length, "a length of 1 or more"))
+            self.report(user, _make_number_problem(spec.length, length, "a length of 1 or more"))
             return None
         return None if length is None else StringType(length, spec.wide, spec.utf8)
 
     def build_range(self, spec: ast.RangeSpec, user: str) -> Type | None:
         base = self.look_up_integer(spec.base, user)
         unknown = self.find_unknown(spec.low, spec.high)
-        limits = None if unknown else self.limits(spec.low, spec.high, user)
+        limits = None if unknown else self.find_limits(spec.low, spec.high, user)
         if base is not None and unknown:  # the base alone decides the layout
             bounds = [n.text if isinstance(n, ast.Formula) else str(n) for n in (spec.low, spec.high)]
             text = f"{base.name}({'..'.join(bounds)}) is laid out as {base.name}"
@@ -179,7 +179,7 @@ class Resolver:
         low, high = base.limits
         if limits[0] < low or limits[1] > high:
             found = f"{base.name}({limits[0]}..{limits[1]})"
-            self.refuse(user, Problem(spec.base.where, found, f"limits from {low} to {high}"))
+            self.report(user, Problem(spec.base.where, found, f"limits from {low} to {high}"))
             return None
         return Subrange(base, *limits)
 
@@ -195,7 +195,7 @@ class Resolver:
             first = firsts.setdefault(member.name.casefold(), member.where)
             if first is not member.where:
                 expected = f"a new name; the first is at {first}" if first else "a name that its base lacks"
-                self.refuse(user, Problem(member.where, f"member '{member.name}' a second time", expected))
+                self.report(user, Problem(member.where, f"member '{member.name}' a second time", expected))
             type_, depth = self.build(member.spec, "", user)
             deepest = max(deepest, depth)
             if type_ is not None:
@@ -217,7 +217,7 @@ class Resolver:
         if isinstance(row, Elementary) and width <= 8 * row.size:
             yield BitField(at, row.size, width, bool(member.name))
         elif row is not None:
-            self.refuse(user, Problem(member.where, f"{width} bits", "an integer type of as many bits"))
+            self.report(user, Problem(member.where, f"{width} bits", "an integer type of as many bits"))
 
     def build_base(self, spec: ast.StructSpec, user: str) -> tuple[Struct | Union | None, int]:
         if spec.base is None:
@@ -227,11 +227,11 @@ class Resolver:
         if isinstance(base, Union if spec.is_union else Struct):
             if spec.is_class and has_padded_end(base):
                 found = f"base class '{spec.base.name}' that does not end with a member{CPP_NOTE}"
-                self.refuse(user, Problem(spec.base.where, found, "a base without padding at its end"))
+                self.report(user, Problem(spec.base.where, found, "a base without padding at its end"))
                 return None, depth
             return base, depth
         if base is not None:
-            self.refuse(user, Problem(spec.base.where, f"'{spec.base.name}'", f"a {word} to extend"))
+            self.report(user, Problem(spec.base.where, f"'{spec.base.name}'", f"a {word} to extend"))
         return None, depth
 
     def build_enum(self, spec: ast.EnumSpec, name: str, user: str) -> Type | None:
@@ -246,7 +246,7 @@ class Resolver:
             if own is not None:
                 number = None
                 with suppress(UserError):  # a bad number does not change the layout
-                    number = self.constants.value(own, [], name)
+                    number = self.constants.evaluate_number(own, [], name)
             elif number is not None:
                 number += 1
             values.append((value, number))
@@ -254,14 +254,14 @@ class Resolver:
 
     # -- names and numbers -------------------------------------------------------------------------------
 
-    def look_up(self, reference: ast.Reference, user: str) -> tuple[Type | None, int]:
+    def look_up(self, reference: ast.TypeName, user: str) -> tuple[Type | None, int]:
         row = ELEMENTARY.get(reference.name.upper())
         key = self.key_of(reference)
         # A declared type replaces a type of the same name that only one vendor has.
         if row is not None and not (reference.name.upper() in VENDOR_NAMES and self.is_declared(key)):
             return row, 0
         if key in self.declared and self.declared[key].is_data:
-            self.refuse(user, Problem(reference.where, f"'{reference.name}'", KNOWN_TYPE))
+            self.report(user, Problem(reference.where, f"'{reference.name}'", KNOWN_TYPE))
             return None, 0
         if key in self.types:
             type_ = self.types[key]
@@ -271,7 +271,7 @@ class Resolver:
         if key in self.known:
             return self.known[key][1], 0
         if key in self.bad or key in self.broken:
-            self.refuse(user, *(self.bad.get(key) or self.broken[key]))
+            self.report(user, *(self.bad.get(key) or self.broken[key]))
         elif key in self.declared:
             circle = self.circles.get((user, key), [])
             found = f"'{reference.name}', which contains this member"
@@ -282,7 +282,7 @@ class Resolver:
             if isinstance(spec, ast.StructSpec) and spec.base is reference:
                 found = f"'{reference.name}', which extends this type"
                 expected = "a type that does not extend itself"
-            self.refuse(user, Problem(reference.where, found, expected))
+            self.report(user, Problem(reference.where, found, expected))
         elif key in BUILTIN_TYPES:
             return BUILTIN_TYPES[key], 0
         elif user in self.system_users and key in system_types():
@@ -291,20 +291,20 @@ class Resolver:
                 self.notes.setdefault(user, {})[f"{reference.name}: 16 bits are not verified"] = None
             return system_types()[key], 0
         else:
-            self.refuse(user, Problem(reference.where, f"'{reference.name}'", KNOWN_TYPE))
+            self.report(user, Problem(reference.where, f"'{reference.name}'", KNOWN_TYPE))
         return None, 0
 
-    def look_up_integer(self, reference: ast.Reference, user: str) -> Elementary | None:
+    def look_up_integer(self, reference: ast.TypeName, user: str) -> Elementary | None:
         """Return the integer type of this name; for a subrange its base."""
         base = self.look_up(reference, user)[0]
         row = base.base if isinstance(base, Subrange) else base
         if isinstance(row, Elementary) and row.kind in WHOLE_KINDS:
             return row
         if row is not None:
-            self.refuse(user, Problem(reference.where, f"'{reference.name}'", "an integer type such as INT"))
+            self.report(user, Problem(reference.where, f"'{reference.name}'", "an integer type such as INT"))
         return None
 
-    def limits(self, low: ast.Number, high: ast.Number, user: str) -> tuple[int, int] | None:
+    def find_limits(self, low: ast.Number, high: ast.Number, user: str) -> tuple[int, int] | None:
         """Return the numbers of `low..high`, or None with a problem if one is unknown or `high` < `low`."""
         first, last = self.evaluate_number(low, user), self.evaluate_number(high, user)
         if first is None or last is None:
@@ -315,7 +315,7 @@ class Resolver:
                 problem = _make_number_problem(high, last, f"a number from {first} upwards", place)
             else:
                 problem = _make_number_problem(low, first, f"a number up to {last}")
-            self.refuse(user, problem)
+            self.report(user, problem)
             return None
         return first, last
 
@@ -325,14 +325,14 @@ class Resolver:
             return number
         unknown: list[str] = []
         try:
-            value = self.constants.value(number, unknown)
+            value = self.constants.evaluate_number(number, unknown)
         except UserError as refused:
-            self.refuse(user, *refused.problems)
+            self.report(user, *refused.problems)
             return None
         for name in unknown:
-            reason = self.constants.reason(name)
+            reason = self.constants.missing_reason(name)
             found = f"'{name}', {reason}" if reason else f"'{name}'"
-            self.refuse(user, Problem(number.where, found, unknown_constant(name)))
+            self.report(user, Problem(number.where, found, expected_constant(name)))
         return value
 
     def find_unknown(self, *numbers: ast.Number) -> list[str]:
@@ -340,13 +340,13 @@ class Resolver:
         unknown: list[str] = []
         for number in numbers:
             try:
-                self.constants.value(number, unknown)
+                self.constants.evaluate_number(number, unknown)
             except UserError:
                 return []
         return list(dict.fromkeys(unknown))
 
 
-def unknown_constant(name: str) -> str:
+def expected_constant(name: str) -> str:
     return f'{KNOWN}constant; add "{name}" = VALUE to [constants] of the project, or --constant {name}=VALUE'
 
 
@@ -356,14 +356,14 @@ def unknown_name(problem: Problem) -> str:
     return name if reason else problem.found[1:-1]
 
 
-def references(spec: ast.Spec) -> Iterator[ast.Reference]:
+def references(spec: ast.Spec) -> Iterator[ast.TypeName]:
     """Yield every name of a type in a specification."""
     match spec:
-        case ast.Reference():
+        case ast.TypeName():
             yield spec
         case ast.ArraySpec(_, element):
             yield from references(element)
-        case ast.EnumSpec(base=ast.Reference() as base) | ast.RangeSpec(base=base):
+        case ast.EnumSpec(base=ast.TypeName() as base) | ast.RangeSpec(base=base):
             yield base
         case ast.StructSpec(members, base):
             if base is not None:

@@ -29,7 +29,7 @@ def initial_value(layout: Layout, content: bytes, is_scl: bool = False) -> str:
             value = decode_leaf(layout, leaf, content[at : at + node.size])
             return _literal(node.type, node.size, value, is_scl)
         if isinstance(node, PlacedArray):
-            places = map(node.place, range(node.count))
+            places = map(node.element_place, range(node.count))
             texts = [text_of(node.element, at + place, bit) for place, bit in places]
             return f"[{', '.join(_join_repeated(texts))}]"
         members = list(node.flat_members(at))

@@ -73,17 +73,17 @@ var_global var_in_out var_input var_output var_temp version while with wstring x
 ST_WORDS: Final = frozenset(KEYWORD_TEXT.upper().split()) | {name.upper() for name in ELEMENTARY}
 
 
-def st_word(name: str) -> str:
+def st_name(name: str) -> str:
     """Return a name that is legal in IEC ST. A keyword, in any case, gets `_` after it."""
     word = ascii_word(name)
     if word != name:  # CODESYS refuses two underscores in a row
         word = re.sub("_+", "_", word)
     if not word or word[0].isdigit():
         word = "_" + word
-    return word + "_" if is_st_word(word) else word
+    return word + "_" if is_st_keyword(word) else word
 
 
-def is_st_word(name: str) -> bool:
+def is_st_keyword(name: str) -> bool:
     """Return whether the name is a keyword, or an elementary type."""
     return name.upper() in ST_WORDS
 
@@ -96,7 +96,7 @@ class _StRenamer:
     """Renames a type and all types in it, each once."""
 
     def __init__(self) -> None:
-        self.names = NameScope(st_word, str.casefold)  # of types
+        self.names = NameScope(st_name, str.casefold)  # of types
         self._made: dict[int, tuple[Type, Type]] = {}  # keeps the old one, so that its id is not reused
 
     def rename(self, type_: Type) -> Type:
@@ -113,7 +113,7 @@ class _StRenamer:
 
     def struct(self, type_: Struct | Union) -> Struct | Union:
         base = None if type_.base is None else self.rename(type_.base)
-        taken = NameScope(st_word, str.casefold)
+        taken = NameScope(st_name, str.casefold)
         for member in all_members(base if isinstance(base, Struct | Union) else None):
             taken(member.name)
         members = tuple(Member(taken(member.name), self.rename(member.type)) for member in type_.members)
@@ -122,7 +122,7 @@ class _StRenamer:
         return replace(type_, name=name, members=members, base=base)  # type: ignore[arg-type]
 
     def enumeration(self, type_: Enumeration) -> Enumeration:
-        taken = NameScope(st_word, str.casefold)
+        taken = NameScope(st_name, str.casefold)
         values = tuple((taken(name), number) for name, number in type_.values)
         return replace(type_, name=self.names(type_.name) if type_.name else "", values=values)
 
@@ -136,7 +136,7 @@ def st_text(type_: Type, name: str = "") -> str:
 
     A name that is illegal in ST is changed: `struct` becomes `struct_`, `a b` becomes `a_b`.
     """
-    return "\n".join(_st_type(each, st_word(name)) for each in named_types(rename_for_st(type_)))
+    return "\n".join(_st_type(each, st_name(name)) for each in named_types(rename_for_st(type_)))
 
 
 def scl_text(type_: Type, name: str, rules: LayoutRules) -> str:
@@ -213,7 +213,7 @@ def _st_enumeration(type_: Enumeration) -> str:
 
 def scl_name(name: str) -> str:
     """Return the name of a member for TIA: in quotes unless it is a plain word and no keyword."""
-    return name if _PLAIN_NAME.fullmatch(name) and not is_st_word(name) else _quote_scl(name)
+    return name if _PLAIN_NAME.fullmatch(name) and not is_st_keyword(name) else _quote_scl(name)
 
 
 def _quote_scl(name: str) -> str:
@@ -229,7 +229,7 @@ def _scl_body(type_: Struct, indent: str, rules: LayoutRules) -> str:
 
 
 def join_arrays(type_: Array, rules: LayoutRules) -> Array:
-    """Join an ARRAY of ARRAYs to one ARRAY with all bounds, for SCL, unless that moves elements."""
+    """Join an ARRAY of ARRAYs into one ARRAY with all bounds, for SCL, unless that moves elements."""
     if not isinstance(type_.element, Array):
         return type_
     inner = join_arrays(type_.element, rules)

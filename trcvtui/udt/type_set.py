@@ -45,7 +45,7 @@ class TypeSet:
         return [name for name, _ in self.types.values()]
 
     def get_type(self, name: str, where: str = "type") -> Type:
-        """Return a type by name, in any case. Raise UserError if it is unknown, or with its problems."""
+        """Return a type by name, in any case. Raise UserError if unknown, or with all its problems."""
         for known in _lookup_keys(name):
             if known in self.types:
                 return self.types[known][1]
@@ -56,9 +56,9 @@ class TypeSet:
 
     def source_layout(self, name: str) -> str:
         """Return the layout that the source of a type decides, "" for none."""
-        return "" if self.sender(name).source else self.sender(name).layout
+        return "" if self.sender_layout(name).source else self.sender_layout(name).layout
 
-    def sender(self, name: str) -> SenderLayout:
+    def sender_layout(self, name: str) -> SenderLayout:
         """Return the layout that a sender of a type probably has: always a guess."""
         known = (key for key in _lookup_keys(name) if key in self.types)
         return self.senders.get(next(known, ""), SenderLayout())
@@ -88,7 +88,7 @@ def _lookup_keys(name: str) -> tuple[str, str]:
 NO_TYPES = TypeSet("the project", {}, {}, ())
 
 
-def join_files(
+def join_declarations(
     files: Iterable[Declarations],
     where: str,
     constants: Mapping[str, int] | None = None,

@@ -138,7 +138,7 @@ class Pointer:
 
 
 @dataclass(frozen=True, slots=True)
-class Unplaced:
+class RawType:
     """A type of the source that has no layout, such as an FB instance, an interface or ANY."""
 
     name: str
@@ -220,7 +220,7 @@ class Enumeration:
     is_named: bool = True
 
 
-Type = Elementary | StringType | Subrange | Pointer | Unplaced | Array | Struct | Union | Enumeration
+Type = Elementary | StringType | Subrange | Pointer | RawType | Array | Struct | Union | Enumeration
 LeafType = Elementary | StringType | Subrange | Pointer | Enumeration
 
 
@@ -254,7 +254,7 @@ def all_parts(type_: Type) -> Iterator[Type]:
 def type_text(type_: Type) -> str:
     """Return the type as a declaration names it, such as `ARRAY[0..9] OF STRING[20]`."""
     match type_:
-        case Elementary() | Unplaced():
+        case Elementary() | RawType():
             return type_.name
         case StringType(length=length, wide=wide):
             return ("WSTRING" if wide else "STRING") + ("" if length is None else f"[{length}]")
@@ -289,7 +289,7 @@ _ANY_TYPE_NAMES = (
 )
 
 BUILTIN_TYPES: Final[dict[str, Type]] = {
-    **{name.casefold(): Unplaced(name, FB_INSTANCE) for name in _FUNCTION_BLOCKS},
-    **{name.casefold(): Unplaced(name, ANY_REFERENCE) for name in _ANY_TYPE_NAMES},
+    **{name.casefold(): RawType(name, FB_INSTANCE) for name in _FUNCTION_BLOCKS},
+    **{name.casefold(): RawType(name, ANY_REFERENCE) for name in _ANY_TYPE_NAMES},
     "t_maxstring": StringType(255),  # TwinCAT, library Tc2_System
 }

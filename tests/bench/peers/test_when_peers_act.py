@@ -13,7 +13,7 @@ from tests.replay.journals import again, jsonl, recorded
 from trcvtui.bench.bench import Bench
 from trcvtui.project.file import read_project
 from trcvtui.recording.journal import REST, CallRecord
-from trcvtui.replay.command import check_replay
+from trcvtui.replay.command import find_difference
 
 MS: Final = 1_000_000
 INTERVALS: Final = 1, 10, 30, 50, 200
@@ -110,7 +110,7 @@ def test_what_peers_did_between_scans_is_recorded_and_runs_again(tmp_path: Path)
     text, entries = recorded(file)
     acted = [entry.args for entry in entries if isinstance(entry, CallRecord) and entry.call == REST]
     assert acted[:6] == [(at * MS,) for at in (7, 10, 14, 17, 70, 77)]
-    assert check_replay(again(entries)) == ""
+    assert find_difference(again(entries)) == ""
     assert jsonl(entries) == text
     assert text.count('"DONE":true') == 24  # 10 of the 245 bytes each that have come by 3950 ms
     assert recorded(file) == (text, entries)

@@ -14,10 +14,10 @@ import pytest
 from tests.diagnosis.doctor_cases import MS, Built, S, Telegrams, Wire, begin, healthy_iso, healthy_tls
 from tests.recording.wire import udp
 from trcvtui.cli.main import main
-from trcvtui.diagnosis.readings.members import find_members
+from trcvtui.diagnosis.readings.members import find_message_type
 from trcvtui.udt.layout.layout import LAYOUTS, lay_out
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.type_set import join_files
+from trcvtui.udt.type_set import join_declarations
 
 
 def said(messages: Sequence[bytes], cuts: Sequence[int] = (), plc_calls: bool = False) -> Built:
@@ -137,7 +137,7 @@ def test_a_file_that_is_there_is_kept(suggested: Suggested) -> None:
 def test_random_bytes_have_no_members() -> None:
     for seed in range(40):
         r = random.Random(seed)
-        found = find_members([r.randbytes(32) for _ in range(60)])
+        found = find_message_type([r.randbytes(32) for _ in range(60)])
         assert found is None, found
 
 
@@ -147,8 +147,8 @@ def test_a_type_that_is_found_has_the_size_of_the_message_whatever_is_in_it() ->
         size = r.randrange(1, 90)
         device = Telegrams(r, size)
         messages = [device.next() for _ in range(r.randrange(4, 40))]
-        found = find_members(messages)
+        found = find_message_type(messages)
         if found is not None:
             assert sum(one.size for one in found.members) == size
-            type_ = join_files([read_st(found.st("T"), "t.st")], "t.st").get_type("T", "t.st")
+            type_ = join_declarations([read_st(found.st("T"), "t.st")], "t.st").get_type("T", "t.st")
             assert lay_out(type_, LAYOUTS["packed"], "T").size == size

@@ -36,7 +36,7 @@ class Told:
             self.time += ns
             return 1
 
-        self.work.handshake(party, "", takes)
+        self.work.run_handshake_step(party, "", takes)
 
 
 def greedy(party: BudgetShare) -> int:

@@ -48,7 +48,7 @@ def test_a_system_without_such_a_list_leaves_the_address_to_bind(monkeypatch: py
         ScanBudget(),
     )
     assert set_up.create_socket() is None
-    failed = set_up.prepare(0)
+    failed = set_up.bind_and_start(0)
     assert failed is not None
     assert (failed.stage, failed.fault) == (SetUpStage.ADDRESS, Fault("bind", "EADDRNOTAVAIL"))
     kernel.close_all()

@@ -49,7 +49,7 @@ class Stand:
         self.said: list[str] = []
         self.loop = Forwarder(self.said.append, poll)
         to = f"{scheme}127.0.0.1:{far.getsockname()[1]}"
-        self.loop.add_route(make_route("T", f"{scheme}127.0.0.1:0", to, ("LISTEN", "CONNECT")))
+        self.loop.open_route(make_route("T", f"{scheme}127.0.0.1:0", to, ("LISTEN", "CONNECT")))
         ours, self.looks = socket.socketpair()
         self.looks.setblocking(False)
         self.loop.attach_server(ours, lambda: self.said.append("ended"))
@@ -342,7 +342,7 @@ def test_a_far_end_that_does_not_answer_in_time_shows_as_a_reset(monkeypatch: py
         caller.setblocking(False)
         caller.connect_ex(full.getsockname())
     loop = Forwarder(str)
-    loop.add_route(make_route("T", "127.0.0.1:0", f"127.0.0.1:{full.getsockname()[1]}", ("", "")))
+    loop.open_route(make_route("T", "127.0.0.1:0", f"127.0.0.1:{full.getsockname()[1]}", ("", "")))
     address = loop.routes[0].address
     with socket.create_connection(address or ("", 0)) as near:
         near.setblocking(False)
@@ -368,7 +368,7 @@ def test_two_serial_ports_are_joined_and_one_that_is_gone_is_opened_again(
     said: list[str] = []
     loop = Forwarder(said.append)
     names = [f"serial:{os.ttyname(slave)},19200,8E1" for _, slave in pairs]
-    loop.add_route(make_route("T", names[0], names[1], ("LISTEN", "CONNECT")))
+    loop.open_route(make_route("T", names[0], names[1], ("LISTEN", "CONNECT")))
     for _, slave in pairs:
         os.close(slave)
 

@@ -46,7 +46,7 @@ def tree_of(sides: tuple[Layout, Layout]) -> FoldTree:
 def test_a_row_is_the_leaf_that_both_layouts_say(sides: tuple[Layout, Layout]) -> None:
     ours, theirs = sides
     tree = tree_of(sides)
-    tree.open_all(True)
+    tree.set_all_open(True)
     for leaf in range(ours.leaf_count):
         row = tree.rows[tree.row_of_leaf(leaf)]
         mine, other = ours.leaf(leaf), theirs.leaf(leaf)
@@ -58,7 +58,7 @@ def test_a_row_is_the_leaf_that_both_layouts_say(sides: tuple[Layout, Layout]) -
 def test_every_byte_of_padding_is_a_row_with_its_size(sides: tuple[Layout, Layout]) -> None:
     ours, theirs = sides
     tree = tree_of(sides)
-    tree.open_all(True)
+    tree.set_all_open(True)
     tree.toggle((3,))  # the long one
     shown = [row for row in tree.rows if row.is_gap]
     assert sum(row.ours.size for row in shown) < sum(size for _, size in ours.padding())
@@ -99,7 +99,7 @@ def test_rows_and_keys_are_inverse_whatever_was_folded(
     sides: tuple[Layout, Layout], data: st.DataObject
 ) -> None:
     tree = tree_of(sides)
-    tree.open_all(data.draw(st.sampled_from([None, True, False])))
+    tree.set_all_open(data.draw(st.sampled_from([None, True, False])))
     for _ in range(data.draw(st.integers(0, 6))):
         found = tree.rows[data.draw(st.integers(0, len(tree.rows) - 1))]
         if found.is_open is not None:

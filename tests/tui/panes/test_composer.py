@@ -20,12 +20,12 @@ from trcvtui.commands.table import parse_line
 from trcvtui.commands.words import PeerSend
 from trcvtui.picture.bench_update import BenchUpdate
 from trcvtui.project.file import load_project
-from trcvtui.snapshots.bench import ReplySnapshot
+from trcvtui.snapshots.bench import ReplyRuleSnapshot
 from trcvtui.tui.formatting import MS
 from trcvtui.tui.panes.composer import Splits, read_splits
 
 SIZES = pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)], ids=["80x24", "120x40", "200x60"])
-RULE = ReplySnapshot("contains hex 05 send hex 06 {n:2:big}", 12, 3)
+RULE = ReplyRuleSnapshot("contains hex 05 send hex 06 {n:2:big}", 12, 3)
 
 
 def with_rules() -> BenchUpdate:
@@ -116,8 +116,8 @@ async def test_a_text_and_a_udt_are_drawn_as_their_bytes() -> None:
 def test_drawn_cuts_come_back_from_the_command_that_they_make(payload: bytes, data: st.DataObject) -> None:
     places = data.draw(st.sets(st.integers(1, len(payload) - 1), max_size=6))
     cuts = Splits({place: data.draw(st.sampled_from([0, 20 * MS, 50 * MS])) for place in sorted(places)})
-    gap = f" gap={cuts.gap}" if cuts.gap else ""
-    split = f" split={cuts.split}" if cuts.split else ""
+    gap = f" gap={cuts.gap_option}" if cuts.gap_option else ""
+    split = f" split={cuts.split_option}" if cuts.split_option else ""
     project = load_project(CONFIGS / "passive.toml")
     send = parse_line(f"peer P1 send hex {payload.hex()}{split}{gap}", project, "w")
     assert isinstance(send, PeerSend) and read_splits(send) == cuts

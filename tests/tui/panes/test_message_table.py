@@ -209,12 +209,12 @@ async def test_another_instance_and_another_type_are_never_read_by_the_old_one()
             "between two pictures"
         )
         looker.app.view_model.selected = "TRCV_C_2"
-        looker.app.main.follow_selected()
+        looker.app.main.reset_for_selected()
         assert numbers(looker) == [] and table(looker) == [] and looker.app.main.table.past is None
         await looker.pictures()
         assert "'speed'" in title(looker)
         looker.app.view_model.selected = "TRCV_C_1"
-        looker.app.main.follow_selected()
+        looker.app.main.reset_for_selected()
         await looker.pictures()
         assert numbers(looker) == [2, 3] and "2 of 3 with speed > 0" in title(looker)
         looker.bench.do("set data rx type=ARRAY[0..3] OF BYTE", "resize rx ARRAY[0..3] OF BYTE", scans=4)

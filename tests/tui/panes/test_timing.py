@@ -232,7 +232,7 @@ async def test_a_click_on_a_wide_column_goes_to_the_edge_inside_it() -> None:
 
 @pytest.fixture(autouse=True)
 def _files_stay_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trcvtui.history.waveform_text.target_folder", lambda project: tmp_path)
+    monkeypatch.setattr("trcvtui.history.waveform_text.export_folder", lambda project: tmp_path)
 
 
 async def test_e_writes_a_vcd_and_says_where_it_is(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from tests.tui.fakes import picture, receiving
 from tests.tui.looking import WIDE, looking
 from tests.tui.on_a_bench import on_a_bench
-from trcvtui.plc.snapshot import DataSnapshot
+from trcvtui.plc.snapshot import DataSummary
 
 
 async def test_a_passive_7002_is_listening_and_without_its_port_or_an_active_one_is_connecting() -> None:
@@ -29,7 +29,7 @@ async def test_a_passive_7002_is_listening_and_without_its_port_or_an_active_one
 
 async def test_bytes_of_data_that_the_newest_job_did_not_write_are_dim_and_counted() -> None:
     shown = picture(replace(receiving(), data="rx"), data=b"9031101733931" + bytes(11))
-    known = DataSnapshot("rx", "Telegram", 24, 2, newest=8, longest=13)
+    known = DataSummary("rx", "Telegram", 24, 2, newest=8, longest=13)
     shown = replace(shown, snapshot=replace(shown.snapshot, data=(known,)))
     async with looking(WIDE, shown) as looker:
         await looker.press("5")

@@ -45,7 +45,7 @@ def test_numbers_that_are_followed_are_those_of_all_messages_that_are_known() ->
         rows = tuple(message(first + n + 1, seed.random()) for n in range(seed.randrange(120)))
         count = first + len(rows)
         known.accept_rows(MessagesDelta("X", first, count, rows, max(0, count - 500)), MAX_SCAN)
-        stop = seed.choice([known.stop, max(known.first, known.stop - 30)])
+        stop = seed.choice([known.next_number, max(known.first, known.next_number - 30)])
         whole = MemberNumbers(LAYOUT, SPEED).update_numbers(known, stop)
         assert [*map(repr, kept.update_numbers(known, stop))] == [*map(repr, whole)]
         assert [*map(repr, last.update_numbers(known, stop))] == [*map(repr, whole[-60:])]

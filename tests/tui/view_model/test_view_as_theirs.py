@@ -11,7 +11,7 @@ from tests.tui.on_a_bench import LocalLooker, on_local
 from tests.tui.view_model.test_explain import SWAPPED, UP, Desk, at_the_desk
 from trcvtui.paths import configs_path
 from trcvtui.project.project import DataDecl
-from trcvtui.scenario.scenario import load_bench
+from trcvtui.scenario.scenario import load_bench_project
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), WIDE], ids=["80x24", "120x40", "wide"])
 PACKED = struct.pack(">ihBf", 41, 1, 1, 1234.5) + b"\x08\x05hello\x00\x00\x00"
@@ -74,7 +74,7 @@ async def test_the_lab_takes_theirs_into_data() -> None:
 
 @pytest.mark.parametrize("scans", [105, 215, 333, 1111])
 async def test_the_byte_order_is_that_of_whole_messages_wherever_the_running_job_began(scans: int) -> None:
-    project = load_bench(configs_path() / "guide" / "filler-twincat.toml")
+    project = load_bench_project(configs_path() / "guide" / "filler-twincat.toml")
     async with on_local(LocalLooker, project, SMALL) as looker:
         looker.bench.scan(scans)
         await looker.see()

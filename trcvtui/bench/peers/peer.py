@@ -77,7 +77,7 @@ class Peer:
 
     def has_received(self, payload: bytes) -> bool:
         """Return whether exactly `payload` came on this connection, in all or since the last match."""
-        return self.queues.inbox.is_exactly(payload)
+        return self.queues.inbox.match_exactly(payload)
 
     def snapshot(self) -> PeerSnapshot:
         return PeerSnapshot(

@@ -19,9 +19,9 @@ from trcvtui.commands.counters_and_checksums import FrameChecker, fill_message
 from trcvtui.commands.peer import MOST_RULES
 from trcvtui.commands.table import rule_text
 from trcvtui.commands.tokens import KEPT_BYTES, chunks
-from trcvtui.commands.words import AddReply, Contains, FieldIs, Match, PeerSend, Starts
+from trcvtui.commands.words import AddReply, Contains, FieldIs, Match, PeerSend, StartsWith
 from trcvtui.plc.ledger import BenchNote, Event, PeerSent
-from trcvtui.snapshots.bench import ReplySnapshot, SentMessage
+from trcvtui.snapshots.bench import ReplyRuleSnapshot, SentMessage
 from trcvtui.udt.layout.values import decode_leaves
 
 READ_BYTES: Final = 65536  # of one read; no datagram is larger
@@ -44,7 +44,7 @@ class Inbox:
         self._held = None
         self._last.clear()
         if self.checker is not None:
-            self.checker.begin()
+            self.checker.begin_stream()
 
     def add_bytes(self, arrived: memoryview) -> None:
         self.total += len(arrived)
@@ -60,7 +60,7 @@ class Inbox:
         """Return the last bytes of this connection, at most 65536."""
         return bytes(self._last[-KEPT_BYTES:])
 
-    def is_exactly(self, payload: bytes) -> bool:
+    def match_exactly(self, payload: bytes) -> bool:
         """Return whether exactly `payload` came on this connection, in all or since the last match.
 
         A match stays true until more bytes arrive.
@@ -112,9 +112,9 @@ class _SendProgress:
             self.due += self._gaps[min(self._piece, len(self._gaps)) - 1]
             self.rest = self._pieces[self._piece]
         else:
-            self._next_message()
+            self._begin_message()
 
-    def _next_message(self) -> None:
+    def _begin_message(self) -> None:
         self.left -= 1
         pause_over = self.due + self.send.gap_ns
         self.due = max(self.began + self.send.every_ns, self.due) if self.send.every_ns else pause_over
@@ -148,7 +148,7 @@ class Outbox:
         self._sendings.append(_SendProgress(send, now, number, pause_ns))
 
     @property
-    def room(self) -> int:
+    def answer_room(self) -> int:
         """Return how many more answers may wait."""
         return max(0, MOST_WAITING_ANSWERS - len(self._sendings))
 
@@ -209,7 +209,7 @@ class _ContentMatcher:
 class _StartMatcher:
     """Compares the first bytes of each scan with a pattern; an incomplete match continues in the next."""
 
-    def __init__(self, match: Starts) -> None:
+    def __init__(self, match: StartsWith) -> None:
         self._wanted = match.payload
         self.reset()
 
@@ -263,7 +263,7 @@ def _make_matcher(match: Match) -> _ContentMatcher | _StartMatcher | _FieldMatch
     match match:
         case Contains():
             return _ContentMatcher(match)
-        case Starts():
+        case StartsWith():
             return _StartMatcher(match)
         case FieldIs():
             return _FieldMatcher(match)
@@ -300,7 +300,7 @@ class ReplyRules:
             self._rules.clear()
         return ""
 
-    def reset(self) -> None:
+    def reset_matchers(self) -> None:
         for rule in self._rules:
             rule.looking.reset()
 
@@ -318,8 +318,8 @@ class ReplyRules:
     def __bool__(self) -> bool:
         return bool(self._rules)
 
-    def snapshot(self) -> tuple[ReplySnapshot, ...]:
-        return tuple([ReplySnapshot(rule.text, rule.hits, rule.missed) for rule in self._rules])
+    def snapshot(self) -> tuple[ReplyRuleSnapshot, ...]:
+        return tuple([ReplyRuleSnapshot(rule.text, rule.hits, rule.missed) for rule in self._rules])
 
 
 # -- all queues --------------------------------------------------------------------------------------------
@@ -340,13 +340,13 @@ class PeerQueues:
 
     def begin_connection(self) -> None:
         self.inbox.begin_connection()
-        self.replies.reset()
+        self.replies.reset_matchers()
 
     def handle_received(self, size: int, now: int, may_answer: bool = True) -> None:
         """Take the first `size` bytes of `landing` as received. Queue the answers to these bytes."""
         self.inbox.add_bytes(self.landing[:size])
         if self.replies:
-            room = self.outbox.room if may_answer else 0
+            room = self.outbox.answer_room if may_answer else 0
             for send, number in self.replies.find_answers(bytes(self.landing[:size]), now, room):
                 self.outbox.put(send, now, number)
 

@@ -110,7 +110,7 @@ class StreamTransport(_Transport):
         """Open the listener of a passive peer, unless it is open."""
         if self._listener is not None:
             return ""
-        handle = self._kept if self._kept is not None else self._socket(self._own_end())
+        handle = self._kept if self._kept is not None else self._open(self._own_end())
         self._kept = None
         if isinstance(handle, Fault):
             return self._report_failure("cannot listen", handle)
@@ -134,13 +134,13 @@ class StreamTransport(_Transport):
         if end is None:
             self._note_refusal(f"{self._decl.end} does not listen")
             return ""
-        handle = self._socket(self._decl.source)
+        handle = self._open(self._decl.source)
         if isinstance(handle, Fault):
             return self._report_failure("cannot connect", handle)
         self._attempt, self.remote = handle, end
         fault = self._kernel.connect(handle, end)
         if fault is not None:
-            self._withdraw()
+            self._withdraw_attempt()
             self._note_refusal(str(fault))
         else:
             self._poll_attempt()
@@ -151,7 +151,7 @@ class StreamTransport(_Transport):
         if self._handle is not None:
             self._close_connection(self._handle)
         elif self._attempt is not None:
-            self._withdraw()
+            self._withdraw_attempt()
             self._queues.note("attempt withdrawn")
         elif self._listener is not None:
             self._kernel.close(self._listener)
@@ -162,7 +162,7 @@ class StreamTransport(_Transport):
 
     def _keep_port(self) -> None:
         assert isinstance(self._decl.end, Endpoint)
-        held = self._socket(self._own_end()) if not self._decl.end.port else None  # port 0: it got a free one
+        held = self._open(self._own_end()) if not self._decl.end.port else None  # port 0: it got a free one
         self._kept = None if isinstance(held, Fault) else held
 
     def _close_connection(self, handle: Handle) -> None:
@@ -245,7 +245,7 @@ class StreamTransport(_Transport):
             assert self.remote is not None
             self._begin_connection(handle, self.remote)
         elif isinstance(verdict, Fault):
-            self._withdraw()
+            self._withdraw_attempt()
             self._note_refusal(str(verdict))
 
     def _accept(self, listener: Handle) -> None:
@@ -308,7 +308,7 @@ class StreamTransport(_Transport):
         self._queues.note(what, detail)
         self._queues.drop_unsent()
 
-    def _withdraw(self) -> None:
+    def _withdraw_attempt(self) -> None:
         assert self._attempt is not None
         self._kernel.abort(self._attempt)
         self._attempt = None
@@ -317,7 +317,7 @@ class StreamTransport(_Transport):
         self._ended = ("refused",)
         self._queues.note("refused", why)
 
-    def _socket(self, local: Endpoint | None) -> Handle | Fault:
+    def _open(self, local: Endpoint | None) -> Handle | Fault:
         handle = self._kernel.socket(self._decl.name)
         if isinstance(handle, Fault):
             return handle
@@ -439,7 +439,7 @@ class DatagramTransport(_Transport):
             if got.source != self._heard:
                 self._queues.note("heard", str(got.source))
             self._heard = got.source
-            self._queues.replies.reset()  # a match does not continue in the next datagram
+            self._queues.replies.reset_matchers()  # a match does not continue in the next datagram
             self._queues.handle_received(got.size, now)
 
     def send_due(self, now: int) -> str:

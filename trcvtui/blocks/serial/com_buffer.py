@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 from msgspec import Struct
 
 from trcvtui.blocks.data_area import DataArea
-from trcvtui.blocks.environment import BytesArrived, BytesLost, Environment, LineHeld, SerialNote
+from trcvtui.blocks.environment import BufferBytesLost, BytesBuffered, Environment, FeederHold, SerialNote
 from trcvtui.blocks.table import BlockRow
 from trcvtui.net.received_ring import ReceivedRing
 
@@ -158,13 +158,13 @@ class ComBuffer:
         taken = min(len(payload), self.free)
         position = self.received.append(payload) if is_received else -1
         if taken:
-            self._write(BytesArrived(self.name, self.tail, taken, position))
+            self._write(BytesBuffered(self.name, self.tail, taken, position))
             self._bytes += payload[:taken]
         if taken < len(payload):
             self._note_lost(len(payload) - taken, "the ComBuffer is full", position + taken)
         return taken
 
-    def mark_end(self, reason: str) -> None:
+    def mark_connection_end(self, reason: str) -> None:
         """Mark the end of a connection after the last byte."""
         self.recorded.end_connection()
         if not self._ends or self._ends[-1] != (self.tail, reason):  # marked once
@@ -179,7 +179,7 @@ class ComBuffer:
 
     def note_held(self, is_held: bool) -> None:
         """Note in the ledger that the line is held, or released."""
-        self._write(LineHeld(self.name, is_held))
+        self._write(FeederHold(self.name, is_held))
 
     # -- the reader's side ------------------------------------------------------------------------------
 
@@ -200,7 +200,7 @@ class ComBuffer:
 
     def _note_lost(self, size: int, reason: str, position: int = -1) -> None:
         self.lost += size
-        self._write(BytesLost(self.name, self.tail, size, reason, position))
+        self._write(BufferBytesLost(self.name, self.tail, size, reason, position))
 
 
 class SerialBinding(Struct, frozen=True):

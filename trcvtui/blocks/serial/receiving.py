@@ -11,7 +11,7 @@ from trcvtui.blocks.block import JobBlock, JoblessBlock
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import FrameEnded, NoiseDropped, PartialFrameDropped
-from trcvtui.blocks.framing import NO_FRAMES, Frame, FrameEnding, FrameMarks, Framer, Framing, marks_of
+from trcvtui.blocks.framing import NO_FRAMES, Frame, FrameEnding, Framer, FrameSummary, Framing, summary_of
 from trcvtui.blocks.outcome import Cause, CauseKind, Lamp, Outcome
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.serial.com_buffer import SerialBinding
@@ -41,7 +41,7 @@ class FrameReceiveJob:
     ) -> None:
         self.need = 0
         self.framer = Framer()
-        self.last: FrameMarks | None = None  # of the frame that was delivered last
+        self.last: FrameSummary | None = None  # of the frame that was delivered last
         self.tally = NO_FRAMES
         self._env = bound.env
         self._buffer = bound.buffer
@@ -60,14 +60,14 @@ class FrameReceiveJob:
 
     @property
     def have(self) -> int:
-        return self.framer.queued
+        return self.framer.pending
 
     @property
     def last_bytes_at(self) -> int | None:
         """Return when the newest byte was taken, in ns."""
         return self.framer.last_byte
 
-    def partial_bytes(self) -> bytes:
+    def received_part(self) -> bytes:
         return self.framer.partial_frame
 
     # -- one call ----------------------------------------------------------------------------------------
@@ -89,7 +89,7 @@ class FrameReceiveJob:
         self._buffer.read(used)
         if self.framer.discarded > noise:
             total = self.framer.discarded
-            stop = self._buffer.head - self.framer.queued - (len(frame.content) if frame is not None else 0)
+            stop = self._buffer.head - self.framer.pending - (len(frame.content) if frame is not None else 0)
             size = total - noise
             self._env.write(NoiseDropped(self._instance, self._buffer.name, size, total, stop - size))
         if frame is not None:
@@ -118,7 +118,9 @@ class FrameReceiveJob:
 
     def _waiting_outcome(self) -> Outcome:
         if self.framer.busy:
-            have = Cause(CauseKind.BYTES, "the frame has no end yet", have=self.framer.queued, need=self.need)
+            have = Cause(
+                CauseKind.BYTES, "the frame has no end yet", have=self.framer.pending, need=self.need
+            )
             if self._idle.cause != have:
                 self._idle = Outcome(Condition.FRAME_PART, have, lamp=Lamp.BUSY)
         elif self._idle.condition is Condition.FRAME_PART or self.framer.had_false_start:
@@ -134,9 +136,9 @@ class FrameReceiveJob:
         size, ending = len(frame.content), frame.ending
         if ending not in self._conditions:  # byte 00 in a text
             return self._discard_spoilt(frame)
-        self.last, self.tally = marks_of(frame, framing), self.tally.count_ending(ending)
+        self.last, self.tally = summary_of(frame, framing), self.tally.count_ending(ending)
         place = self._buffer.head - size
-        more = self.last.prefix, self.last.suffix, self.tally.frames
+        more = self.last.prefix, self.last.suffix, self.tally.frame_count
         self._env.write(FrameEnded(self._instance, self._buffer.name, place, size, str(ending), *more))
         self._deliver(frame.content)
         cause = Cause(CauseKind.BYTES, f"ended by: {framing.ended_by(ending)}", have=size, need=self.need)
@@ -200,7 +202,9 @@ class ReceiveData(JobBlock):
         ):
             room = area.size if area is not None else 0
             if length > room:
-                cause = Cause(CauseKind.PARAMETER, f"{name} is too small", pin=name, have=room, need=length)
+                cause = Cause(
+                    CauseKind.PARAMETER, f"{name} points to too few bytes", pin=name, have=room, need=length
+                )
                 return Condition.NULL_POINTER, cause
         return None
 

@@ -57,7 +57,7 @@ class SendBlock(NoJob):
             )
         if len(payload) > self._buffer.size:
             have, need = self._buffer.size, len(payload)
-            cause = Cause(CauseKind.PARAMETER, "more bytes than the ComBuffer can hold", have=have, need=need)
+            cause = Cause(CauseKind.PARAMETER, "the ComBuffer is too small", have=have, need=need)
             return Outcome(Condition.SEND_OVERRUN, cause)
         if not self.running:
             self.have, self.need, self._begun = 0, len(payload), asked
@@ -86,7 +86,7 @@ class SendData(SendBlock):
     def bytes_to_send(self, inputs: Inputs) -> bytes | Outcome:
         have = self._data.size if self._data is not None else 0
         if self._data is None or inputs.length > have:
-            name = "pSendData points to fewer bytes"
+            name = "pSendData points to too few bytes"
             cause = Cause(CauseKind.PARAMETER, name, pin="pSendData", have=have, need=inputs.length)
             return Outcome(Condition.NULL_POINTER, cause)
         return bytes(self._data.content[: inputs.length])

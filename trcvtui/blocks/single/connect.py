@@ -8,11 +8,11 @@ from typing import Final
 
 from msgspec.structs import replace
 
-from trcvtui.blocks.block import ConnectBinding, NoJob, ScriptBlock, StoppableJob
+from trcvtui.blocks.block import ConnectBinding, NoJob, ScriptedBlock, StoppableJob
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, CauseKind, Outcome, cause_of_fault
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.rules import StatusSequence
+from trcvtui.blocks.rules import StatusRules
 from trcvtui.blocks.tcp.connection_control import disconnect, established_cause, reset, set_up_failed
 from trcvtui.blocks.tcp.job_checks import changed_outcome, find_rival, in_use_cause
 from trcvtui.blocks.tcp.no_connection import loss_cause
@@ -45,7 +45,7 @@ def with_condition(condition: Condition, outcome: Outcome) -> Outcome:
     return replace(outcome, condition=condition, stable=outcome.stable and condition is not Condition.STARTED)
 
 
-def end_job(loss: ConnectionLoss, job: StoppableJob, course: StatusSequence, failed: Condition) -> Outcome:
+def end_job(loss: ConnectionLoss, job: StoppableJob, course: StatusRules, failed: Condition) -> Outcome:
     """End a job that has lost its connection. If our side closed the connection, show "not connected"."""
     is_ours = loss.kind is LossKind.OURS
     condition = Condition.NOT_CONNECTED if is_ours else course.job_loss.get(loss.kind, failed)
@@ -54,7 +54,7 @@ def end_job(loss: ConnectionLoss, job: StoppableJob, course: StatusSequence, fai
     return Outcome(condition, cause)
 
 
-ENDPOINT_IS_THERE: Final = Cause(CauseKind.INPUT, "REQ rose, but the connection exists", pin="REQ", value=1)
+ENDPOINT_IS_THERE: Final = Cause(CauseKind.INPUT, "REQ rose, but the endpoint exists", pin="REQ", value=1)
 STILL_CLOSING: Final = Cause(CauseKind.OTHER_BLOCK, "TDISCON is still closing the connection")
 
 
@@ -98,7 +98,7 @@ class SingleTcon:
             return Outcome(Condition.NOT_NOW, STILL_CLOSING)
         if self._connection.state is not State.CLOSED:
             return self._refuse()
-        fault = self._connection.open(self._env.now)
+        fault = self._connection.queue_set_up(self._env.now)
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of_fault(fault))
         self._is_building = True
@@ -163,7 +163,7 @@ _REBUILDING = Outcome(
 STILL_BUILDING: Final = Cause(CauseKind.OTHER_BLOCK, "the connection is still being built")
 
 
-class SingleScriptBlock(ScriptBlock):
+class SingleScriptedBlock(ScriptedBlock):
     """An instruction without bytes: 7000, then from an edge of REQ on 7001, 7002, 0000 with DONE."""
 
     def __init__(self, bound: ConnectBinding) -> None:
@@ -184,8 +184,8 @@ class SingleScriptBlock(ScriptBlock):
         return self._script.popleft()
 
 
-class SingleTdiscon(SingleScriptBlock):
-    """One TDISCON instance. It shows 80A3 without a connection to close, 80C4 during the set-up."""
+class SingleTdiscon(SingleScriptedBlock):
+    """One TDISCON instance. It shows 80A3 without a connection to close, 80C4 while one is being built."""
 
     def _advance(self) -> Outcome:
         shown = super()._advance()
@@ -216,7 +216,7 @@ class SingleTdiscon(SingleScriptBlock):
         return super()._begin()
 
 
-class SingleTReset(SingleScriptBlock):
+class SingleTReset(SingleScriptedBlock):
     """One T_RESET instance; 0001 with DONE if no connection is established. The endpoint stays."""
 
     def _begin(self) -> Outcome:
@@ -241,7 +241,7 @@ STATE_DOWN, STATE_TRYING, STATE_WAITING, STATE_ESTABLISHED = 1, 2, 3, 4  # STEP 
 COUNTER_MASK: Final = 0xFFFFFFFF  # UDINT: it begins again at 0
 
 
-class TDiag(SingleScriptBlock):
+class TDiag(SingleScriptedBlock):
     """One T_DIAG instance; RESULT is written with DONE."""
 
     def __init__(self, bound: ConnectBinding) -> None:

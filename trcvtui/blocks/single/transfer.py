@@ -11,7 +11,7 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, CauseKind, Outcome
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.single.connect import IDLE, end_job, no_socket_outcome, with_condition
-from trcvtui.blocks.tcp.job_checks import RepeatedFaultFilter, check_target, find_structure_error
+from trcvtui.blocks.tcp.job_checks import RepeatedFaultFilter, find_structure_error, target_error
 from trcvtui.blocks.tcp.no_connection import KnownIncarnation, not_connected
 from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.tcp.send_job import SendJob
@@ -148,7 +148,7 @@ class Tusend(JobBlock):
     def _begin(self, length: int) -> Outcome:
         if not self._port.is_open:
             return no_socket_outcome(self._port, "REQ", "REQ rose without a socket")
-        began = check_target(self._address) or self.job.begin(length)
+        began = target_error(self._address) or self.job.begin(length)
         return with_condition(Condition.STARTED, began) if began.condition is Condition.SENDING else began
 
 

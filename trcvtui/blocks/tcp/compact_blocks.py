@@ -70,7 +70,7 @@ class TrcvC(JobBlock):
             return self._control.first_scan_outcome(outcome, self._begins)
         if condition is Condition.CONNECTED:
             self._request.forget_edge()
-        elif condition is Condition.ESTABLISHING and self._control.waits > 1 and self._request.consume():
+        elif condition is Condition.ESTABLISHING and self._control.waits > 1 and self._request.use_edge():
             # 80A1 in the place of a 7002, never of the first (7.15.1); before any connection it is expected.
             shown = not_connected("EN_R", "EN_R is 1 without a connection", self._connection)
             return replace(shown, cause=replace(shown.cause, is_expected=not self._connection.incarnation))

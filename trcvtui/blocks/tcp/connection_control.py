@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import Cause, CauseKind, Outcome, cause_of_fault
-from trcvtui.blocks.rules import StatusSequence
+from trcvtui.blocks.rules import StatusRules
 from trcvtui.blocks.tcp.job_checks import find_rival, in_use_cause
 from trcvtui.net.connection.connection import Connection, LossKind, State
 from trcvtui.net.connection.resources import Claim
@@ -47,7 +47,7 @@ BY_REQ: Final = ConnectionReasons(
 )
 BY_EN_R: Final = ConnectionReasons(
     asked=Cause(CauseKind.INPUT, "EN_R is 1 without a connection", pin="EN_R", value=1),
-    ended=Cause(CauseKind.INPUT, "CONT was 0 when the connection began", pin="CONT", value=0),
+    ended=Cause(CauseKind.INPUT, "CONT was 0 when the connection was begun", pin="CONT", value=0),
     idle=_idle_outcome("CONT and EN_R are 0", "EN_R"),
 )
 
@@ -66,7 +66,7 @@ class ConnectionDemand:
     def update(self, cont: bool, asks: bool, is_closing: bool) -> bool:
         """Return whether the connection is wanted.
 
-        If `asks`, a request waits for the connection or a job runs. If `is_closing`, a close shows codes.
+        `asks`: a request waits for the connection, or a job runs. `is_closing`: a close still shows codes.
         """
         if self._reasons is None:
             return cont
@@ -259,7 +259,7 @@ class ConnectionControl:
         self._connection.keeping.hold(self._claim)
         if self._connection.state is not State.CLOSED:  # joins: 7002 and 7004 only
             return self.begin_waiting("another block has opened the connection")
-        fault = self._connection.open(self._env.now, self._has_addr)
+        fault = self._connection.queue_set_up(self._env.now, self._has_addr)
         self.phase, self._queued = Phase.STARTING, fault is None  # 80AC: tried in each scan
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of_fault(fault))
@@ -434,7 +434,7 @@ def established_cause(connection: Connection) -> Cause:
     return Cause(CauseKind.PARTNER, "the partner is connected", peer=connection.partner)
 
 
-def set_up_failed(connection: Connection, failed: StepFault, course: StatusSequence) -> Outcome:
+def set_up_failed(connection: Connection, failed: StepFault, course: StatusRules) -> Outcome:
     peer = connection.set_up.remote if failed.stage is SetUpStage.CONNECT else None
     cause = cause_of_fault(failed.fault, failed.client or str(peer or ""))
     if failed.detail:

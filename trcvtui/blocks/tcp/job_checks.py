@@ -55,7 +55,7 @@ def acquire(
 
 
 def can_start(env: Environment, data: DataArea | None, request: JobRequest) -> bool:
-    """Return whether DATA, LEN and `rival` let the requested job start. Do not check the buffers."""
+    """Return whether DATA, LEN and `rival` let the requested job start. The buffers are not checked."""
     return request.rival is None and _find_length_misfit(env, data, request) is None
 
 
@@ -79,10 +79,10 @@ def _find_length_misfit(env: Environment, data: DataArea | None, request: JobReq
     if unfit is not None:
         return unfit
     if request.needs_len and not length and not data.symbolic:
-        return _refuse(Condition.LENGTH_WRONG, "LEN is 0, but this block needs a length", "LEN", 0)
+        return _refusal(Condition.LENGTH_WRONG, "LEN is 0, but this block needs a length", "LEN", 0)
     if area.texts_whole and 0 < length < request.least:
         name = f"LEN cuts {data.type_name}: use 0, or {request.least} or more"
-        return _refuse(Condition.LEN_OF_TEXT, name, "LEN", length)
+        return _refusal(Condition.LEN_OF_TEXT, name, "LEN", length)
     if length > data.size or (length or data.size) > limit:
         return _length_error(env, limit, data, length)
     return None
@@ -92,28 +92,28 @@ def find_rival(env: Environment, connection: Connection, claim: Claim) -> Claim 
     """Return a claim of another priority on this connection, if the vendor allows only one priority."""
     if not env.rules.one_class:
         return None
-    found = (direction.find_other_priority(claim) for direction in connection.directions)
+    found = (direction.find_other_priority(claim) for direction in connection.direction_claims)
     return next((rival for rival in found if rival is not None), None)
 
 
 def _find_area_misfit(area: DataAreaRules, data: DataArea, length: int, adhoc: bool) -> Outcome | None:
     if area.refuses_bits and data.elements is ElementKind.BITS:
-        return _refuse(Condition.DATA_REFUSED, f"DATA is {data.type_name}: single bits are refused")
+        return _refusal(Condition.DATA_REFUSED, f"DATA is {data.type_name}: single bits are refused")
     if not data.symbolic:
         return None
     if area.symbolic_alone and length:
-        return _refuse(Condition.DATA_SYMBOLIC, "DATA is symbolic, so LEN must be 0", "LEN", length)
+        return _refusal(Condition.DATA_SYMBOLIC, "DATA is symbolic, so LEN must be 0", "LEN", length)
     if area.symbolic_bytes and adhoc and data.elements is not ElementKind.BYTES:
-        return _refuse(Condition.DATA_SYMBOLIC, "ad-hoc with a symbolic DATA needs elements of 8 bits")
+        return _refusal(Condition.DATA_SYMBOLIC, "ad-hoc with a symbolic DATA needs elements of 8 bits")
     return None
 
 
-def _refuse(condition: Condition, name: str, pin: str = "DATA", value: int | None = None) -> Outcome:
+def _refusal(condition: Condition, name: str, pin: str = "DATA", value: int | None = None) -> Outcome:
     return Outcome(condition, Cause(CauseKind.PARAMETER, name, pin=pin, value=value))
 
 
 def changed_outcome(what: str) -> Outcome:
-    return _refuse(Condition.AREA_CHANGED, f"{what} changed while the job ran", pin=what)
+    return _refusal(Condition.AREA_CHANGED, f"{what} changed while the job ran", pin=what)
 
 
 def _length_error(env: Environment, most: int, data: DataArea, length: int) -> Outcome:
@@ -154,7 +154,7 @@ def find_misfit(bound: ConnectBinding, needs_datagrams: bool, receives: bool = F
     return None
 
 
-def check_target(address: RemoteAddress) -> Outcome | None:
+def target_error(address: RemoteAddress) -> Outcome | None:
     wrong = find_structure_error(address, TARGET_STRUCTURES)
     if wrong is not None:
         return wrong
@@ -184,7 +184,7 @@ def _addr_error(condition: Condition, name: str, pin: str = "ADDR") -> Outcome:
 
 
 FAULT_SHOWN: Final = Cause(
-    CauseKind.WAITING, "the error was shown already, and EN_R, LEN and DATA are unchanged"
+    CauseKind.WAITING, "the error was shown already; EN_R is 1, LEN and DATA are unchanged"
 )
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from trcvtui.blocks.block import JobBinding
-from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
+from trcvtui.blocks.environment import ReceiveEnded, ReceiveStarted, SendEnded, SendStarted
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.tcp.job_checks import changed_outcome
 from trcvtui.net.connection.connection import Connection
 from trcvtui.net.connection.resources import DirectionClaims
 
 
-class TransferJob:
+class JobRunner:
     adhoc = False
 
     def __init__(self, bound: JobBinding, connection: Connection, direction: DirectionClaims) -> None:
@@ -30,7 +30,7 @@ class TransferJob:
         self._incarnation = 0  # of the connection that the running job works on
         self.first_offset = 0  # in the stream
 
-    def _begin_next(self, need: int, offset: int) -> tuple[str, int, str, int, int]:
+    def _begin_job(self, need: int, offset: int) -> tuple[str, int, str, int, int]:
         """Begin the next job; return the first fields of its ledger event."""
         self.number += 1
         self.running, self.have, self.need = True, 0, need
@@ -63,11 +63,11 @@ class TransferJob:
         self.abandon(reason)
 
 
-class OutgoingJob(TransferJob):
+class OutgoingJob(JobRunner):
     """A job that sends a copy of DATA."""
 
     def _start(self, payload: bytes) -> None:
-        head = self._begin_next(len(payload), self.connection.bytes_sent)
+        head = self._begin_job(len(payload), self.connection.bytes_sent)
         self._env.write(SendStarted(*head, self.need))
 
     def abandon(self, reason: str) -> None:
@@ -75,7 +75,7 @@ class OutgoingJob(TransferJob):
         if self.running:
             self._end(done=False, reason=reason)
 
-    def partial_bytes(self) -> bytes:
+    def received_part(self) -> bytes:
         return b""
 
     def _end(self, done: bool, reason: str) -> None:
@@ -86,7 +86,7 @@ class OutgoingJob(TransferJob):
         self._env.write(SendEnded(*self._event_head(), self.have, done, reason))
 
 
-class IncomingJob(TransferJob):
+class IncomingJob(JobRunner):
     """A job that collects bytes in a buffer of its own."""
 
     def __init__(self, bound: JobBinding, connection: Connection) -> None:
@@ -94,16 +94,16 @@ class IncomingJob(TransferJob):
         self.buffer = bytearray()
 
     def _start(self, need: int, adhoc: bool = False) -> None:
-        head = self._begin_next(need, self.connection.bytes_received)
+        head = self._begin_job(need, self.connection.bytes_received)
         if len(self.buffer) != need:  # else the buffer of the last job serves again
             self.buffer = bytearray(need)
-        self._env.write(JobStarted(*head, need, adhoc))
+        self._env.write(ReceiveStarted(*head, need, adhoc))
 
-    def partial_bytes(self) -> bytes:
+    def received_part(self) -> bytes:
         return bytes(self.buffer[: self.have]) if self.running else b""
 
     def _end(self, done: bool, reason: str, size: int) -> None:
         self.running = False
         self.have = 0
         self._env.resources.buffers.release()
-        self._env.write(JobEnded(*self._event_head(), size, done, reason))
+        self._env.write(ReceiveEnded(*self._event_head(), size, done, reason))

@@ -24,7 +24,7 @@ _LOSS_NAMES = {
 }
 
 
-def show_loss(
+def loss_walk(
     loss: ConnectionLoss, rules: VendorRules, job: Job, failed: Condition | None, short_frame: bool = False
 ) -> list[Outcome]:
     """Return the outcomes of a loss, one for each scan.
@@ -105,7 +105,7 @@ class StandingRequest:
         """Forget the edge: the connection is up, and a later loss or reset does not arm 80A1 again."""
         self._armed = False
 
-    def consume(self) -> bool:
+    def use_edge(self) -> bool:
         """Return whether 80A1 shows in this scan; with PULSE, 80A1 shows once per edge (7.15.1)."""
         shows = self._en_r and (
             self._rule is NotConnectedRule.HOLD or (self._rule is NotConnectedRule.PULSE and self._armed)

@@ -1,7 +1,7 @@
 """The receive job: what TRCV does between EN_R and DONE.
 
 Rule 1: a job latches LEN and the size of DATA when it starts, and reads at most its own length. ADHOC acts
-on the running job (7.15.1, ADHOC mode: "sets the current reception function"), or the rules latch ADHOC.
+on the running job (7.15.1, ADHOC mode: "sets the current reception function"), or is latched too (rules).
 Rule 2: until DONE the bytes stay in the job's buffer, so DATA changes only at DONE.
 Rule 3: at least one scan of "receiving" shows before each DONE.
 """
@@ -13,12 +13,12 @@ from typing import Final
 
 from trcvtui.blocks.block import ConnectBinding
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.environment import ModeChange
+from trcvtui.blocks.environment import ModeChanged
 from trcvtui.blocks.outcome import Cause, CauseKind, Outcome
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.job_checks import JobRequest, acquire, can_start, find_misfit, find_rival, reserve
 from trcvtui.blocks.tcp.jobs import IncomingJob
-from trcvtui.blocks.tcp.no_connection import show_loss
+from trcvtui.blocks.tcp.no_connection import loss_walk
 from trcvtui.net.connection.connection import ConnectionLoss, LossKind
 from trcvtui.net.results import Datagram, Endpoint, WouldBlock
 
@@ -121,7 +121,7 @@ class ReceiveJob(IncomingJob):
 
     def _switch_adhoc(self, adhoc: bool) -> None:
         self.adhoc = adhoc
-        self._env.write(ModeChange(self._instance, self.number, adhoc))
+        self._env.write(ModeChanged(self._instance, self.number, adhoc))
         if self._is_message_oriented:
             return
         if adhoc and 0 < self.have < self.need and self.connection.unread():  # a loss shows after the frame
@@ -171,7 +171,7 @@ class ReceiveJob(IncomingJob):
         """End the job; return the outcomes that the loss shows, one a scan."""
         failed = Condition.RECEIVE_FAILED if self.running else None
         is_short = bool(self.have and not self.adhoc)
-        outcomes = show_loss(loss, self._env.rules, self, failed, short_frame=is_short)
+        outcomes = loss_walk(loss, self._env.rules, self, failed, short_frame=is_short)
         still_asked = self._env.rules.course.still_asked
         # 80C4 follows only a job that the loss has ended, not a close by our side.
         if self.running and still_asked and loss.kind not in (LossKind.OURS, LossKind.REFUSED):

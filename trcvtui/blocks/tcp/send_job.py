@@ -17,9 +17,9 @@ from trcvtui.blocks.block import ConnectBinding
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import FULL, NEXT_REQ, Cause, CauseKind, Outcome, cause_of_fault, send_full_cause
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.tcp.job_checks import JobRequest, acquire, check_target, find_misfit, find_rival, reserve
+from trcvtui.blocks.tcp.job_checks import JobRequest, acquire, find_misfit, find_rival, reserve, target_error
 from trcvtui.blocks.tcp.jobs import OutgoingJob
-from trcvtui.blocks.tcp.no_connection import show_loss
+from trcvtui.blocks.tcp.no_connection import loss_walk
 from trcvtui.blocks.tcp.receive_job import OUTCOMES_KEPT
 from trcvtui.net.connection.connection import ConnectionLoss
 from trcvtui.net.connection.udp import UdpEndpoint
@@ -110,7 +110,7 @@ class SendJob(OutgoingJob):
 
     def _find_target_error(self) -> Outcome | None:
         is_datagram = self.connection.config.is_datagram
-        return self._unfit or (check_target(self._address) if is_datagram and self._address else None)
+        return self._unfit or (target_error(self._address) if is_datagram and self._address else None)
 
     def _send_rest(self) -> Outcome | ConnectionLoss | None:
         got = self._send()
@@ -147,7 +147,7 @@ class SendJob(OutgoingJob):
     def end_by_loss(self, loss: ConnectionLoss, asked: bool) -> list[Outcome]:
         """End the job. Return the outcomes of the loss, one a scan. If `asked`, REQ rose in this scan."""
         failed = Condition.SEND_FAILED if self.running or asked else None
-        outcomes = show_loss(loss, self._env.rules, self, failed)
+        outcomes = loss_walk(loss, self._env.rules, self, failed)
         self.abandon(loss.reason)
         return outcomes
 
@@ -158,7 +158,7 @@ class SendJob(OutgoingJob):
 
 @lru_cache(OUTCOMES_KEPT)
 def _sending_outcome(have: int, need: int) -> Outcome:
-    name = "the stack has taken all bytes; DONE in the next scan" if have == need else "bytes are left"
+    name = "DONE comes in the next scan" if have == need else "bytes are left"
     return Outcome(Condition.SENDING, Cause(CauseKind.BYTES, name, have=have, need=need))
 
 

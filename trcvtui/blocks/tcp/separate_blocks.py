@@ -6,25 +6,19 @@ from collections import deque
 
 from msgspec.structs import replace
 
-from trcvtui.blocks.block import ConnectBinding, JobBlock, ScriptBlock
+from trcvtui.blocks.block import ConnectBinding, JobBlock, ScriptedBlock
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, CauseKind, Lamp, Outcome, cause_of_fault
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.compact_blocks import EN_R_IS_0
-from trcvtui.blocks.tcp.connection_control import (
-    ConnectionControl,
-    Phase,
-    disconnect,
-    reset,
-    set_up_failed,
-)
-from trcvtui.blocks.tcp.no_connection import CONNECTED, NO_LINK, KnownIncarnation, not_connected, show_loss
+from trcvtui.blocks.tcp.connection_control import ConnectionControl, Phase, disconnect, reset, set_up_failed
+from trcvtui.blocks.tcp.no_connection import CONNECTED, NO_LINK, KnownIncarnation, loss_walk, not_connected
 from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.tcp.send_job import SendJob
 from trcvtui.net.connection.connection import ConnectionLoss, State
 
 
-class Tcon(ScriptBlock):
+class Tcon(ScriptedBlock):
     """One TCON instance. Once triggered, it reconnects after each loss until a disconnect (7.15.5)."""
 
     def __init__(self, bound: ConnectBinding) -> None:
@@ -63,7 +57,7 @@ class Tcon(ScriptBlock):
         loss = self._connection.find_loss(self._control.incarnation) or self._connection.check_loss()
         if loss is None:
             return _CONNECTION_UP
-        outcomes = show_loss(loss, self._bound.env.rules, self.job, failed=None)
+        outcomes = loss_walk(loss, self._bound.env.rules, self.job, failed=None)
         return self._control.start_reconnecting(outcomes, "the connection is gone")
 
     def detach(self, reason: str) -> None:
@@ -76,7 +70,7 @@ _REQ_NOT_RISEN = Outcome(
 _CONNECTION_UP = Outcome(Condition.CONNECTED, Cause(CauseKind.PARTNER, "the connection is up"), stable=True)
 
 
-class Tdiscon(ScriptBlock):
+class Tdiscon(ScriptedBlock):
     def __init__(self, bound: ConnectBinding) -> None:
         super().__init__()
         self._connection = bound.connection
@@ -93,10 +87,10 @@ class Tdiscon(ScriptBlock):
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of_fault(fault))
         cause = Cause(CauseKind.INPUT, "REQ rose", pin="REQ", value=1)
-        return add_lamps(disconnect(self._connection, cause), self._script)
+        return queue_with_lamps(disconnect(self._connection, cause), self._script)
 
 
-def add_lamps(outcomes: list[Outcome], script: deque[Outcome]) -> Outcome:
+def queue_with_lamps(outcomes: list[Outcome], script: deque[Outcome]) -> Outcome:
     """Return the first outcome and put the others into the script; the last has DONE, all others BUSY."""
     if len(outcomes) == 1:
         return outcomes[0]  # a failed call shows nothing else
@@ -109,7 +103,7 @@ def add_lamps(outcomes: list[Outcome], script: deque[Outcome]) -> Outcome:
 IDLE = Outcome(Condition.NOT_CALLED, Cause(CauseKind.WAITING, "REQ has not risen", pin="REQ"), stable=True)
 
 
-class TReset(ScriptBlock):
+class TReset(ScriptedBlock):
     """One T_RESET instance. It rebuilds the connection after its reset (7.15.7). Other blocks may, too."""
 
     def __init__(self, bound: ConnectBinding) -> None:
@@ -130,7 +124,7 @@ class TReset(ScriptBlock):
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of_fault(fault))
         cause = Cause(CauseKind.INPUT, "REQ rose", pin="REQ", value=1)
-        shown = add_lamps(reset(self._connection, cause, self._env.rules.course.reset), self._script)
+        shown = queue_with_lamps(reset(self._connection, cause, self._env.rules.course.reset), self._script)
         self._script.append(_REBUILDING)
         self._rebuilds = True
         return shown

@@ -161,7 +161,7 @@ class UrecvC(JobBlock):
         self.job.abandon(outcome.cause.name)
         if outcome.condition is Condition.CREATED:
             self._request.forget_edge()
-        elif outcome.condition is Condition.CREATING and self._control.waits > 1 and self._request.consume():
+        elif outcome.condition is Condition.CREATING and self._control.waits > 1 and self._request.use_edge():
             return _TOO_EARLY
         return outcome
 

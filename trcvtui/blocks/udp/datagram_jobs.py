@@ -121,11 +121,11 @@ class DatagramReceiveJob(IncomingJob):
         if got.is_cut and not self._env.rules.large_datagram_cut:  # switch large_datagram
             return self._refuse_too_large(got)
         self.have, self._source = got.size, got.source
-        self._drop(got.size, got.whole - got.size, "larger than LEN or DATA")
+        self._note_dropped(got.size, got.whole - got.size, "larger than LEN or DATA")
         return None
 
     def _refuse_too_large(self, got: Datagram) -> Outcome:
-        self._drop(0, got.whole, "larger than LEN or DATA")
+        self._note_dropped(0, got.whole, "larger than LEN or DATA")
         self._end(done=False, reason="the datagram is too large", size=0)
         cause = Cause(
             CauseKind.BYTES, "the datagram is larger than LEN or DATA", have=got.whole, need=self.need,
@@ -142,18 +142,18 @@ class DatagramReceiveJob(IncomingJob):
         data.write(0, memoryview(self.buffer)[:size].toreadonly())
         self._address.set_end(source)
         kept = min(size, data.size)
-        self._drop(kept, size - kept, "DATA resized")
+        self._note_dropped(kept, size - kept, "DATA resized")
         self._end(done=True, reason="complete", size=kept)
         cause = Cause(CauseKind.FRAME, "a datagram is here", have=size, need=self.need, peer=str(source))
         return Outcome(Condition.RECEIVED, cause, rcvd_len=size)
 
-    def _drop(self, begin: int, size: int, reason: str) -> None:
+    def _note_dropped(self, begin: int, size: int, reason: str) -> None:
         self._port.note_dropped(self.first_offset + begin, size, reason, self._incarnation)
 
     def abandon(self, reason: str) -> None:
         """End a running job without DONE; a datagram that is already here is dropped and noted."""
         if self.running:
-            self._drop(0, self.have, reason)
+            self._note_dropped(0, self.have, reason)
             self._end(done=False, reason=reason, size=self.have)
 
     def _end(self, done: bool, reason: str, size: int) -> None:

@@ -28,8 +28,8 @@ from trcvtui.diagnosis.readings.marks import (
     find_places,
     is_alternating,
     is_begin_and_end_mark,
+    prefix_after_noise,
     rank_mark_splits,
-    start_after_noise,
 )
 from trcvtui.diagnosis.readings.proposal import (
     CutKind,
@@ -109,7 +109,7 @@ def advise_framings(recording: LineRecording) -> FramingAdvice:
     proposals, ranks, clean = [], _ranks(best), None
     plain = join_chunks(recording)
     for rank, each in zip(ranks, best, strict=True):
-        whole = _cut(recording, plain, each.guess, MOST_FRAMES)
+        whole = _cut_recording(recording, plain, each.guess, MOST_FRAMES)
         clean = clean or (each.guess, whole)
         proposals.append(_proposal(rank, each, whole, recording, clean))
     return FramingAdvice(tuple(proposals), _describe_recording(recording, total))
@@ -146,13 +146,13 @@ def _try_guesses(recording: LineRecording) -> list[FramingTrial]:
     starts: list[FramingTrial] = []
     plain, marks = join_chunks(recording), find_marks(stream[: TRIAL_WINDOWS[0]])
     for guess in islice(dict.fromkeys(_guesses(recording, stream, bursts, marks)), MOST_GUESSES):
-        tried = _try(recording, plain, guess, scale)
+        tried = _try_guess(recording, plain, guess, scale)
         if tried is not None:
             starts.append(tried)
     after = _try_after_noise(recording, plain, starts, marks, scale)
     starts = [each for each in starts if each.bits >= LEAST_BITS]
-    for guess in dict.fromkeys(_add_prefixes(starts)):
-        tried = _try(recording, plain, guess, scale)
+    for guess in dict.fromkeys(_guess_prefixes(starts)):
+        tried = _try_guess(recording, plain, guess, scale)
         if tried is not None and tried.bits >= LEAST_BITS:
             starts.append(tried)
     starts = [*after, *[each for each in starts if each.guess not in {one.guess for one in after}]]
@@ -178,7 +178,7 @@ def _guesses(
             prefix = mark[rank_mark_splits(mark, stream, bursts.pauses)[0] :] or mark
             yield Guess(CutKind.PREFIX, Framing(fixed, prefix[:fixed]))
     for field in find_length_fields(stream, bursts):
-        yield Guess(CutKind.LENGTH, Framing(field.head), field)
+        yield Guess(CutKind.LENGTH, Framing(field.head_size), field)
     if bursts.is_clear:
         middle = min((bursts.within + bursts.between) // 2, bursts.between - recording.tick_ns)
         timeout = max(1, middle // MILLISECOND) * MILLISECOND
@@ -190,7 +190,7 @@ def _guesses(
                 yield Guess(CutKind.PREFIX_SUFFIX, Framing(size, start, end))
 
 
-def _add_prefixes(tried: Sequence[FramingTrial]) -> Iterator[Guess]:
+def _guess_prefixes(tried: Sequence[FramingTrial]) -> Iterator[Guess]:
     for each in _rank_trials(list(tried)):
         guess = each.guess
         if guess.kind not in (CutKind.SUFFIX, CutKind.SIZE, CutKind.GAP):
@@ -218,13 +218,15 @@ def _try_after_noise(
     ends = sorted([each for each in tried if each.guess.kind is CutKind.SUFFIX], key=lambda each: -each.bits)
     known = {each.guess for each in ends}
     shorter = [guess for guess in dict.fromkeys(_shorten_suffixes(ends)) if guess not in known][:MOST_HEADS]
-    more = [_try(recording, plain, guess, scale) for guess in shorter]
+    more = [_try_guess(recording, plain, guess, scale) for guess in shorter]
     for each in (*ends[:MOST_SUFFIXES], *filter(None, more)):
         suffix = each.guess.framing.suffix
         is_both = is_begin_and_end_mark(suffix, stream)
-        prefix = suffix if is_both else start_after_noise(each.cut.good, suffix, marks, is_text=scale.is_text)
+        prefix = (
+            suffix if is_both else prefix_after_noise(each.cut.good, suffix, marks, is_text=scale.is_text)
+        )
         guess = Guess(CutKind.PREFIX_SUFFIX, Framing(LONGEST_FRAME, prefix, suffix))
-        made = _try(recording, plain, guess, scale, is_noise=True) if prefix else None
+        made = _try_guess(recording, plain, guess, scale, is_noise=True) if prefix else None
         if made is None or (is_both and not _is_flag_framing(made.cut, suffix)):
             continue
         bits = max(made.bits, each.bits) + 1
@@ -249,18 +251,18 @@ def _known_start(start: bytes) -> bytes:
     return next((known for known in KNOWN_STARTS if start.startswith(known)), b"")
 
 
-def _cut(recording: LineRecording, plain: LineRecording, guess: Guess, most: int = 0) -> Cut:
+def _cut_recording(recording: LineRecording, plain: LineRecording, guess: Guess, most: int = 0) -> Cut:
     """Cut a recording. A framing without a timeout cuts `plain`, the same recording without times."""
     if guess.field is not None:
         return cut_by_length(plain, guess.field, LONGEST_FRAME, most)
     return cut(recording if guess.framing.timeout_ns else plain, guess.framing, most)
 
 
-def _try(
+def _try_guess(
     recording: LineRecording, plain: LineRecording, guess: Guess, scale: Scale, *, is_noise: bool = False
 ) -> FramingTrial | None:
-    """Try a guess. With `is_noise`, other evidence shows noise before a prefix. It then costs nothing."""
-    made = _cut(recording, plain, guess, MOST_TRIED)
+    """Try a guess. With `is_noise`, noise before a prefix costs nothing, as other evidence shows it."""
+    made = _cut_recording(recording, plain, guess, MOST_TRIED)
     good = made.good
     explained = sum([len(frame.content) for frame in good])
     if len(good) < LEAST_FRAMES or explained < LEAST_EXPLAINED * made.total:
@@ -282,7 +284,7 @@ def _try(
 # -- ranks ---------------------------------------------------------------------------------------------------
 
 
-def _group(tried: FramingTrial) -> tuple[object, ...]:
+def _group_key(tried: FramingTrial) -> tuple[object, ...]:
     is_marked = tried.guess.kind in MARK_KINDS and not tried.guess.framing.timeout_ns
     return (is_marked or tried.guess, tried.cut.places)
 
@@ -291,10 +293,10 @@ def _rank_trials(tried: list[FramingTrial]) -> list[FramingTrial]:
     tried = [each for each in tried if not _is_chance(each, tried)]
     weights: dict[tuple[object, ...], float] = {}
     for each in tried:
-        weights[_group(each)] = max(weights.get(_group(each), 0.0), each.bits)
+        weights[_group_key(each)] = max(weights.get(_group_key(each), 0.0), each.bits)
     best = max(weights.values(), default=0.0)
-    kept = [each for each in tried if weights[_group(each)] >= LEAST_SHARE * best]
-    kept.sort(key=lambda each: (-weights[_group(each)], str(_group(each)[0]), _preference(each)))
+    kept = [each for each in tried if weights[_group_key(each)] >= LEAST_SHARE * best]
+    kept.sort(key=lambda each: (-weights[_group_key(each)], str(_group_key(each)[0]), _preference(each)))
     proposals: list[FramingTrial] = []
     for each in kept:
         if not any(_is_variant_of(each, other) for other in proposals):
@@ -326,8 +328,8 @@ def _is_chance(tried: FramingTrial, others: Sequence[FramingTrial]) -> bool:
 
 
 def _ranks(tried: Sequence[FramingTrial]) -> list[int]:
-    groups = list(dict.fromkeys(_group(each) for each in tried))
-    return [groups.index(_group(each)) + 1 for each in tried]
+    groups = list(dict.fromkeys(_group_key(each) for each in tried))
+    return [groups.index(_group_key(each)) + 1 for each in tried]
 
 
 def _preference(tried: FramingTrial) -> tuple[int, int, int, int]:

@@ -16,13 +16,13 @@ from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.blocks.table import block_row
 from trcvtui.commands.table import format_command
 from trcvtui.commands.tokens import Words
-from trcvtui.commands.words import Create
+from trcvtui.commands.words import CreateBlock
 from trcvtui.diagnosis.readings.framing_advice import advise_framings
 from trcvtui.diagnosis.readings.proposal import Proposal
 from trcvtui.errors import mistake
 from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.project.tables import expected_name, quote
-from trcvtui.udt.literals import format_time
+from trcvtui.udt.literals import format_duration
 
 # Rule: existing variables of prefix and suffix are written if no other instance uses them and they are large
 # enough; else new ones are added, and the instance is created again with them.
@@ -48,7 +48,7 @@ def make_commands(proposal: Proposal, project: Project, name: str, where: str = 
     lines: list[str] = []
     if not is_text:
         lines += _make_resize_command(decl, project, framing)
-    lines += _marks(decl, project, framing, is_text)
+    lines += _mark_commands(decl, project, framing, is_text)
     return (*lines, f"pulse {name} Reset", _make_set_command(decl, project, framing, is_text))
 
 
@@ -58,7 +58,7 @@ def _make_resize_command(decl: InstanceDecl, project: Project, framing: Framing)
         yield f"resize {data.name} ARRAY[0..{framing.size - 1}] OF BYTE"
 
 
-def _marks(decl: InstanceDecl, project: Project, framing: Framing, is_text: bool) -> Iterator[str]:
+def _mark_commands(decl: InstanceDecl, project: Project, framing: Framing, is_text: bool) -> Iterator[str]:
     pointers = [*decl.pointers, "", ""][:2]
     names = list(pointers)
     for place, mark in enumerate((framing.prefix, framing.suffix)):
@@ -73,7 +73,7 @@ def _marks(decl: InstanceDecl, project: Project, framing: Framing, is_text: bool
         yield f"write {names[place]} hex {content.hex(' ').upper()}"
     if names != pointers:
         yield f"delete {decl.name}"
-        yield format_command(Create(replace(decl, pointers=tuple(names))))
+        yield format_command(CreateBlock(replace(decl, pointers=tuple(names))))
 
 
 def _is_shared(name: str, decl: InstanceDecl, project: Project) -> bool:
@@ -87,7 +87,7 @@ def _make_unused_name(wanted: str, project: Project) -> str:
 
 
 def _make_set_command(decl: InstanceDecl, project: Project, framing: Framing, is_text: bool) -> str:
-    timeout = f"Timeout={format_time(framing.timeout_ns)}"
+    timeout = f"Timeout={format_duration(framing.timeout_ns)}"
     if is_text:
         return f"set {decl.name} {timeout}"
     data = project.data_decl(decl.data or "")
@@ -112,7 +112,7 @@ def find_buffer(name: str, project: Project, where: str) -> str:
     return known[name]
 
 
-def parse_framing(rest: str, project: Project, where: str) -> tuple[str, str, int]:
+def parse_framing_words(rest: str, project: Project, where: str) -> tuple[str, str, int]:
     """Return the name, its ComBuffer and the number of the proposal to apply. The number 0 means none."""
     words = Words(rest, where)
     name = words.next("the name of a ComBuffer, or of an instance that reads one")

@@ -33,7 +33,7 @@ PAUSE_RATIO: Final = 3  # times the longest pause in a burst
 
 @dataclass(frozen=True, slots=True)
 class Bursts:
-    """A recording split at its pauses. Each of `pauses` follows a pause, or begins a connection.
+    """A recording split at its pauses. Each place in `pauses` follows a pause, or begins a connection.
 
     `within` is the longest pause inside a burst, `between` the shortest pause between two bursts, in ns.
     If `is_clear` is True, the two kinds of pauses differ clearly.
@@ -220,7 +220,7 @@ def find_length_fields(stream: bytes, bursts: Bursts) -> list[LengthField]:
 def _score_field(stream: bytes, field: LengthField, ends: Sequence[int], pauses: frozenset[int]) -> float:
     """Return the score of following this length field from frame to frame; 0: it does not fit."""
     at, met, sizes, begun = 0, 0, set(), []
-    head = field.head
+    head = field.head_size
     for end in ends:
         while at + head <= end:
             size = field.frame_size(stream[at : at + head])
@@ -240,11 +240,11 @@ def _score_field(stream: bytes, field: LengthField, ends: Sequence[int], pauses:
     if frames < LEAST_TIMES or len(sizes) == 1:  # a length that never changes is a mark
         return 0.0
     missed = max(0, len([place for place in pauses if place]) - met)
-    alike = [_share(stream, begun[:64], place) for place in range(LAST_POSITION)]
+    alike = [_commonest_share(stream, begun[:64], place) for place in range(LAST_POSITION)]
     return 4.0 * (met - missed) / frames + sum([share > ALIKE_SHARE for share in alike]) + (at == len(stream))
 
 
-def _share(stream: bytes, begun: Sequence[int], place: int) -> float:
+def _commonest_share(stream: bytes, begun: Sequence[int], place: int) -> float:
     column = Counter(stream[at + place : at + place + 1] for at in begun)
     return column.most_common(1)[0][1] / len(begun)
 
@@ -263,14 +263,14 @@ LONGEST_PREFIX: Final = 8
 MOST_NOISE_FRAMES: Final = 40
 
 
-def start_after_noise(
+def prefix_after_noise(
     good: Sequence[LocatedFrame], suffix: bytes, marks: Sequence[bytes], *, is_text: bool
 ) -> bytes:
     """Return the prefix of frames cut by a suffix alone, or b"" if no frame has noise before a prefix."""
     bodies = [frame.content[: len(frame.content) - len(suffix)] for frame in good[:MOST_NOISE_FRAMES]]
     bodies = [body for body in bodies if body]
     found = []
-    for mark in _candidates(bodies, marks):
+    for mark in _prefix_candidates(bodies, marks):
         places = [body.find(mark) for body in bodies if body.count(mark) == 1]
         if len(bodies) - len(places) <= max(1, len(bodies) // 10) and any(places):
             found.append((sum(places), -len(mark), mark))
@@ -280,8 +280,8 @@ def start_after_noise(
     return b""
 
 
-def _candidates(bodies: Sequence[bytes], marks: Sequence[bytes]) -> Iterator[bytes]:
-    """Yield known marks, then long `marks`, then marks grown from a byte that most bodies have once."""
+def _prefix_candidates(bodies: Sequence[bytes], marks: Sequence[bytes]) -> Iterator[bytes]:
+    """Yield known marks, multi-byte `marks`, marks grown from a byte that nearly all bodies have once."""
     yield from dict.fromkeys((*KNOWN_STARTS, *[mark for mark in marks if len(mark) > 1]))
     if len(bodies) < FEW_FRAMES:
         return
@@ -311,7 +311,7 @@ def _grow_start(mark: bytes, bodies: Sequence[bytes]) -> bytes:
 def _is_start(mark: bytes, bodies: Sequence[bytes], is_text: bool) -> bool:
     parts = [body.partition(mark) for body in bodies if body.count(mark) == 1]
     before = [noise for noise, _, _ in parts]
-    first, last = _commonest([noise[:1] for noise in before]), _commonest([noise[-1:] for noise in before])
+    first, last = _top_count([noise[:1] for noise in before]), _top_count([noise[-1:] for noise in before])
     if max(first, last) > max(2, NEARLY_ALL * (len(bodies) - 1) - 1):
         return False  # the noise is alike: it is the true begin of frames, or their true end
     straight = before.count(b"") / len(before)
@@ -327,7 +327,7 @@ def _is_start(mark: bytes, bodies: Sequence[bytes], is_text: bool) -> bool:
     return straight >= LEAST_CLEAN_SHARE and not is_data
 
 
-def _commonest(values: Sequence[bytes]) -> int:
+def _top_count(values: Sequence[bytes]) -> int:
     return max(Counter(filter(None, values)).values(), default=0)
 
 
@@ -341,7 +341,7 @@ def is_begin_and_end_mark(mark: bytes, stream: bytes) -> bool:
     return joined >= max(LEAST_ADJACENT_MARKS, len(places) / 12) and joined <= len(places) / 2
 
 
-def count_bytes_between(clean: Sequence[LocatedFrame]) -> int:
+def constant_bytes_between(clean: Sequence[LocatedFrame]) -> int:
     """If nearly all gaps between frames have the same number of bytes, return the number, else 0."""
     sizes = Counter(b.start - a.end for a, b in pairwise(clean))
     size, number = sizes.most_common(1)[0] if sizes else (0, 0)

@@ -25,7 +25,7 @@ _STRUCT_ORDERS: Final = {BIG: ">", LITTLE: "<"}
 
 
 class FoundMember(NamedTuple):
-    """A member with its proof in a sentence. `order` is "" if it has no byte order or any order fits."""
+    """A member. `proof` is a sentence. `order` is "" if the type has no byte order or any order fits."""
 
     at: int
     size: int
@@ -50,7 +50,7 @@ class FoundType(NamedTuple):
         return "\n".join((*lines, "END_STRUCT", "END_TYPE", ""))
 
 
-def find_members(messages: Sequence[bytes]) -> FoundType | None:
+def find_message_type(messages: Sequence[bytes]) -> FoundType | None:
     """Return the members of messages of one size. Return None for too few messages or without members."""
     size = len(messages[0]) if messages else 0
     if len(messages) < FEW_MESSAGES or size > MOST_BYTES or any(len(one) != size for one in messages):

@@ -8,9 +8,9 @@ from typing import Final
 
 from trcvtui.blocks.framing import Framing
 from trcvtui.blocks.serial.com_buffer import LineRecording
-from trcvtui.diagnosis.readings.marks import count_bytes_between
+from trcvtui.diagnosis.readings.marks import constant_bytes_between
 from trcvtui.diagnosis.readings.trial import KNOWN_ENDS, KNOWN_STARTS, TEXT, Cut, LengthField, LocatedFrame
-from trcvtui.udt.literals import format_time
+from trcvtui.udt.literals import format_duration
 from trcvtui.wording import count
 
 MOST_SHOWN: Final = 8  # frames of a preview
@@ -115,7 +115,7 @@ def make_title(kind: CutKind, framing: Framing, field: LengthField | None) -> st
     if not framing.suffix:
         ends_by_gap = framing.timeout_ns != 0
         parts.append(
-            f"a gap of {format_time(framing.timeout_ns)}" if ends_by_gap else f"fixed size {framing.size}"
+            f"a gap of {format_duration(framing.timeout_ns)}" if ends_by_gap else f"fixed size {framing.size}"
         )
     return ", ".join(parts)
 
@@ -123,7 +123,7 @@ def make_title(kind: CutKind, framing: Framing, field: LengthField | None) -> st
 def _length_meaning(field: LengthField) -> str:
     if field.more == 0:
         return "counts the whole frame"
-    after = field.more - field.head
+    after = field.more - field.head_size
     if after == 0:
         return "counts the bytes after it"
     if after > 0:
@@ -153,7 +153,7 @@ def list_evidence(
         )
     if framing.timeout_ns and not framing.suffix:
         texts.append(
-            f"{count(number, 'pause')} of {format_time(framing.timeout_ns)} or longer, no other near it"
+            f"{count(number, 'pause')} of {format_duration(framing.timeout_ns)} or longer, no other near it"
         )
     lengths = sorted({len(frame.content) for frame in good})
     size = (
@@ -214,7 +214,7 @@ def list_doubts(kind: CutKind, framing: Framing, made: Cut, recording: LineRecor
         doubt.append("a gap over TCP is a guess: the network joins and splits what was sent")
     if len(made.good) < FEW_FRAMES:
         doubt.append(f"{count(len(made.good), 'frame')} are few: record more")
-    if framing.prefix and (len(made.good) < FEW_FRAMES or not _is_delimiter(framing)):
+    if framing.prefix and (len(made.good) < FEW_FRAMES or not _has_usual_prefix(framing)):
         doubt.append(f"{spell(framing.prefix)} may be data that has not changed yet")
     if framing.suffix and set(framing.suffix) <= TEXT and framing.suffix not in KNOWN_ENDS:
         doubt.append(f"{spell(framing.suffix)} may be data")
@@ -222,7 +222,7 @@ def list_doubts(kind: CutKind, framing: Framing, made: Cut, recording: LineRecor
     if lone * 3 >= len(made.good):
         frames = count(len(made.good), "frame")
         doubt.append(f"{lone} of {frames} are {spell(framing.suffix)} alone: it may begin frames too")
-    left_out = count_bytes_between(made.good) if kind is CutKind.PREFIX_SUFFIX else 0
+    left_out = constant_bytes_between(made.good) if kind is CutKind.PREFIX_SUFFIX else 0
     if left_out:
         between = f"{count(left_out, 'byte')} {'is' if left_out == 1 else 'are'} between nearly all frames"
         doubt.append(f"{between}: a check after the suffix? ReceiveData drops it")
@@ -233,7 +233,7 @@ def list_doubts(kind: CutKind, framing: Framing, made: Cut, recording: LineRecor
     return tuple(doubt)
 
 
-def _is_delimiter(framing: Framing) -> bool:
+def _has_usual_prefix(framing: Framing) -> bool:
     """Return whether the prefix is usual. The prefix 01 without a suffix is not: it may be an address."""
     if framing.prefix == framing.suffix:
         return True
@@ -245,5 +245,5 @@ def describe_workaround(field: LengthField | None) -> str:
     if field is None:
         return ""
     cannot = "cannot be set: ReceiveData has no length field"
-    jobs = f"LEN of TRCV_C (or SizeReceiveData) = {field.head} for the head, then = what the head says"
+    jobs = f"LEN of TRCV_C (or SizeReceiveData) = {field.head_size} for the head, then = what the head says"
     return f"{cannot}; a program does it with two jobs: {jobs}"

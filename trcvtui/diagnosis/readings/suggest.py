@@ -1,4 +1,4 @@
-"""`doctor --suggest project.toml` makes a project that receives the bytes of a partner, from these alone.
+"""`doctor --suggest project.toml` makes a project for the messages of a partner, from their bytes alone.
 
 Rule: the proof beside each line says how many of all messages the line explains, and what it does not.
 """
@@ -14,11 +14,11 @@ from trcvtui.blocks.framing import Framing
 from trcvtui.blocks.serial.com_buffer import LineChunk, LineRecording
 from trcvtui.blocks.table import BlockRow, block_row
 from trcvtui.capture.plc_end import parse_plc
-from trcvtui.diagnosis.frame_causes import is_session, measure_sizes, select_whole_messages
+from trcvtui.diagnosis.frame_causes import measure_sizes, select_whole_messages, speaks_session
 from trcvtui.diagnosis.line_facts import PAUSE_NS, LineFacts, LineMessage, collect_facts
 from trcvtui.diagnosis.message_joints import find_length_field
 from trcvtui.diagnosis.readings.framing_advice import MOST_FRAMES, advise_framings
-from trcvtui.diagnosis.readings.members import FoundType, find_members
+from trcvtui.diagnosis.readings.members import FoundType, find_message_type
 from trcvtui.diagnosis.readings.proposal import CutKind, describe_workaround, list_evidence, make_title
 from trcvtui.diagnosis.readings.trial import LengthField, cut_by_length, join_chunks
 from trcvtui.dialects import DIALECTS
@@ -47,7 +47,7 @@ class Suggestion(NamedTuple):
     proof: tuple[str, ...]
 
 
-def suggest_project(paths: Sequence[str], plc: str | None, project: Path) -> tuple[str, ...]:
+def write_suggested_project(paths: Sequence[str], plc: str | None, project: Path) -> tuple[str, ...]:
     """Write a project and a file of its types; return a line of proof per PLC end. Raise UserError."""
     given = None if plc is None else parse_plc(plc)
     lines = [line for path in paths for line in collect_facts([path], given, receives=True).lines]
@@ -78,14 +78,14 @@ def suggest_project(paths: Sequence[str], plc: str | None, project: Path) -> tup
 
 def _suggest_for_line(line: LineFacts) -> Suggestion | None:
     messages = select_whole_messages(line)
-    if len(messages) < LEAST_MESSAGES or is_session(line):
+    if len(messages) < LEAST_MESSAGES or speaks_session(line):
         return None
     sizes = measure_sizes(messages)
     is_datagram = line.protocol == "udp"
     if line.protocol != "serial" and sizes.share >= LEAST_SHARE and 0 < sizes.usual <= MOST_DATA:
         fitting = round(sizes.share * sizes.messages)
         proof = f"messages of {sizes.usual} bytes: {fitting} of {sizes.messages}"
-        return _suggest_size(line, sizes.usual, is_datagram, proof, 0 if line.has_begin else messages[0].at)
+        return _suggest_fixed(line, sizes.usual, is_datagram, proof, 0 if line.has_begin else messages[0].at)
     most = min(max(one.size for one in messages), MOST_DATA)
     whole = sum(one.pieces == 1 and one.size <= most for one in messages)
     if not is_datagram:
@@ -107,10 +107,10 @@ def _suggest_ad_hoc(line: LineFacts, against: Sequence[str]) -> Suggestion:
     return Suggestion(line, most, not is_datagram, is_datagram, None, None, (proof, *against))
 
 
-def _suggest_size(line: LineFacts, size: int, is_datagram: bool, proof: str, start: int) -> Suggestion:
+def _suggest_fixed(line: LineFacts, size: int, is_datagram: bool, proof: str, start: int) -> Suggestion:
     content = bytes(line.to_plc.content)
     parts = [content[at : at + size] for at in range(start, len(content) - size + 1, size)]
-    return Suggestion(line, size, False, is_datagram, None, find_members(parts), (proof,))
+    return Suggestion(line, size, False, is_datagram, None, find_message_type(parts), (proof,))
 
 
 def _suggest_framing(line: LineFacts, takes_gap: bool) -> Suggestion | None:
@@ -138,7 +138,7 @@ def _suggest_framing(line: LineFacts, takes_gap: bool) -> Suggestion | None:
             rank = each.rank + 1
             continue
         if each.kind is CutKind.SIZE and each.framing is not None and source == "tcp":
-            return _suggest_size(line, each.framing.size, False, whole, 0)
+            return _suggest_fixed(line, each.framing.size, False, whole, 0)
         proof = (whole, *each.evidence, *each.doubt, *against)
         if each.framing is not None:
             return Suggestion(line, each.longest, True, False, each.framing, None, proof)
@@ -158,7 +158,7 @@ def _suggest_length_field(line: LineFacts, recording: LineRecording) -> Suggesti
     explained = sum(len(frame.content) for frame in made.good)
     if not made.good or explained < LEAST_SHARE * made.total:
         return None
-    framing, kind = Framing(field.head), CutKind.LENGTH
+    framing, kind = Framing(field.head_size), CutKind.LENGTH
     frames = f"{len(made.good)} of {len(made.frames)} frames, {explained} of {made.total} bytes"
     proof = (
         f"{make_title(kind, framing, field)}: {frames}",
@@ -208,7 +208,7 @@ def _to_toml(found: Sequence[Suggestion], types: str) -> Iterator[str]:
         yield ""
         yield from (f"# {' '.join(text.split())}" for text in one.proof)
         yield from _format_data(n, one)
-        yield from _format_line(n, one)
+        yield from _format_connection(n, one)
         yield from _format_receiver(n, one, dialect)
 
 
@@ -235,7 +235,7 @@ def _format_data(n: int, one: Suggestion) -> Iterator[str]:
                 yield from _table("data", name=f"{word}_{n}", type=size)
 
 
-def _format_line(n: int, one: Suggestion) -> Iterator[str]:
+def _format_connection(n: int, one: Suggestion) -> Iterator[str]:
     line = one.line
     if line.protocol == "serial":
         return

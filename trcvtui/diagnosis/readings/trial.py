@@ -38,12 +38,12 @@ class LengthField:
     more: int
 
     @property
-    def head(self) -> int:
+    def head_size(self) -> int:
         """Return how many bytes are needed to know the length."""
         return self.position + self.width
 
     def frame_size(self, head: bytes) -> int:
-        field = head[self.position : self.head]
+        field = head[self.position : self.head_size]
         return (field[0] if self.width == 1 else int.from_bytes(field, self.order)) + self.more  # type: ignore[arg-type]
 
 
@@ -82,7 +82,7 @@ def cut(recording: LineRecording, framing: Framing, most: int = 0) -> Cut:
 
 def cut_by_length(recording: LineRecording, field: LengthField, longest: int, most: int = 0) -> Cut:
     """Cut a recording by a length field: one job takes the head of a frame, the next job takes the rest."""
-    return _TrialRun(recording, Framing(field.head), most, (field, longest)).run()
+    return _TrialRun(recording, Framing(field.head_size), most, (field, longest)).run()
 
 
 class _TrialRun:
@@ -111,7 +111,7 @@ class _TrialRun:
             before = chunk.t_ns
         if self._framing.timeout_ns:
             self._pass_gap(recording.until_ns)
-        left = self._framer.queued + len(self._head)
+        left = self._framer.pending + len(self._head)
         gaps = bool(self._framing.timeout_ns) and not self._framing.suffix
         frames = tuple(self._frames)
         return Cut(frames, self._framer.discarded, self._noise_runs, self._broken, left, self._at, gaps)
@@ -139,10 +139,10 @@ class _TrialRun:
         if self._by is not None and not self._head:
             field, longest = self._by
             size = field.frame_size(content)
-            if field.head < size <= longest:
-                self._head, self._asked = content, Framing(size - field.head)
+            if field.head_size < size <= longest:
+                self._head, self._asked = content, Framing(size - field.head_size)
                 return
-            ending = FrameEnding.SIZE if size == field.head else FrameEnding.OVERRUN
+            ending = FrameEnding.SIZE if size == field.head_size else FrameEnding.OVERRUN
         self._head, self._asked = b"", self._framing
         self._frames.append(LocatedFrame(self._at - len(content), content, ending))
 
@@ -207,7 +207,7 @@ def saved_bits(cut: Cut, scale: Scale, prefix: bytes, suffix: bytes, *, told_len
     good = cut.good
     if len(good) < 2:
         return 0.0
-    columns = _columns(good, scale)
+    columns = _column_savings(good, scale)
     lengths = [len(frame.content) for frame in good]
     said = 0.0 if told_lengths else _bits_of_lengths(lengths)
     saved = sum(columns.values()) - said
@@ -232,7 +232,7 @@ def is_word_in_lines(good: Sequence[LocatedFrame], scale: Scale, suffix: bytes) 
     return sum(once) >= 0.9 * len(good)
 
 
-def _columns(good: Sequence[LocatedFrame], scale: Scale) -> dict[int, float]:
+def _column_savings(good: Sequence[LocatedFrame], scale: Scale) -> dict[int, float]:
     """Return the bits that each place saves: 0, 1, ... from the start, -1, -2, ... from the end."""
     shortest = min(len(frame.content) for frame in good)
     from_end = min(COMPARED_COLUMNS, shortest // 2)
@@ -271,12 +271,12 @@ def _score_alignment(good: Sequence[LocatedFrame], pauses: frozenset[int], total
         return 0.0
     both = len(inner & ends)
     free = total - 1 - len(ends)
-    plain = _choices(total - 1, len(inner))
-    by_frames = _choices(len(ends), both) + _choices(free, len(inner) - both)
+    plain = _log2_choices(total - 1, len(inner))
+    by_frames = _log2_choices(len(ends), both) + _log2_choices(free, len(inner) - both)
     return max(0.0, plain - by_frames - log2(len(inner) + 1))
 
 
-def _choices(of: int, some: int) -> float:
+def _log2_choices(of: int, some: int) -> float:
     """Return log2 of the number of ways to choose `some` of `of`."""
     if not 0 < some < of:
         return 0.0
@@ -292,11 +292,11 @@ def _score_marks(good: Sequence[LocatedFrame], scale: Scale, prefix: bytes, suff
     empty = sum([len(frame.content) <= len(prefix) + len(suffix) for frame in good])
     most = number * 3 if suffix in FLAG_BYTES else number  # a flag may also begin frames, or fill pauses
     if suffix and empty * 5 <= most and not (scale.is_text and suffix[-1] in TEXT):
-        bits += min(_frequency(suffix[-1], scale), MOST_MARK_BITS)
+        bits += min(_frequency_bits(suffix[-1], scale), MOST_MARK_BITS)
     return bits
 
 
-def _frequency(byte: int, scale: Scale) -> float:
+def _frequency_bits(byte: int, scale: Scale) -> float:
     """Return how unlikely the frequency of a byte is, in bits."""
     share, even = scale.counts[byte] / scale.total, 1 / max(2, len(scale.counts))
     if share <= even or share == 1:

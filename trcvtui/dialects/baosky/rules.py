@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from trcvtui.blocks.rules import NotConnectedRule, StatusSequence, VendorRules
+from trcvtui.blocks.rules import NotConnectedRule, StatusRules, VendorRules
 from trcvtui.dialects.baosky.status import STATUS
 from trcvtui.dialects.baosky.udp_status import UDP_STATUS
 from trcvtui.dialects.dialect import BACKLOG_SWITCH, INTERNAL_FAULT, Dialect, Switch, SwitchValue
@@ -101,7 +101,7 @@ def make_rules(values: Mapping[str, SwitchValue]) -> VendorRules:
     return VendorRules(
         status={condition: row.code for row in STATUS for condition in row.conditions},
         not_connected=NotConnectedRule(chosen["not_connected"]),
-        course=StatusSequence(silent_dead_link=chosen["dead_link"] == "silent"),
+        course=StatusRules(silent_dead_link=chosen["dead_link"] == "silent"),
         adhoc_at_once=chosen["adhoc"] == "at_once",
         short_frame_shown=chosen["short_frame"] == "both",
         reset_counts_as_close=chosen["reset_is"] == "80C5",

@@ -434,11 +434,11 @@ INNER_BLOCKS: Final[dict[str, tuple[int, ...]]] = {
 }
 
 
-def _showing(code: int) -> tuple[str, ...]:
+def _inner(code: int) -> tuple[str, ...]:
     return tuple(block for block, codes in INNER_BLOCKS.items() if code in codes)
 
 
 # Rows of the _C blocks, with the inner blocks that show the same code after them.
 STATUS: Final[tuple[StatusRow, ...]] = tuple(
-    replace(row, blocks=(*row.blocks, *_showing(row.code))) for row in STATES + CONNECTION_ERRORS + JOB_ERRORS
+    replace(row, blocks=(*row.blocks, *_inner(row.code))) for row in STATES + CONNECTION_ERRORS + JOB_ERRORS
 )

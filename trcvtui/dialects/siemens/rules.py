@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 from msgspec.structs import replace
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.rules import DataAreaRules, NotConnectedRule, StatusSequence, VendorRules
+from trcvtui.blocks.rules import DataAreaRules, NotConnectedRule, StatusRules, VendorRules
 from trcvtui.blocks.status import Reproducibility, StatusRow
 from trcvtui.dialects.dialect import BACKLOG_SWITCH, INTERNAL_FAULT, Dialect, Switch, SwitchValue, map_codes
 from trcvtui.dialects.siemens.connection_errors import LEGACY_ERRORS
@@ -176,7 +176,7 @@ JOB_LOSS: Final = {
 }
 
 
-class Cpu(NamedTuple):
+class CpuLimits(NamedTuple):
     """One CPU: limits in bytes, connections for programs, and which symbolic DATA takes ad-hoc data."""
 
     max_len: int
@@ -191,7 +191,7 @@ BUILDING_CONDITIONS: Final = frozenset(
 )
 
 
-def make_rules(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> VendorRules:
+def make_rules(chosen: Mapping[str, SwitchValue], cpu: CpuLimits) -> VendorRules:
     return VendorRules(
         status={},
         status_of=map_codes(STATUS),
@@ -235,12 +235,12 @@ def make_rules(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> VendorRules:
     )
 
 
-def make_sequence(chosen: Mapping[str, SwitchValue]) -> StatusSequence:
+def make_sequence(chosen: Mapping[str, SwitchValue]) -> StatusRules:
     """Return which STATUS shows when, with these switch values."""
     by_manual, en_r_falls = chosen["cont_mode"] != "level", chosen["en_r_falls"]
     if en_r_falls == "by_cont_mode":
         en_r_falls = "drops until data" if by_manual else "keeps"
-    return StatusSequence(
+    return StatusRules(
         job_begins=Condition.JOB_BEGINS,
         established=Condition.ESTABLISHED if chosen["status_0001_always"] else None,
         waiting_req_sends=True,
@@ -275,12 +275,14 @@ def replace_default(name: str, value: SwitchValue) -> tuple[Switch, ...]:
     return tuple(replace(one, default=value) if one.name == name else one for one in SWITCHES)
 
 
-def _cpu_rules(cpu: Cpu, switches: tuple[Switch, ...], chosen: Mapping[str, SwitchValue]) -> VendorRules:
+def _cpu_rules(
+    cpu: CpuLimits, switches: tuple[Switch, ...], chosen: Mapping[str, SwitchValue]
+) -> VendorRules:
     return make_rules({switch.name: switch.default for switch in switches} | dict(chosen), cpu)
 
 
 def _dialect(
-    name: str, title: str, cpu: Cpu, follows: str, switches: tuple[Switch, ...] = SWITCHES
+    name: str, title: str, cpu: CpuLimits, follows: str, switches: tuple[Switch, ...] = SWITCHES
 ) -> Dialect:
     return Dialect(
         name=name,
@@ -301,18 +303,18 @@ def _dialect(
 
 SEQUENCES_DOCUMENT: Final = "the document of the status sequences (cont_mode level)"
 S7_1500: Final = _dialect(
-    "s7-1500", "Siemens S7-1500, Open User Communication", Cpu(65536, 2048, 128), SEQUENCES_DOCUMENT
+    "s7-1500", "Siemens S7-1500, Open User Communication", CpuLimits(65536, 2048, 128), SEQUENCES_DOCUMENT
 )
 S7_1200: Final = _dialect(
     "s7-1200",
     "Siemens S7-1200, Open User Communication",
-    Cpu(8192, 1472, 8, True, True),
+    CpuLimits(8192, 1472, 8, True, True),
     "the S7-1200 page on TSEND_C and TRCV_C (cont_mode manual)",
     replace_default("cont_mode", "manual"),
 )
 
 AD_HOC: Final = frozenset({65535})  # LEN of TRCV_C and TRCV, which have no ADHOC pin; 0: switch legacy_len0
-LEGACY_CPU: Final = Cpu(8192, 1472, 8, True, True)
+LEGACY_CPU: Final = CpuLimits(8192, 1472, 8, True, True)
 UNSURE_TEXT: Final = "the help of instructions before 3.0 tells it otherwise: switch status_sequence"
 
 LEGACY_BLOCKS: Final = tuple(block for block in S7_1200.blocks if block != "T_DIAG")
@@ -436,10 +438,10 @@ def make_legacy_rules(values: Mapping[str, SwitchValue]) -> VendorRules:
         area=replace(newer.area, adhoc_lens=AD_HOC | ({0} if chosen["legacy_len0"] == "adhoc" else set())),
         course=replace(newer.course, reset_closes=True),
     )
-    return _follow_help(rules) if chosen["status_sequence"] == "help" else rules
+    return _adapt_to_help(rules) if chosen["status_sequence"] == "help" else rules
 
 
-def _follow_help(rules: VendorRules) -> VendorRules:
+def _adapt_to_help(rules: VendorRules) -> VendorRules:
     done = Condition.LINK_DONE
     return replace(
         rules,

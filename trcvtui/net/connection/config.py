@@ -46,10 +46,10 @@ LONGEST_KEEP_ALIVE_S: Final = 32767  # what a stack takes (Linux, MAX_TCP_KEEPID
 class ConnectConfig(Struct, frozen=True):
     """One CONNECT. Addresses are dotted IPv4 text. Ports are 0..65535. RemotePort may be `@NAME`.
 
-    `description` has its bytes as an engineer wrote them. `flaw` is the flaw that a CPU finds in the bytes.
+    `description` has the bytes as an engineer wrote them. `flaw` is the flaw that a CPU finds in the bytes.
     `remote_name` is resolved at each attempt. If it is "", `remote_address` is used.
     With `any_local`, the system's routing chooses the local address of an active end.
-    `is_datagram` means UDP with each partner in an ADDR. `history` bytes are stored in each direction.
+    With `is_datagram` (UDP), an ADDR has the partner of each datagram. `history` bytes are kept each way.
     """
 
     name: str
@@ -111,7 +111,7 @@ class UdpConfig(Struct, frozen=True):
 class AddrParam(Struct, frozen=True):
     """One ADDR_PARAM as it is in the file. A RemotePort `@NAME` is resolved at each send.
 
-    `description` has the bytes of a structure such as TADDR_Param. It is None for only address and port.
+    `description` has the bytes of a structure such as TADDR_Param. None means only address and port.
     """
 
     name: str

@@ -239,27 +239,27 @@ class Connection:
         return self._local or self.set_up.local
 
     @property
-    def directions(self) -> tuple[DirectionClaims, ...]:
+    def direction_claims(self) -> tuple[DirectionClaims, ...]:
         return self.receiving, self.sending, self.keeping
 
     # -- set-up: TCON ------------------------------------------------------------------------
 
-    def open(self, now: int, has_addr: bool = True) -> Fault | None:
+    def queue_set_up(self, now: int, has_addr: bool = True) -> Fault | None:
         """Queue the set-up job. Its steps follow, one a scan. If `has_addr`, the UDP block has an ADDR."""
         fault = self._resources.queue.put(self.config.name)
         if fault is not None:
             return fault
         at_once = self._policy.listens_at_once and not (self.config.active or self.config.is_datagram)
         # The faults of a listener that is made at once show in the same steps as those of any other.
-        self._early = self._listen_at_once(now) if at_once else []
+        self._early = self._make_early_steps(now) if at_once else []
         self.state = State.QUEUED
         return None
 
-    def _listen_at_once(self, now: int) -> list[tuple[State, StepFault | None]]:
+    def _make_early_steps(self, now: int) -> list[tuple[State, StepFault | None]]:
         failed = self._create(now)
         if failed is not None:
             return [(State.ESTABLISHING, failed)]
-        return [(State.CREATED, None), (State.ESTABLISHING, self._prepare(now))]
+        return [(State.CREATED, None), (State.ESTABLISHING, self._bind_and_start(now))]
 
     def _note_early_faults(self) -> None:
         """Note the faults of early steps that no block has got, because the set-up ended first."""
@@ -288,7 +288,7 @@ class Connection:
             case State.QUEUED:
                 return self._create(now)
             case State.CREATED:
-                return self._prepare(now)
+                return self._bind_and_start(now)
             case State.CONNECTED:
                 self.end_if_loss_pending()
                 return None
@@ -299,7 +299,7 @@ class Connection:
             case _ if self._pauses:  # else a partner that ends at once would be called in each scan
                 self._pauses, self.retry_at = False, now + self._policy.retry_ns
             case _ if self.retry_at is None or now >= self.retry_at:
-                return self._create(now) or self._prepare(now)
+                return self._create(now) or self._bind_and_start(now)
         return None
 
     def _create(self, now: int) -> StepFault | None:
@@ -308,12 +308,12 @@ class Connection:
         self.state = State.CREATED
         no_room = self._resources.budget.acquire(self.config.name)
         full = StepFault(SetUpStage.SOCKET, no_room) if no_room else None
-        failed = self.set_up.check() or full or self.set_up.create_socket()  # a flaw shows first
+        failed = self.set_up.check_and_claim() or full or self.set_up.create_socket()  # a flaw shows first
         return self._fail_attempt(failed, now) if failed else None
 
-    def _prepare(self, now: int) -> StepFault | None:
+    def _bind_and_start(self, now: int) -> StepFault | None:
         self.state = State.ESTABLISHING
-        failed = self.set_up.prepare(now)
+        failed = self.set_up.bind_and_start(now)
         return self._fail_attempt(failed, now) if failed else None
 
     def _adopt(self, got: NewClient | StepFault | None, now: int) -> StepFault | None:
@@ -440,7 +440,7 @@ class Connection:
         self.bytes_received = offset + size
         at = self.received.append(content)
         if cut:
-            self.received.skip(cut)
+            self.received.add_unknown(cut)
         self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, size, instance, at, cut))
 
     def check_loss(self, asking: Claim | None = None) -> ConnectionLoss | None:
@@ -484,7 +484,7 @@ class Connection:
         """Note bytes that never reach DATA. If `offset` is -1, the bytes were still in the stack."""
         if size:
             of = self.incarnation if incarnation is None else incarnation
-            position = self.received.skip(size) if offset < 0 else -1  # -1: the ring has them already
+            position = self.received.add_unknown(size) if offset < 0 else -1  # -1: the ring has them already
             self._write(BytesDropped(self.config.name, of, offset, size, reason, position))
 
     def _classify_loss(self, fault: Fault | None) -> ConnectionLoss:

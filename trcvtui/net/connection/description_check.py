@@ -219,7 +219,7 @@ def _check_interface(connect: DescribedConnect) -> FlawAnswer | None:
     names_own = connect.meaning.remote_name or connect.description.structure.name.startswith("TCON_QDN")
     field = "local_device_id" if connect.description.structure.field("local_device_id") else "InterfaceId"
     if connect.description.number(field) == 0 and not names_own:
-        return Flaw.INTERFACE, field, f"{field} is 0, expected the identifier of a port, such as 64"
+        return Flaw.INTERFACE, field, f"{field} is 0, expected a port's hardware identifier, such as 64"
     if connect.own_address == ANY_ADDRESS:
         return Flaw.NO_LOCAL_ADDRESS, field, "LocalAddress is 0.0.0.0: the interface has no address"
     return None
@@ -268,15 +268,15 @@ def _test_tsap(connect: DescribedConnect) -> FlawAnswer | None:
     if not local:
         return Flaw.TSAP, "LocalTSelector", "the local T-selector is empty"
     if len(local) < TSAP_SIZES.start and not connect.meaning.is_active:
-        return Flaw.TSAP, "LocalTSelector", "the local T-selector has one byte, but a passive end needs two"
-    if len(local) == 2 and local[0] not in _first_bytes(connect):
+        return Flaw.TSAP, "LocalTSelector", "the local T-selector has 1 byte; a passive end needs 2 or more"
+    if len(local) == 2 and local[0] not in _tsap_first_bytes(connect):
         return Flaw.TSAP, "LocalTSelector", f"two bytes have to begin with E0, not with {local[0]:02X}"
     if local.startswith(b"SIMATIC-"):
         return Flaw.TSAP, "LocalTSelector", "SIMATIC- is reserved for the system"
     return None
 
 
-def _first_bytes(connect: DescribedConnect) -> bytes:
+def _tsap_first_bytes(connect: DescribedConnect) -> bytes:
     return TSAP_FIRST_BYTES if connect.narrow_tsaps else TSAP_FIRST_BYTES[:1]
 
 
@@ -299,7 +299,7 @@ def _selector_length(description: Description, name: str) -> int:
 def _check_param_tsap(connect: DescribedConnect) -> FlawAnswer | None:
     local = connect.meaning.local_tsap
     if not connect.meaning.is_active and (
-        len(local) < TSAP_SIZES.start or local[0] not in _first_bytes(connect)
+        len(local) < TSAP_SIZES.start or local[0] not in _tsap_first_bytes(connect)
     ):
         return Flaw.TSAP, "local_tsap_id", f"{local.hex(' ')}, expected two bytes or more that begin with E0"
     return None

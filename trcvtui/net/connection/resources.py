@@ -74,7 +74,7 @@ class BudgetShare:
         self.work.count_spent(self, units)
 
     def note_waiting(self, partner: str = "", what: EventKind | None = None) -> None:
-        """Note that the party waits. The next scan then reserves a share for the party."""
+        """Note that the party waits, so that a later scan reserves a share for the party."""
         self.work.note_waiting(self, partner, what or self.what)
 
 
@@ -151,7 +151,7 @@ class ScanBudget:
         until = self._handshake_ns + self._longest_step_ns
         return not self._steps or until <= self._interval // HANDSHAKE_DIVISOR
 
-    def handshake(self, party: BudgetShare, partner: str, step: Callable[[], int]) -> int:
+    def run_handshake_step(self, party: BudgetShare, partner: str, step: Callable[[], int]) -> int:
         """Call one step of a handshake, and measure its time. Return the step's units of work."""
         began = self.clock()
         units = step()
@@ -175,7 +175,7 @@ class ScanBudget:
 
 
 class Claim:
-    """The claim of one instance, with its task's priority. If None, claims of all tasks exclude each other.
+    """The claim of an instance at its task's `priority`. If None, claims of all tasks exclude each other.
 
     With `has_frame`, the job has read a whole frame, and shows it in the next call. With `is_refused`, the
     last call could start no job. The instance then reads nothing, but keeps other instances out.
@@ -270,7 +270,7 @@ class IdConflict(StrEnum):  # the connection that has the ID, compared with the 
 
 
 class IdHolder:
-    """One CONNECT with its ID. `has_been_up` means that the CONNECT was connected since it took the ID."""
+    """One CONNECT with its ID. With `has_been_up`, it has been connected since it took the ID."""
 
     def __init__(self, config: ConnectConfig) -> None:
         self.name = config.name

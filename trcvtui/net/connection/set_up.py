@@ -118,7 +118,7 @@ class SetUp:
         """Return the time in ns when the running attempt is given up; None: no attempt is running."""
         return None if self.attempt is None else self._deadline
 
-    def check(self) -> StepFault | None:
+    def check_and_claim(self) -> StepFault | None:
         """Return what prevents a block from opening this connection, before a socket is made."""
         return self.claim_description()
 
@@ -142,7 +142,7 @@ class SetUp:
         self.attempt = made
         return None
 
-    def prepare(self, now: int) -> StepFault | None:
+    def bind_and_start(self, now: int) -> StepFault | None:
         """Bind the socket, then listen or start to connect."""
         assert self.attempt is not None
         if self.config.keep_alive_limit_note and not self._has_noted_limit:

@@ -31,16 +31,16 @@ class UdpSetUp(SetUp):
     """From socket to bound port; there is no partner to wait for."""
 
     needs_addr = False  # the block that opens it has no ADDR, and would need one
-    hearing: Handle | None = None  # a second socket, for broadcasts
+    broadcast_handle: Handle | None = None  # a second socket, for broadcasts
 
     @property
     def listening_end(self) -> Endpoint | None:
         return self.local
 
-    def check(self) -> StepFault | None:
-        return super().check() or (NO_ADDR if self.needs_addr else None)
+    def check_and_claim(self) -> StepFault | None:
+        return super().check_and_claim() or (NO_ADDR if self.needs_addr else None)
 
-    def prepare(self, now: int) -> StepFault | None:
+    def bind_and_start(self, now: int) -> StepFault | None:
         assert self.attempt is not None
         failed = self._bind(self.attempt)
         if failed is not None:
@@ -53,7 +53,7 @@ class UdpSetUp(SetUp):
             self._kept_port = self.local.port
             if self._policy.broadcasts:
                 name = self.config.name
-                self.hearing, why = enable_broadcasts(self._kernel, name, self.attempt, self.local)
+                self.broadcast_handle, why = enable_broadcasts(self._kernel, name, self.attempt, self.local)
                 if why:  # only noted: without broadcasts the port works, too
                     self._note(EventKind.OPTION_REFUSED, None, f"no socket for broadcasts: {why}")
         return None
@@ -75,8 +75,8 @@ class UdpSetUp(SetUp):
         return super().free()
 
     def free_attempt(self) -> Fault | None:
-        if self.hearing is not None:
-            handle, self.hearing = self.hearing, None
+        if self.broadcast_handle is not None:
+            handle, self.broadcast_handle = self.broadcast_handle, None
             self._kernel.close(handle)
         if self.attempt is None:
             return None
@@ -117,12 +117,12 @@ class UdpEndpoint(Connection):
     @property
     def sockets(self) -> Iterator[tuple[Handle, SocketUse]]:
         yield from super().sockets
-        if self.set_up.hearing is not None:
-            yield self.set_up.hearing, SocketUse.DATAGRAMS
+        if self.set_up.broadcast_handle is not None:
+            yield self.set_up.broadcast_handle, SocketUse.DATAGRAMS
 
-    def open(self, now: int, has_addr: bool = True) -> Fault | None:
+    def queue_set_up(self, now: int, has_addr: bool = True) -> Fault | None:
         self.set_up.needs_addr = not has_addr  # the first step reports it
-        return super().open(now)
+        return super().queue_set_up(now)
 
     def _take_step(self, now: int) -> StepFault | None:
         if not self.is_config:
@@ -131,7 +131,7 @@ class UdpEndpoint(Connection):
             return None
         self.retry_at = self.failure = None
         self.attempts += 1
-        failed = self.set_up.create_socket() or self.set_up.prepare(now)
+        failed = self.set_up.create_socket() or self.set_up.bind_and_start(now)
         if failed is None:
             return self._adopt(self.set_up.poll_attempt(now), now)
         self.failure = failed.fault
@@ -164,7 +164,7 @@ class UdpEndpoint(Connection):
     def receive_from(self, into: memoryview, instance: str) -> Datagram | WouldBlock | Fault:
         """Take one datagram; bytes without room are lost."""
         assert self.handle is not None
-        got = receive_datagram(self._kernel, self.handle, self.set_up.hearing, into, self._local)
+        got = receive_datagram(self._kernel, self.handle, self.set_up.broadcast_handle, into, self._local)
         if isinstance(got, Datagram):
             self.peer = got.source
             self._note_received(into[: got.size], instance, got.whole - got.size if self.is_config else 0)

@@ -76,7 +76,7 @@ class ConnectTpdu(NamedTuple):
     other_class: int = 0
 
     @property
-    def unfit(self) -> str:
+    def unfit_reason(self) -> str:
         """Return why class 0 cannot agree to this TPDU, or "" if class 0 can."""
         if self.other_class:
             return f"class {self.other_class} in a {self.code.name}"
@@ -390,7 +390,7 @@ class IsoSession:
         return self._reader.stopped_short and self.wants_more
 
     @property
-    def unfinished_message(self) -> int:
+    def unfinished_number(self) -> int:
         return self._finished + 1 if self._has_begun or self._reader.held_bytes else 0
 
     def time_out(self, why: str) -> None:
@@ -474,7 +474,7 @@ class IsoSession:
         match tpdu:
             case MalformedTpdu(what):  # Rule 3
                 self._end("EPROTO", what)
-            case ConnectTpdu(unfit=unfit) if unfit:
+            case ConnectTpdu(unfit_reason=reason) if reason:
                 self._refuse_unfit(tpdu)
             case ConnectTpdu(code=Code.CR) if self.phase is IsoPhase.WAITS_FOR_CR and self.request is None:
                 self.request = tpdu
@@ -497,7 +497,7 @@ class IsoSession:
     def _refuse_unfit(self, tpdu: ConnectTpdu) -> None:
         if tpdu.code is Code.CR and self.phase is IsoPhase.WAITS_FOR_CR and self.request is None:
             self._output += encode_tpdu(DisconnectTpdu(tpdu.source_ref, 0, DrReason.NEGOTIATION_FAILED))
-        self._end("EPROTO", tpdu.unfit)
+        self._end("EPROTO", tpdu.unfit_reason)
 
     def _note_unused(self, code: int) -> None:
         self._ignored += 1

@@ -23,10 +23,10 @@ from trcvtui.net.layers.layered_stream import (
     ErrorHandler,
     LayeredStream,
     LayerNote,
+    ListeningConnect,
     NoteSink,
-    PortMember,
     SharedListener,
-    find_choice_session,
+    find_asking_session,
     raise_error,
 )
 from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, Unread, WouldBlock
@@ -36,7 +36,7 @@ from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Faul
 ATTEMPT_LIMIT_NS: Final = 4_000_000_000  # ns
 
 
-class ReadyKernel(Kernel, Protocol):
+class ReadyListKernel(Kernel, Protocol):
     """A kernel that can say which handles its last poll saw."""
 
     def ready_handles(self) -> Mapping[Handle, str] | None:
@@ -103,7 +103,7 @@ class LayerKernel(KernelProxy):
                 else:
                     stream.flush()
                 if not stream.has_failed:
-                    stream.check_message_time(self._clock())
+                    stream.limit_message_time(self._clock())
                     self._report_notes(handle, stream)
             except Exception as error:
                 self._report_error(self._owners.get(handle, ""), error)
@@ -175,7 +175,7 @@ class LayerKernel(KernelProxy):
         if stream is None:
             if options.session is not None:
                 self._wanted[handle] = options.session
-        elif (choice := find_choice_session(stream.session)) is not None and options.session is not None:
+        elif (choice := find_asking_session(stream.session)) is not None and options.session is not None:
             choice.accept_for(options.session)
             stream.flush()
         return refused
@@ -214,7 +214,7 @@ class LayerKernel(KernelProxy):
             end = self.inner.local_end(handle)
             if wanted.shares_port and end is not None:
                 self._ports[end] = joined
-        joined.members[handle] = PortMember(self._owners.get(handle, ""), wanted)
+        joined.members[handle] = ListeningConnect(self._owners.get(handle, ""), wanted)
         self._listeners[handle] = joined
         return None
 
@@ -357,7 +357,7 @@ class LayerKernel(KernelProxy):
         local port the RST is sent in any case. A FIN would block this port for a minute (TIME_WAIT).
         """
         stream = self._streams.get(handle)
-        choice = None if stream is None else find_choice_session(stream.session)
+        choice = None if stream is None else find_asking_session(stream.session)
         if stream is not None and choice is not None:
             choice.refuse(is_known=True)
             stream.flush()
@@ -395,6 +395,6 @@ class LayerKernel(KernelProxy):
         listener.close()
         return not joined  # the listener's own handle has just been closed
 
-    def _find_member(self, handle: Handle) -> PortMember | None:
+    def _find_member(self, handle: Handle) -> ListeningConnect | None:
         listener = self._listeners.get(handle)
         return listener.members[handle] if listener else None

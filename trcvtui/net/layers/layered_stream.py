@@ -3,7 +3,7 @@
 Rule 1: a scan moves a bounded number of bytes, in a bounded number of steps (ScanBudget). The session's
 backlog is used before the bytes in the stack. Bytes that the stack does not take wait here. They are at
 most one message.
-Rule 2: if the partner does not end a message within MESSAGE_LIMIT_NS, the session is ended.
+Rule 2: if a message that has begun does not end within MESSAGE_LIMIT_NS, the session is ended.
 """
 
 from __future__ import annotations
@@ -106,10 +106,12 @@ class LayeredStream:
     def _feed(self, data: memoryview) -> None:
         session, party = self.session, self.party
 
-        def step() -> int:
+        def feed() -> int:
             return session.feed(data, max(1, party.units_left))
 
-        party.spend(party.work.handshake(party, str(self.peer), step) if session.is_costly else step())
+        party.spend(
+            party.work.run_handshake_step(party, str(self.peer), feed) if session.is_costly else feed()
+        )
         if session.partner_is_done:  # its close_notify is answered at once (RFC 5246 7.2.1)
             self.is_over = True
             self.send_goodbye()
@@ -145,10 +147,10 @@ class LayeredStream:
         self.session.time_out(why)
         self.flush()
 
-    def check_message_time(self, now: int) -> None:
+    def limit_message_time(self, now: int) -> None:
         """End the session if a message does not end in time (Rule 2)."""
         session = self.session
-        number = session.unfinished_message if session.is_up and session.wants_more else 0
+        number = session.unfinished_number if session.is_up and session.wants_more else 0
         if not number or number != self._unfinished or self.is_held_back:  # held back: the delay is our own
             self._unfinished, self._begun = number, now
         elif now - self._begun >= MESSAGE_LIMIT_NS:
@@ -262,12 +264,12 @@ CLIENT_DROPPED: Final = "client dropped"
 TPDU_IGNORED: Final = "TPDU ignored"
 SESSION_ENDED: Final = "session ended"
 GAVE_WAY_TEXT: Final = (
-    f"{MOST_WAITING_CLIENTS} clients wait; a newer client takes the place of this unfinished one"
+    f"{MOST_WAITING_CLIENTS} clients are in a handshake; a newer one takes the place of this one"
 )
 QUEUE_FULL_TEXT: Final = f"the queue is full: {MOST_WAITING_CLIENTS} clients wait to be accepted"
 
 
-class ChoiceSession(Protocol):
+class ConnectChoiceSession(Protocol):
     """A session whose partner asks for one of several CONNECTs. It waits for `accept_for` or `refuse`."""
 
     has_asked: bool
@@ -284,13 +286,13 @@ class ChoiceSession(Protocol):
         """Refuse the partner. If `is_known`, a CONNECT has the name, but for another partner or not now."""
 
 
-def find_choice_session(session: object) -> ChoiceSession | None:
-    """Return a ChoiceSession whose partner has asked for a CONNECT. Return None for any other session."""
-    found: ChoiceSession | None = session if getattr(session, "has_asked", False) else None  # type: ignore[assignment]
+def find_asking_session(session: object) -> ConnectChoiceSession | None:
+    """Return the session if its partner has asked for a CONNECT; return None for any other session."""
+    found: ConnectChoiceSession | None = session if getattr(session, "has_asked", False) else None  # type: ignore[assignment]
     return found
 
 
-class PortMember:
+class ListeningConnect:
     """One CONNECT that listens: its settings, and the clients that it can accept."""
 
     def __init__(self, owner: str, settings: LayerSettings) -> None:
@@ -314,14 +316,14 @@ class SharedListener:
         self.handle = handle
         self._report_error, self.has_failed = report_error, False
         self._party = party
-        self.members: dict[Handle, PortMember] = {}
+        self.members: dict[Handle, ListeningConnect] = {}
         self.clients: list[LayeredStream] = []
         self._kernel, self._report_note, self._polls = kernel, report_note, polls
 
     def poll(self, now: int) -> None:
         for client in tuple(self.clients):  # earlier clients before new ones
             self._advance_safely(client, now)
-        while not self._leaves_in_stack() and self._kernel.readable(self.handle):
+        while not self._keeps_clients_waiting() and self._kernel.readable(self.handle):
             if self._party.units_left <= 0:  # Rule 2
                 self._party.note_waiting()
                 break
@@ -337,7 +339,7 @@ class SharedListener:
                 self._report_error(self.owner, error)
                 self._kernel.abort(got.handle)
 
-    def _leaves_in_stack(self) -> bool:
+    def _keeps_clients_waiting(self) -> bool:
         """Return whether new clients stay in the stack because the only CONNECT at the port is full.
 
         If CONNECTs share the port, each client is accepted. It is refused if its CONNECT is full.
@@ -380,7 +382,7 @@ class SharedListener:
             client.pump()
         for remark in session.take_remarks():
             self._report_note(LayerNote(self.owner, TPDU_IGNORED, str(client.peer), remark))
-        if (choice := find_choice_session(session)) is not None:
+        if (choice := find_asking_session(session)) is not None:
             self._assign_client(client, choice)
         elif session.is_up:
             self._hand_over(client, self._any_member())
@@ -390,7 +392,7 @@ class SharedListener:
             client.time_out("no handshake in 5 s")
             self._fail(client, "no handshake in 5 s")
 
-    def _assign_client(self, client: LayeredStream, session: ChoiceSession) -> None:
+    def _assign_client(self, client: LayeredStream, session: ConnectChoiceSession) -> None:
         members = list(self.members.values())
         named = [member for member in members if session.asks_for_name_of(member.settings)]
         meant = [member for member in named if not session.find_mismatch(member.settings)]
@@ -403,28 +405,28 @@ class SharedListener:
         client.flush()
         self._drop_client(client, why, asked, for_all=not named)
 
-    def _hand_over(self, client: LayeredStream, member: PortMember) -> None:
+    def _hand_over(self, client: LayeredStream, member: ListeningConnect) -> None:
         if not self._is_full(member):  # else it stays among the unfinished, up to its time limit
             self.clients.remove(client)
             member.ready.append(client)
 
     @staticmethod
-    def _is_full(member: PortMember) -> bool:
+    def _is_full(member: ListeningConnect) -> bool:
         return len(member.ready) >= MOST_WAITING_CLIENTS
 
     def _fail(self, client: LayeredStream, why: str) -> None:
         session: LayerSession = client.session
         member = self._any_member()
         ended = session.ended
-        # Not for a ChoiceSession: its partner has not said which CONNECT it wants.
+        # Not for a ConnectChoiceSession: its partner has not said which CONNECT it wants.
         if ended is not None and not hasattr(session, "has_asked") and not self._is_full(member):
             member.ready.append(Fault("session", ended.error, words=ended.words, peer=str(client.peer)))
         self._drop_client(client, why)
 
     def _drop_client(
-        self, client: LayeredStream, why: str, asked: PortMember | None = None, for_all: bool = False
+        self, client: LayeredStream, why: str, asked: ListeningConnect | None = None, for_all: bool = False
     ) -> None:
-        """Close a client. It may have asked for `asked`. With `for_all`, no CONNECT has the asked name."""
+        """Close a client. `asked` is what it asked for, if known. With `for_all`, no CONNECT has it."""
         self.clients.remove(client)
         owner = (asked or self._any_member()).owner
         self._report_note(LayerNote(owner, CLIENT_DROPPED, str(client.peer), why, for_all))
@@ -434,7 +436,7 @@ class SharedListener:
     def owner(self) -> str:
         return self._any_member().owner  # for notes that concern all of them
 
-    def _any_member(self) -> PortMember:
+    def _any_member(self) -> ListeningConnect:
         return next(iter(self.members.values()))
 
     def close(self) -> None:

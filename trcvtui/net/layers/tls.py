@@ -100,7 +100,7 @@ _LIBRARY_ERRORS: Final = (ssl.SSLError, OSError, ValueError)
 class TlsSession:
     """One end. `ended` is the reason of a failure. `partner_is_done` means that close_notify has come."""
 
-    unfinished_message = 0  # no time limit: a record is no message, and an incomplete one is bounded in size
+    unfinished_number = 0  # no time limit: a record is no message, and an incomplete one is bounded in size
 
     def __init__(self, credentials: Credentials, is_active: bool) -> None:
         self.ended: SessionEnd | None = None
@@ -246,7 +246,7 @@ class TlsSession:
             self._end(session_end_of(problem))
 
     def _decrypt(self, most: int) -> int:
-        """Read at most `most` records, until none is left or enough bytes wait. Return the read count."""
+        """Read at most `most` records, until none is left or enough bytes wait. Return how many."""
         assert self._engine is not None
         count = 0
         while self.ended is None and not self.partner_is_done:
@@ -288,7 +288,7 @@ def get_context(credentials: Credentials, is_active: bool) -> ssl.SSLContext:
 _key_log: Final[list[str]] = []
 
 
-def log_keys(name: str) -> None:
+def set_key_log(name: str) -> None:
     """Let sessions of contexts made from now on write their secrets into a file. With "" they do not."""
     _key_log[:] = [name] if name else []
     _make_context.cache_clear()  # a context in the cache would not write them

@@ -58,7 +58,7 @@ class Forwarder(TapLoop):
         self._ends = False
         self._ticks = 0
 
-    def add_route(self, route: Route) -> None:
+    def open_route(self, route: Route) -> None:
         """Listen, or open the ports. Raise UserError if that fails."""
         kinds: dict[str, Callable[..., TcpRoute | UdpRoute | TapSerialConversation]] = {
             "tcp": TcpRoute,
@@ -114,7 +114,12 @@ class Forwarder(TapLoop):
                     if found is not None and found != lane.figures:
                         lane.figures = found
                         self.report(
-                            TapEventKind.FIGURES, lane.way, route.place, number, 0, FIGURES_DATA.pack(*found)
+                            TapEventKind.FIGURES,
+                            lane.way,
+                            route.route_id,
+                            number,
+                            0,
+                            FIGURES_DATA.pack(*found),
                         )
 
     def release_all(self) -> None:
@@ -133,12 +138,12 @@ class Forwarder(TapLoop):
         return [lane for route in self.routes for talk in route.talks.values() for lane in talk.lanes]
 
     def report(
-        self, kind: TapEventKind, way: int, place: int, number: int, at: int, data: bytes | memoryview
+        self, kind: TapEventKind, way: int, route_id: int, number: int, at: int, data: bytes | memoryview
     ) -> None:
         pipe = self.pipe
         if pipe is None:  # forwarding does not depend on observers
             return
-        head = EVENT_HEAD.pack(kind, way, place, number, at, time.time_ns(), len(data))
+        head = EVENT_HEAD.pack(kind, way, route_id, number, at, time.time_ns(), len(data))
         if kind is TapEventKind.BYTES:
             pipe.put(head, data, size=len(data))
             return
@@ -160,7 +165,7 @@ class Forwarder(TapLoop):
     def _report_open(self) -> None:
         for route in self.routes:
             for number, talk in route.talks.items():
-                self.report(TapEventKind.OPEN, WAY_TO, route.place, number, 1, talk.said)
+                self.report(TapEventKind.OPEN, WAY_TO, route.route_id, number, 1, talk.said)
                 for lane in talk.lanes:
                     if lane.held is not None:
                         lane.report_held()
@@ -227,7 +232,7 @@ class Forwarder(TapLoop):
                 talk.finish()
         self.routes.clear()
         if self.pipe is not None:
-            self.pipe.finish(time.monotonic_ns() + FLUSH_NS)
+            self.pipe.send_rest(time.monotonic_ns() + FLUSH_NS)
 
 
 def write_or_drop_line(line: str) -> None:

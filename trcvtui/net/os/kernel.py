@@ -1,7 +1,7 @@
 """The real network: non-blocking IPv4 sockets that answer as the Kernel seam says.
 
 A handle is the socket's descriptor. The result of `poll` holds for the whole scan. Until the next poll, a
-handle of the set that was not ready costs no system call. A handle outside the set is always tried.
+handle of the poll set that was not ready costs no system call. A handle outside the set is always tried.
 Without RDHUP (not Linux) a FIN is seen only after the data before it has been read.
 """
 

@@ -120,7 +120,7 @@ class LossyPipe:
             self.waiting.clear()
             self._handle_end()
 
-    def finish(self, until_ns: int) -> None:
+    def send_rest(self, until_ns: int) -> None:
         """Send the waiting parts until `until_ns` of the monotonic clock at the latest. Then close."""
         while self.waiting and (rest := until_ns - time.monotonic_ns()) > 0:
             self._loop.run_once(rest / 1e9)

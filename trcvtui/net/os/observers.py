@@ -106,7 +106,7 @@ def listen_at(path: Path) -> socket.socket:
 class Encoder(Protocol):
     """Makes the pcapng for observers, event by event."""
 
-    def head(self, ns: int) -> bytes: ...
+    def encode_head(self, ns: int) -> bytes: ...
 
     def encode_event(self, event: TapEvent) -> bytes: ...
 
@@ -116,7 +116,7 @@ class Encoder(Protocol):
     def encode_loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
         """Return the block for a loss of one observer. `dropped` events were lost since it connected."""
 
-    def encode_open(self) -> bytes:
+    def encode_open_talks(self) -> bytes:
         """Return the blocks for the open conversations."""
 
 
@@ -152,7 +152,9 @@ class Observer:
         self._dropped = 0  # events that it missed
         self.pipe = LossyPipe(server.loop, sock, kind.most, self._report_missed, self._on_order, self._on_end)
         # At once: the first picture of a screen shows all open conversations, and keys act on them.
-        self.pipe.put(b"".join([self._capture.head(time.time_ns()), *lines, self._capture.encode_open()]))
+        self.pipe.put(
+            b"".join([self._capture.encode_head(time.time_ns()), *lines, self._capture.encode_open_talks()])
+        )
 
     def handle_events(self, events: Sequence[tuple[TapEvent, bytes]]) -> None:
         """Write the blocks of events."""
@@ -176,7 +178,7 @@ class Observer:
     def _report_missed(self, events: int, size: int, ends: bytes) -> None:
         self._dropped += events
         loss = self._capture.encode_loss(time.time_ns(), self._dropped, events, size) if events else b""
-        self._write_blocks(loss + ends + self._capture.encode_open())
+        self._write_blocks(loss + ends + self._capture.encode_open_talks())
         self._newest = self._server.newest
 
     def _on_order(self, line: bytes) -> None:
@@ -221,7 +223,7 @@ class ObserverServer:
         self._close_listener()
         until = time.monotonic_ns() + FLUSH_NS
         for observer in self._observers:
-            observer.pipe.finish(until)
+            observer.pipe.send_rest(until)
 
     # -- the tap ---------------------------------------------------------------------------------------------
 
@@ -244,7 +246,7 @@ class ObserverServer:
             return
         open_before = [*takewhile(lambda event: event.kind == TapEventKind.OPEN and event.at, events)]
         self._distribute(open_before)  # before the tap's observers are added: their first blocks show these
-        while poll_once({self._channels.fileno(): IN}) and self._accept_own():
+        while poll_once({self._channels.fileno(): IN}) and self._add_own_observers():
             pass  # an observer that was handed over before an event gets that event
         self._distribute(events[len(open_before) :])
 
@@ -264,7 +266,7 @@ class ObserverServer:
             if parts[kinds]:
                 observer.handle_events(parts[kinds])
 
-    def _accept_own(self) -> bool:
+    def _add_own_observers(self) -> bool:
         kind, channels, _, _ = socket.recv_fds(self._channels, 1, 1)
         for channel in channels:
             self._add_observer(socket.socket(fileno=channel), OBSERVER_KINDS[kind])

@@ -30,14 +30,17 @@ class PacketPipe:
     """
 
     def __init__(
-        self, fd: int, waits: Callable[[int], object], whole: Callable[[bytes], bytes | None] = bytes
+        self,
+        fd: int,
+        report_wait: Callable[[int], object],
+        cut_whole: Callable[[bytes], bytes | None] = bytes,
     ) -> None:
-        self._next, self._waits, self._whole = _chunk_reader(fd), waits, whole
+        self._next, self._waits, self._whole = _chunk_reader(fd), report_wait, cut_whole
         self._few = False
         self.empty_at = time.monotonic_ns()  # when it was last seen empty
         self._stops_at: float | None = None
 
-    def stop(self) -> None:
+    def end(self) -> None:
         """End the pipe as soon as it is empty, but not before STOP_WAIT_S is over."""
         self._stops_at = time.monotonic() + STOP_WAIT_S
 

@@ -50,7 +50,7 @@ class OpenAttempt:
 
 
 def close_in_background(port: Any) -> None:
-    """Close a port in a thread. With pyserial 3.5 a socket waits 0.3 s, and drivers until all is sent."""
+    """Close a port in a thread. Closing waits (pyserial 3.5: a socket 0.3 s, drivers until all is sent)."""
     threading.Thread(target=_close, args=(port,), daemon=True).start()
 
 
@@ -78,7 +78,7 @@ MESSAGE_ERRORS: Final = (
 
 
 def fault_from_error(call: str, problem: BaseException) -> Fault:
-    name = next((name for each in _causes(problem) if (name := _errno_name(each))), "") or _find_name(problem)
+    name = next((name for each in _causes(problem) if (name := _errno_name(each))), "") or _pick_name(problem)
     words = "".join([letter for letter in str(problem) if letter.isprintable()])
     return Fault(call, name, words=words[:MOST_TEXT_CHARS])
 
@@ -100,7 +100,7 @@ def _errno_name(problem: BaseException) -> str:
     return "EINVAL" if isinstance(problem, ValueError) else ""
 
 
-def _find_name(problem: BaseException) -> str:
+def _pick_name(problem: BaseException) -> str:
     return next((name for words, name in MESSAGE_ERRORS if words in str(problem)), PORT_GONE)
 
 

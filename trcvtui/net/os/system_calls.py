@@ -261,7 +261,7 @@ def _peek_datagrams(sock: socket.socket, skip: int) -> Unread:
 
 
 def discard_unread(sock: socket.socket | None, most: int) -> int:
-    """Read and drop at most `most` queued bytes, in MOST_READS calls at most. Return the bytes' number."""
+    """Read and drop at most `most` queued bytes, in MOST_READS calls at most. Return their number."""
     waste, gone = bytearray(min(most, PEEK_BYTES)), 0
     try:
         for _ in range(MOST_READS):

@@ -34,7 +34,7 @@ class TapTcpConversation(TapConversation):
 
     def __init__(self, route: TcpRoute, near: socket.socket, far: socket.socket, said: bytes) -> None:
         self.route, self.number, self.said = route, route.loop.next_number(), said
-        self.loop, self.place = route.loop, route.place
+        self.loop, self.route_id = route.loop, route.route_id
         self.lanes: tuple[TapLane, TapLane] | tuple[()] = ()
         self.has_ended = False
         self._near, self._far = near, far
@@ -49,7 +49,7 @@ class TapTcpConversation(TapConversation):
             self.loop.register(self._far.fileno(), OUT, self._handle_connected)
             self.loop.call_at(time.monotonic_ns() + CONNECT_LIMIT_NS, self._time_out)
         else:
-            self._end_attempt(error)
+            self._finish_attempt(error)
 
     @staticmethod
     def sender(end: TapEnd) -> Callable[[Any], int]:
@@ -63,14 +63,14 @@ class TapTcpConversation(TapConversation):
 
     def _handle_connected(self, _: int) -> None:
         self.loop.unregister(self._far.fileno())
-        self._end_attempt(self._far.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR))
+        self._finish_attempt(self._far.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR))
 
     def _time_out(self) -> None:
         if not self.lanes and not self.has_ended:
             self.loop.unregister(self._far.fileno())
-            self._end_attempt(errno.ETIMEDOUT)
+            self._finish_attempt(errno.ETIMEDOUT)
 
-    def _end_attempt(self, error: int) -> None:
+    def _finish_attempt(self, error: int) -> None:
         """Start forwarding if the far end has answered; otherwise reset the near end."""
         # Unread bytes prove that it has answered, also if its RST followed at once: they are forwarded.
         if error and not count_unread(self._far):
@@ -78,7 +78,7 @@ class TapTcpConversation(TapConversation):
             self._far.close()
             _close_with_reset(self._near)
             self.report(TapEventKind.RST, WAY_BACK)
-            self._report_over()
+            self._leave_route()
             return
         self.report(TapEventKind.ANSWERED, WAY_BACK)
         near, far = TapEnd(self.loop, self._near), TapEnd(self.loop, self._far)
@@ -131,9 +131,9 @@ class TapTcpConversation(TapConversation):
                     self.loop.unregister(self._far.fileno())
                 self._near.close()
                 self._far.close()
-            self._report_over()
+            self._leave_route()
 
-    def _report_over(self) -> None:
+    def _leave_route(self) -> None:
         self.report(TapEventKind.ENDED, WAY_TO)
         self.route.talks.pop(self.number, None)
 
@@ -172,7 +172,7 @@ class _LackReporter:
             lack = f"no {self.what} {'' if waiting else 'was '}left"
             text = f"{lack}: {', '.join(filter(None, (waits, lost)))}"
             route.loop.say(f"{route.route.name}: {text}")
-            route.loop.report(TapEventKind.LACK, WAY_TO, route.place, 0, waiting, text.encode())
+            route.loop.report(TapEventKind.LACK, WAY_TO, route.route_id, 0, waiting, text.encode())
             route.loop.call_after(LACK_REPORT_NS, self._report)
 
 
@@ -184,8 +184,8 @@ class TcpRoute:
 
     has_stack = True  # TCP_INFO has figures of each end
 
-    def __init__(self, loop: TapLoop, route: Route, place: int) -> None:
-        self.loop, self.route, self.place = loop, route, place
+    def __init__(self, loop: TapLoop, route: Route, route_id: int) -> None:
+        self.loop, self.route, self.route_id = loop, route, route_id
         self.talks: dict[int, Any] = {}
         self._door = _bind_socket(route.listen, socket.SOCK_STREAM)
         self._door.listen(512)
@@ -213,7 +213,7 @@ class TcpRoute:
             self._taken += 1
             self._lack.waiting = 0
             try:
-                talk = TapTcpConversation(self, near, far, _open_event_data(self.route.to, end))
+                talk = TapTcpConversation(self, near, far, _encode_open_event(self.route.to, end))
             except OSError:  # the poll set takes no more
                 far.close()
                 _close_with_reset(near)
@@ -253,7 +253,7 @@ class TcpRoute:
         self._lack.refused += 1
         number, why = self.loop.next_number(), f"rst: no {self._lack.what} left".encode()
         events = (
-            (TapEventKind.OPEN, WAY_TO, _open_event_data(self.route.to, end)),
+            (TapEventKind.OPEN, WAY_TO, _encode_open_event(self.route.to, end)),
             (TapEventKind.INTERVENTION, WAY_BACK, why),
         )
         for kind, way, data in (
@@ -261,7 +261,7 @@ class TcpRoute:
             (TapEventKind.RST, WAY_BACK, b""),
             (TapEventKind.ENDED, WAY_TO, b""),
         ):
-            self.loop.report(kind, way, self.place, number, 0, data)
+            self.loop.report(kind, way, self.route_id, number, 0, data)
         return True
 
     def stop(self) -> None:
@@ -275,8 +275,8 @@ class UdpRoute:
 
     has_stack = False
 
-    def __init__(self, loop: TapLoop, route: Route, place: int) -> None:
-        self.loop, self.route, self.place = loop, route, place
+    def __init__(self, loop: TapLoop, route: Route, route_id: int) -> None:
+        self.loop, self.route, self.route_id = loop, route, route_id
         self.talks: dict[int, Any] = {}
         self._clients: dict[Any, TapUdpConversation] = {}  # the client of the newest datagram is last
         self.listener = _bind_socket(route.listen, socket.SOCK_DGRAM)
@@ -340,8 +340,8 @@ class _DatagramEnd(TapEnd):
 
 class TapUdpConversation(TapConversation):
     def __init__(self, route: UdpRoute, number: int, sock: socket.socket, client: Any) -> None:
-        self.number, self.loop, self.place, self._sock = number, route.loop, route.place, sock
-        self.said = _open_event_data(route.route.to, client)
+        self.number, self.loop, self.route_id, self._sock = number, route.loop, route.route_id, sock
+        self.said = _encode_open_event(route.route.to, client)
         near = _DatagramEnd(route.listener, lambda data: route.listener.sendto(data, client))
         far = _DatagramEnd(sock, sock.send)
         self.lanes = DatagramLane(self, WAY_TO, near, far), DatagramLane(self, WAY_BACK, far, near)
@@ -378,8 +378,8 @@ class TapSerialConversation(TapConversation):
     said = b""
     has_stack = False
 
-    def __init__(self, loop: TapLoop, route: Route, place: int) -> None:
-        self.loop, self.route, self.place = loop, route, place
+    def __init__(self, loop: TapLoop, route: Route, route_id: int) -> None:
+        self.loop, self.route, self.route_id = loop, route, route_id
         self.address: tuple[str, int] | None = None
         self.number = loop.next_number()
         self.talks = {self.number: self}
@@ -459,7 +459,7 @@ def _close_with_reset(sock: socket.socket) -> None:
     sock.close()
 
 
-def _open_event_data(place: TapPlace, near: Sequence[Any]) -> bytes:
+def _encode_open_event(place: TapPlace, near: Sequence[Any]) -> bytes:
     return f"{place.kind}|{near[0]}|{near[1]}|{place.address}|{place.port}".encode()
 
 

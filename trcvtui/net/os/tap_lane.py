@@ -79,7 +79,7 @@ class TapLoop:
                 ready(events)
 
     def report(
-        self, kind: TapEventKind, way: int, place: int, number: int, at: int, data: bytes | memoryview
+        self, kind: TapEventKind, way: int, route_id: int, number: int, at: int, data: bytes | memoryview
     ) -> None:
         raise NotImplementedError
 
@@ -88,12 +88,12 @@ class TapConversation:
     """A conversation with two lanes. Its methods suit kinds without FIN and RST; others override them."""
 
     loop: TapLoop
-    place: int
+    route_id: int
     number: int
     has_ends = False  # FIN and RST
 
     def report(self, kind: TapEventKind, way: int, data: bytes | memoryview = b"", at: int = 0) -> None:
-        self.loop.report(kind, way, self.place, self.number, at, data)
+        self.loop.report(kind, way, self.route_id, self.number, at, data)
 
     @staticmethod
     def sender(end: Any) -> Callable[[Any], int]:
@@ -140,11 +140,11 @@ class TapEnd:
             if self.mask & IN:
                 self.reads.read()
             elif events & (ERR | HUP):
-                self._check_error()
+                self._handle_error()
         if events & OUT and self.mask & OUT and self.is_open:
             self.writes.flush()
 
-    def _check_error(self) -> None:
+    def _handle_error(self) -> None:
         if not isinstance(self.port, socket.socket):
             self.reads.talk.handle_fin(self.reads)
             return
@@ -262,10 +262,10 @@ class TapLane:
         self.late.append((due, data))
         self.late_size += len(data)
 
-    def pass_late(self, is_due: bool = False) -> None:
-        """Forward the delayed bytes whose time has come. With `is_due`, forward all delayed bytes."""
+    def pass_late(self, is_all: bool = False) -> None:
+        """Forward the delayed bytes whose time has come. With `is_all`, forward all delayed bytes."""
         now = time.monotonic_ns()
-        while self.late and (is_due or self.late[0][0] <= now) and not self.is_over:
+        while self.late and (is_all or self.late[0][0] <= now) and not self.is_over:
             _, data = self.late.popleft()
             self.late_size -= len(data)
             self.forward(memoryview(data))
@@ -284,7 +284,7 @@ class TapLane:
         if held is not None:
             self.report_held()
         self.cuts.clear()
-        self.pass_late(is_due=True)
+        self.pass_late(is_all=True)
         if held is not None:
             self.pass_held(held)
         if self.end is TapEventKind.RST:
@@ -447,9 +447,9 @@ def find_refusal(lane: TapLane, order: TapOrder) -> str:
         case "drop" | "edit" if not held:
             return "nothing is held in this direction"
         case "drop" if order.sizes[0] > size:
-            return f"only {size} bytes are held, not {order.sizes[0]}"
+            return f"only {size} of {order.sizes[0]} bytes held"
         case "edit" if (last := order.sizes[0] + len(order.data)) > size:
-            return f"{size} bytes are held: there is no byte {last - 1}"
+            return f"byte {size - 1} is the last held: there is no byte {last - 1}"
     return ""
 
 
@@ -475,7 +475,7 @@ def apply_order(lane: TapLane, order: TapOrder) -> None:
         case "delay":
             lane.delay_ns = order.sizes[0]
             if not lane.delay_ns:
-                lane.pass_late(is_due=True)
+                lane.pass_late(is_all=True)
         case "split":
             lane.cuts = list(order.sizes)
         case "rst":

@@ -25,7 +25,7 @@ from trcvtui.net.results import (
     WouldBlock,
     is_group,
 )
-from trcvtui.net.sim.network import LOOPBACK, PortTable, SimSocket, SimWire, is_valid_end, simulated_broadcast
+from trcvtui.net.sim.network import LOOPBACK, PortTable, SimHost, SimSocket, is_valid_end, simulated_broadcast
 from trcvtui.net.sim.stream import StreamPhase
 from trcvtui.net.sim.timers import MS
 
@@ -39,7 +39,7 @@ COST_OF_A_BYTE: Final = 2
 
 
 class DatagramWire:
-    def __init__(self, wire: SimWire) -> None:
+    def __init__(self, wire: SimHost) -> None:
         self.wire = wire
         self.ports = PortTable()
         self._bound: dict[int, list[SimDatagramSocket]] = {}
@@ -117,7 +117,7 @@ class SimDatagramSocket(SimSocket):
     def send_to(self, data: memoryview, end: Endpoint) -> str:
         """Send one datagram; a socket without a port takes a free one."""
         remote = Endpoint(LOOPBACK, end.port) if end.address == ANY_ADDRESS else end
-        error = self._send_error(len(data), remote)
+        error = self._find_send_error(len(data), remote)
         if error:
             return error
         if not self.claim.port:
@@ -127,7 +127,7 @@ class SimDatagramSocket(SimSocket):
             self._datagrams.carry(self.owner, source, remote, bytes(data))
         return error
 
-    def _send_error(self, size: int, remote: Endpoint) -> str:
+    def _find_send_error(self, size: int, remote: Endpoint) -> str:
         if not is_valid_end(remote) or not remote.port:
             return "EINVAL"
         if size > LARGEST_DATAGRAM:
@@ -202,7 +202,7 @@ class SimKernel:
         fragment: bool = False,
         names: Mapping[str, str] | None = None,
     ) -> None:
-        self.wire = SimWire(tuple(dict.fromkeys((*addresses, *not_ethernet))), latency_ns)
+        self.wire = SimHost(tuple(dict.fromkeys((*addresses, *not_ethernet))), latency_ns)
         self.wire.broadcasts |= {simulated_broadcast(each) for each in addresses if each not in not_ethernet}
         self.datagrams = DatagramWire(self.wire)
         self._names = {n.rstrip(".").lower(): a for n, a in (names or {}).items()}

@@ -64,7 +64,7 @@ class PortTable:
             self.add(claim)
         return claim.port != 0
 
-    def listen(self, claim: PortClaim) -> str:
+    def mark_listening(self, claim: PortClaim) -> str:
         """Make the claim exclusive; return "" or the errno name. A claim without a port gets a free one."""
         if not claim.port and not self.claim_free_port(claim, claim.address):
             return "EADDRINUSE"
@@ -121,7 +121,7 @@ class SimListener:
         self.queue: deque[SimStream] = deque()
 
 
-class SimWire:
+class SimHost:
     """The only machine of the simulated network, for all handles. It has loopback and `addresses`."""
 
     def __init__(self, addresses: tuple[str, ...], latency: int) -> None:
@@ -247,7 +247,7 @@ class SimWire:
             if server is not None:
                 self.carry(server, server.make_syn_ack())
 
-    def call_as_partner(self, local: Endpoint, target: Endpoint) -> SimStream | None:
+    def connect_as_partner(self, local: Endpoint, target: Endpoint) -> SimStream | None:
         """Let a played partner call a listener. Return the partner's end, or None if they are connected."""
         client = self._make_played_stream(local, target)
         if self.has_connection(client):
@@ -257,7 +257,7 @@ class SimWire:
 
     def answer_as_partner(self, owner: str) -> SimStream | None:
         """Let a played partner answer an owner's newest call; return the partner's end, None: no call."""
-        client = self._take_newest_call(owner)
+        client = self._take_newest_attempt(owner)
         if client is None:
             return None
         server = self._make_played_stream(client.remote, client.local)
@@ -269,12 +269,12 @@ class SimWire:
 
     def refuse_as_partner(self, owner: str) -> bool:
         """Let a played partner refuse the newest call of an owner; return False if there is no call."""
-        client = self._take_newest_call(owner)
+        client = self._take_newest_attempt(owner)
         if client is not None:
             client.handle_segment(RESET_SEGMENT)
         return client is not None
 
-    def _take_newest_call(self, owner: str) -> SimStream | None:
+    def _take_newest_attempt(self, owner: str) -> SimStream | None:
         calls = self.played.get(owner, [])
         waiting = [each for each in calls if each.phase is StreamPhase.SYN_SENT]
         calls[:] = waiting[:-1]
@@ -312,7 +312,7 @@ class SimWire:
     # -- the end -------------------------------------------------------------------------------------
 
     def remove_ended(self, stream: SimStream, linger: bool) -> None:
-        """Remove an ended connection from the tables. With `linger`, remove it after TIME_WAIT."""
+        """Remove an ended connection from the tables, at once or, with `linger`, after TIME_WAIT."""
         stream.lingering = linger
         if linger:
             self.call_at(self.now + TIME_WAIT, lambda: self._remove_stream(stream))
@@ -350,7 +350,7 @@ class SimSocket:
 
     __slots__ = ("_wire", "changed", "claim", "listener", "owner", "polled", "stream", "tuning")
 
-    def __init__(self, wire: SimWire, owner: str, stream: SimStream | None = None) -> None:
+    def __init__(self, wire: SimHost, owner: str, stream: SimStream | None = None) -> None:
         self._wire, self.owner, self.stream = wire, owner, stream
         self.claim = PortClaim() if stream is None else stream.claim
         self.tuning = Tuning() if stream is None else stream.tuning
@@ -415,7 +415,7 @@ class SimSocket:
         if self.listener is not None:
             self.listener.backlog = backlog
             return ""
-        error = self._wire.ports.listen(self.claim)
+        error = self._wire.ports.mark_listening(self.claim)
         if not error:
             self.listener = SimListener(self.owner, self.claim, self.tuning, backlog, self.changed)
             self._wire.listen(self.listener)

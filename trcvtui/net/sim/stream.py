@@ -14,7 +14,16 @@ from msgspec import Struct
 
 from trcvtui.net.kernel import PathInfo
 from trcvtui.net.results import ANY_ADDRESS, OWN_END, PEEK_DEPTH, WOULD_BLOCK, Endpoint, Unread, WouldBlock
-from trcvtui.net.sim.timers import LONGEST_WAIT, MS, SECOND, SYN_WAITS, KeepAlive, Retry, Ticket, TimerResult
+from trcvtui.net.sim.timers import (
+    LONGEST_WAIT,
+    MS,
+    SECOND,
+    SYN_WAITS,
+    KeepAliveTimer,
+    RetryTimer,
+    Ticket,
+    Verdict,
+)
 
 # Positions count bytes from 0; FIN is one number after the last byte. A window never shrinks, and a
 # retransmission begins at the first unacknowledged byte.
@@ -33,7 +42,7 @@ class SegmentFlag:
 
 
 class Segment(NamedTuple):
-    """A TCP segment: `seq` of its data, acknowledged position `ack`, and end `edge` of the window."""
+    """A TCP segment: position `seq` of its data, acknowledged position `ack`, end `edge` of the window."""
 
     seq: int
     ack: int
@@ -108,7 +117,7 @@ class SendHalf:
         """Send again from the first unacknowledged byte on."""
         self.next = self._first
 
-    def emit(self) -> tuple[int, bytes, int] | None:
+    def take_sendable(self) -> tuple[int, bytes, int] | None:
         """Return position, data and flags of what may be sent now, and count it as sent."""
         end = self._first + len(self._queue)
         seq, limit = self.next, min(end, self._edge)
@@ -261,8 +270,8 @@ class SimStream:
         self._in = ReceiveHalf(tuning.receive_room)
         self._closed_first = False
         self._syns = 0
-        self._retry = Retry()
-        self._alive = KeepAlive(0, 0)
+        self._retry = RetryTimer()
+        self._alive = KeepAliveTimer(0, 0)
         self._retry_ticket: Ticket | None = None
         self._alive_ticket: Ticket | None = None
         self._end_ticket: Ticket | None = None
@@ -320,7 +329,7 @@ class SimStream:
         if not self._in.inbox:
             self.changed()
         if self._in.should_update_window and self.phase is StreamPhase.OPEN:
-            self._send_bare()
+            self._send_empty()
         return size
 
     def write(self, data: memoryview) -> int | WouldBlock | str:
@@ -473,23 +482,23 @@ class SimStream:
             return
         self._in.accept(segment)
         self.changed()
-        self._send_bare()
+        self._send_empty()
         if self._is_finished and self.phase is StreamPhase.OPEN:
             self._end(self._closed_first)
 
     # -- what is carried -----------------------------------------------------------------------------
 
-    def _send_bare(self, flags: int = SegmentFlag.NONE) -> None:
+    def _send_empty(self, flags: int = SegmentFlag.NONE) -> None:
         self._wire.carry(self, Segment(self._out.next, self._in.next, self._in.offer_window(), b"", flags))
 
     def acknowledge(self) -> None:
-        self._send_bare()
+        self._send_empty()
 
     def _send_queued(self) -> None:
         """Send what the partner's window allows, and FIN after the last byte."""
         if self.phase is not StreamPhase.OPEN:
             return
-        sent = self._out.emit()
+        sent = self._out.take_sendable()
         if sent is not None:
             seq, data, flags = sent
             self._wire.carry(self, Segment(seq, self._in.next, self._in.offer_window(), data, flags))
@@ -511,11 +520,11 @@ class SimStream:
     def _handle_retry_due(self) -> None:
         self._retry_ticket = None
         probing, tuning = not self._out.is_in_flight, self.tuning
-        verdict = self._retry.check_due(self._wire.now, probing, tuning.user_timeout, tuning.longest_wait)
-        if verdict is TimerResult.DEAD:
+        verdict = self._retry.decide_at_due(self._wire.now, probing, tuning.user_timeout, tuning.longest_wait)
+        if verdict is Verdict.DEAD:
             self.end_with_error("ETIMEDOUT")
         elif probing:
-            self._send_bare(SegmentFlag.PROBE)  # a zero window: probe it, there is nothing to send again
+            self._send_empty(SegmentFlag.PROBE)  # a zero window: probe it, there is nothing to send again
             self._start_retry_timer()
         else:
             self._out.rewind()
@@ -526,17 +535,17 @@ class SimStream:
         self._alive_ticket = None
         is_asked = self.partner is None or not self.partner.always_answers
         if self.tuning.keep_alive and self.phase is StreamPhase.OPEN and is_asked:
-            self._alive = KeepAlive(self.tuning.keep_alive, self.heard)
+            self._alive = KeepAliveTimer(self.tuning.keep_alive, self.heard)
             self._alive_ticket = self._wire.call_at(self._alive.due, self._handle_alive_due)
 
     def _handle_alive_due(self) -> None:
         busy, limit = self._out.is_waiting, self.tuning.user_timeout
-        verdict = self._alive.check_due(self._wire.now, self.heard, busy, limit)
+        verdict = self._alive.decide_at_due(self._wire.now, self.heard, busy, limit)
         self._alive_ticket = self._wire.call_at(self._alive.due, self._handle_alive_due)
-        if verdict is TimerResult.DEAD:
+        if verdict is Verdict.DEAD:
             self.end_with_error("ETIMEDOUT")
-        elif verdict is TimerResult.ASK:
-            self._send_bare(SegmentFlag.PROBE)
+        elif verdict is Verdict.ASK:
+            self._send_empty(SegmentFlag.PROBE)
 
     def fall_silent(self) -> None:
         """Answer nothing from now on; the partner starts its keep-alive."""

@@ -1,4 +1,4 @@
-"""The screen of `trcvtui fleet`: reads the broker 20 times a second and sorts the list twice a second."""
+"""The screen of `trcvtui fleet` reads the broker 20 times a second and sorts the list twice a second."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from textual.widget import Widget
 
 from trcvtui import clock
 from trcvtui.fleet.broker import BrokerAccess, BrokerConnection
-from trcvtui.fleet.fleet_list import GROUP_KEYS, Entry, FleetGroup, count_sick, filter_lines, group_lines
+from trcvtui.fleet.fleet_list import GROUP_KEYS, Entry, GroupHead, count_sick, filter_lines, group_lines
 from trcvtui.fleet.reader import FleetReader, state_topics
 from trcvtui.fleet.seen_fleet import ERROR, STATES, FleetLine, FleetModel
 from trcvtui.tui.fleet.card import FleetCardScreen
@@ -25,7 +25,7 @@ from trcvtui.tui.settings import ScreenSettings, load_settings
 from trcvtui.tui.terminal_app import TerminalApp
 from trcvtui.tui.widgets.dialogs import ResultScreen
 from trcvtui.tui.widgets.help import KeyTable, key_rows
-from trcvtui.tui.widgets.line_view import Row, hidden_keys, pane_title
+from trcvtui.tui.widgets.line_view import Row, hidden_bindings, pane_title
 from trcvtui.tui.widgets.lines import HeaderWord, KeyLine, OutcomeLine, WordLine
 from trcvtui.tui.widgets.theme import OWN_THEMES
 from trcvtui.tui.widgets.typed_lines import FilterLine
@@ -82,7 +82,7 @@ class FleetHeader(WordLine):
         self._broker, self._pattern, self._reader = broker, pattern, reader
         self.shown: list[FleetLine] = []
 
-    def pieces(self) -> list[HeaderWord]:
+    def header_words(self) -> list[HeaderWord]:
         reader = self._reader
         pieces = [HeaderWord("trcvtui fleet", "dim", 60), HeaderWord(plain(str(self._broker)), "strong", 20)]
         if self._pattern != "*":
@@ -106,7 +106,7 @@ class FleetHeader(WordLine):
 class FleetScreen(Screen[None]):
     """Header, filter, list, message, keys."""
 
-    BINDINGS: ClassVar = hidden_keys({
+    BINDINGS: ClassVar = hidden_bindings({
         "slash": "filter", "g": "group", "escape": "calm", "question_mark,f1": "help",
     })  # fmt: skip
     CSS_PATH = "fleet.tcss"
@@ -154,13 +154,13 @@ class FleetScreen(Screen[None]):
         if is_old or version != self._shown:
             self._shown = version
             self._aged_at = now if is_old else self._aged_at
-            self.order()
+            self.sort_and_show()
         else:
             self.table.show()
-        self.show_outcome()
+        self.show_broker_state()
         return True
 
-    def order(self) -> None:
+    def sort_and_show(self) -> None:
         wall = self.utc_seconds()
         ordered = self._reader.fleet.sort_lines(wall)
         self.head.shown = ordered
@@ -174,7 +174,7 @@ class FleetScreen(Screen[None]):
             words.append(f"{len(lines)} of {len(ordered)} with {plain(self._typed)}, esc: all")
         self._frame.border_title = pane_title(None, "Lines", " · ".join([*words, "the worst first"]))
 
-    def show_outcome(self) -> None:
+    def show_broker_state(self) -> None:
         reader = self._reader
         words, style = reader.last_refusal, "warn"
         if not reader.is_up:
@@ -189,7 +189,7 @@ class FleetScreen(Screen[None]):
 
     def set_filter(self, typed: str) -> None:
         self._typed = typed.strip()
-        self.order()
+        self.sort_and_show()
 
     def action_filter(self) -> None:
         self.filter.open()
@@ -198,7 +198,7 @@ class FleetScreen(Screen[None]):
         ways = ["", *GROUP_KEYS]
         self._by = ways[(ways.index(self._by) + 1) % len(ways)]
         self._opened.clear()
-        self.order()
+        self.sort_and_show()
 
     def action_calm(self) -> None:
         """Clear the filter; if there is no filter, end the grouping."""
@@ -206,7 +206,7 @@ class FleetScreen(Screen[None]):
             self.filter.clear()
         elif self._by:
             self._by = ""
-            self.order()
+            self.sort_and_show()
 
     def action_move(self) -> None:
         self.table.action_move(1)
@@ -221,9 +221,9 @@ class FleetScreen(Screen[None]):
         await self.run_action(message.action)
 
     def on_fleet_entry_opened(self, message: FleetEntryOpened) -> None:
-        if isinstance(message.entry, FleetGroup):
+        if isinstance(message.entry, GroupHead):
             self._opened ^= {message.entry.name}
-            self.order()
+            self.sort_and_show()
         else:
             self.app.push_screen(FleetCardScreen(message.entry, self.utc_seconds))
 
@@ -250,7 +250,7 @@ class FleetApp(TerminalApp):
         self.main = FleetScreen(broker, pattern, reader)
 
     def on_mount(self) -> None:
-        self.start_terminal()
+        self.set_up_terminal()
         self.push_screen(self.main)
         self.set_interval(FRAME_S, self.advance_frame)
         self.call_after_refresh(self.finish_start)
@@ -289,7 +289,7 @@ def run_fleet(broker: BrokerAccess, pattern: str, client_id: str, theme: str | N
     connection = BrokerConnection(broker, client_id, topics=state_topics(pattern))
     reader = FleetReader(connection, FleetModel(), pattern)
     settings = load_settings((), theme)
-    connection.open()
+    connection.start()
     try:
         app = FleetApp(broker, pattern, reader, settings)
         app.run()

@@ -8,9 +8,9 @@ from typing import Final
 
 from trcvtui.fleet.event_log import KeptEvent
 from trcvtui.fleet.seen_fleet import OFFLINE, STALE, STUCK_S, FleetInstance, FleetLine
-from trcvtui.tui.fleet.table import since_text, spark_parts
+from trcvtui.tui.fleet.table import age_since_text, spark_parts
 from trcvtui.tui.formatting import SECOND, lamp, plain, wrap_text
-from trcvtui.tui.widgets.dialogs import LABEL_WIDTH, CardText, ListDialog
+from trcvtui.tui.widgets.dialogs import LABEL_WIDTH, LabelledText, ViewDialog
 from trcvtui.tui.widgets.line_view import Part, Row, row, rule
 from trcvtui.wording import age_text, count, last_part, size_text
 
@@ -28,7 +28,7 @@ def time_text(t: float, wall: float) -> str:
     return f"{then:%H:%M:%S}" if f"{then:{DAY_FORMAT}}" == f"{now:{DAY_FORMAT}}" else f"{then:%d %b %H:%M}"
 
 
-class FleetCard(CardText):
+class FleetCard(LabelledText):
     def __init__(self, line: FleetLine, wall: Callable[[], float]) -> None:
         super().__init__(id="fleet-card")
         self._line = line
@@ -55,26 +55,26 @@ class FleetCard(CardText):
         since = line.shown_since(wall) if line.shows == OFFLINE else line.agent.since
         shown = f"{agent.state} since {time_text(since or 0, wall)}" if agent is not None else "unknown"
         version = f", trcvtui {plain(agent.version)}" if agent is not None else ""
-        yield from self._labelled("line", [plain(state)], "" if line.shows != OFFLINE else "faint")
-        yield from self._labelled(
+        yield from self._labelled_rows("line", [plain(state)], "" if line.shows != OFFLINE else "faint")
+        yield from self._labelled_rows(
             "agent", [shown + version], "error" if line.shows in (OFFLINE, STALE) else ""
         )
         if skew := line.agent.skew_s:
             behind = "behind" if skew > 0 else "ahead of"
             shown = f"{age_text(int(abs(skew) * SECOND))} {behind} our clock; all times are of our clock"
-            yield from self._labelled("clock", [shown], "warn")
+            yield from self._labelled_rows("clock", [shown], "warn")
         recorded = next((event for _, event in self._list_events() if event.file), None)
         if recorded is not None:
             host = f" on {plain(agent.host)}" if agent is not None else ""
-            yield from self._labelled("recorded", [f"{plain(recorded.file)}{host}"], "strong")
+            yield from self._labelled_rows("recorded", [f"{plain(recorded.file)}{host}"], "strong")
         if figures is not None:
             parts = [
                 f"{size_text(figures.received)}/s in",
                 f"{size_text(figures.sent)}/s out",
                 f"{figures.done_a_minute:g} DONE a minute",
-                f"sent {since_text(line.agent.to_our_time(figures.t, wall), wall)} ago",
+                f"sent {age_since_text(line.agent.to_our_time(figures.t, wall), wall)} ago",
             ]
-            yield from self._labelled("figures", [" · ".join(parts)], "")
+            yield from self._labelled_rows("figures", [" · ".join(parts)], "")
         hour = f" {count(line.errors_hour, 'error')} in the last hour"
         yield row(("errors".ljust(LABEL_WIDTH), "label"), *spark_parts(line.sparkline(wall)), (hour, ""))
 
@@ -94,13 +94,13 @@ class FleetCard(CardText):
         ]
         have = f"{status.here}/{status.wanted} B · " if status.wanted else ""
         wall = self._wall()
-        since = since_text(self._line.agent.to_our_time(status.t, wall) - status.age_s, wall)
+        since = age_since_text(self._line.agent.to_our_time(status.t, wall) - status.age_s, wall)
         if (stuck := self._line.stuck_s(instance, wall)) >= STUCK_S:
             since += f" · stuck for {age_text(int(stuck * SECOND))}"
         counted = f"{have}{status.jobs_done} DONE, {count(status.errors, 'ERROR', 'ERRORs')} · for {since}"
         rows.append(row((f"16#{status.status}  ", style), *lamps, (f" {counted}", "")))
-        found = self._labelled("finding", [plain(status.finding)], "warn") if status.finding else []
-        return [*rows, *self._labelled("", [plain(status.text)], style), *found]
+        found = self._labelled_rows("finding", [plain(status.finding)], "warn") if status.finding else []
+        return [*rows, *self._labelled_rows("", [plain(status.text)], style), *found]
 
     def _list_events(self) -> list[tuple[str, KeptEvent]]:
         instances = self._line.instances.values()
@@ -127,7 +127,7 @@ def _missing(events: int) -> list[Part]:
     return [(f"{count(events, 'event is', 'events are')} missing ", "warn")] if events else []
 
 
-class FleetCardScreen(ListDialog[None]):
+class FleetCardScreen(ViewDialog[None]):
     DEFAULT_CSS = "FleetCardScreen FleetCard { width: 104; height: auto; max-height: 100%; }"
 
     def __init__(self, line: FleetLine, wall: Callable[[], float]) -> None:

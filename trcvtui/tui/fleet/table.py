@@ -12,11 +12,11 @@ from typing import ClassVar, Final, NamedTuple
 from textual import events
 from textual.binding import BindingType
 
-from trcvtui.fleet.fleet_list import Entry, FleetGroup
+from trcvtui.fleet.fleet_list import Entry, GroupHead
 from trcvtui.fleet.seen_fleet import AWAY, ERROR, FINDING, GOOD, HAD, OFFLINE, STALE, STATES, STUCK, FleetLine
 from trcvtui.tui.formatting import SECOND, clip, clip_middle, pad, plain
 from trcvtui.tui.messages import FleetEntryOpened
-from trcvtui.tui.widgets.line_view import MOVES, LineView, OneLine, Part, Row, hidden_keys, row
+from trcvtui.tui.widgets.line_view import MOVES, LineView, OneLine, Part, Row, hidden_bindings, row
 from trcvtui.wording import age_text, count
 
 STATE_WIDTH, CODE_WIDTH, SINCE_WIDTH, SPARK_WIDTH, HOUR = 13, 5, 7, 12, 5  # columns
@@ -46,7 +46,7 @@ def spark_parts(errors: Sequence[int]) -> list[Part]:
     return [(drawn, "error" if any(errors) else "faint")]
 
 
-def since_text(t: float | None, wall: float) -> str:
+def age_since_text(t: float | None, wall: float) -> str:
     return "" if t is None else age_text(int(max(0.0, wall - t) * SECOND))
 
 
@@ -58,7 +58,7 @@ def state_of(line: FleetLine) -> str:
 
 
 def describe_status(line: FleetLine) -> str:
-    """Return the worst instance's finding, or received of wanted bytes if it is stuck, or its STATUS."""
+    """Return the worst instance's finding, or received of wanted bytes if it is stuck, else its STATUS."""
     status = line.worst_instance.status if line.worst_instance is not None else None
     if status is None:
         return ""
@@ -101,7 +101,7 @@ class FleetTable(LineView, inherit_bindings=False):
     KEYS: ClassVar = (("↑↓", "line"), ("enter", "card"))
     BINDINGS: ClassVar[list[BindingType]] = [
         *MOVES[:4],  # `g` groups
-        *hidden_keys({"home": "edge(-1)", "end,G": "edge(1)", "enter,right": "open", "left": "shut"}),
+        *hidden_bindings({"home": "edge(-1)", "end,G": "edge(1)", "enter,right": "open", "left": "shut"}),
     ]
 
     def __init__(self, wall: Callable[[], float]) -> None:
@@ -123,7 +123,7 @@ class FleetTable(LineView, inherit_bindings=False):
         self.entries = entries
         place = _find_row(here, entries) if self._is_moved else 0
         self.cursor = min(before, max(0, len(entries) - 1)) if place is None else place
-        self.resize_rows()
+        self.apply_row_count()
         if self._is_moved and self.cursor != before:  # its line keeps its place on the screen (the rule)
             self.scroll_to(y=top + self.cursor - before, animate=False)
         self.show()
@@ -135,7 +135,7 @@ class FleetTable(LineView, inherit_bindings=False):
         if not self.entries:
             return row((self.nothing[y], "dim"))
         entry, columns = self.entries[y], columns_of(self.line_width - 1)
-        parts = self._group(entry, columns) if isinstance(entry, FleetGroup) else self._line(entry, columns)
+        parts = self._group(entry, columns) if isinstance(entry, GroupHead) else self._line(entry, columns)
         mark = ("▸" if y == self.cursor else " ", "key")
         return row(mark, *parts, style=self.cursor_style(y == self.cursor))
 
@@ -154,13 +154,13 @@ class FleetTable(LineView, inherit_bindings=False):
             (pad(clip(plain(state_of(line)), STATE_WIDTH - 1), STATE_WIDTH), style),
             (pad(code, CODE_WIDTH), "error" if line.shows == ERROR else style),
             *self._text(plain(describe_status(line)), more, columns.text, style),
-            *self._hour(since_text(line.shown_since(wall), wall), line.sparkline(wall), line.errors_hour),
+            *self._hour(age_since_text(line.shown_since(wall), wall), line.sparkline(wall), line.errors_hour),
         ]
 
     def _text(self, text: str, more: str, width: int, style: str) -> list[Part]:
         return [(pad(clip(text, width - len(more)), width - len(more)) + f"{more} ", style)] if width else []
 
-    def _group(self, group: FleetGroup, columns: FleetColumns) -> list[Part]:
+    def _group(self, group: GroupHead, columns: FleetColumns) -> list[Part]:
         sick = "".join(f" · {number} {STATES[shows]}" for shows, number in group.shown)
         style = "error" if any(shows <= ERROR for shows, _ in group.shown) else "warn" if sick else "dim"
         words = f"  {count(group.lines, 'line')}{sick}"
@@ -203,7 +203,7 @@ class FleetTable(LineView, inherit_bindings=False):
 
     def action_shut(self) -> None:
         for y in range(self.cursor, -1, -1):
-            if isinstance(self.entries[y] if y < len(self.entries) else None, FleetGroup):
+            if isinstance(self.entries[y] if y < len(self.entries) else None, GroupHead):
                 self.go_to(y)
                 return
 
@@ -219,9 +219,9 @@ class FleetTable(LineView, inherit_bindings=False):
 
 
 def _find_row(entry: Entry | None, entries: Sequence[Entry]) -> int | None:
-    if isinstance(entry, FleetGroup):
+    if isinstance(entry, GroupHead):
         name = entry.name
-        found = (y for y, each in enumerate(entries) if isinstance(each, FleetGroup) and each.name == name)
+        found = (y for y, each in enumerate(entries) if isinstance(each, GroupHead) and each.name == name)
     else:
         found = (y for y, each in enumerate(entries) if each is entry)
     return next(found, None)

@@ -1,4 +1,4 @@
-"""The forms that add or change a part of the project. A form has fields with choices and makes a line."""
+"""The forms that add or change a part of the project. They have fields with choices and make a command."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from textual.widget import Widget
 from textual.widgets import Input, Static
 
 from trcvtui.errors import UserError
-from trcvtui.files import FilesRead, read_from, write_file
-from trcvtui.project.edit import AddField, fields_of, propose_name
+from trcvtui.files import FilesRead, substitute_disk, write_file
+from trcvtui.project.edit import FormRow, fields_of, propose_name
 from trcvtui.project.project import Project
 from trcvtui.tui.completion import complete
 from trcvtui.tui.formatting import plain, wrap_text
@@ -119,12 +119,12 @@ class AddScreen(FormDialog[str]):
         await self._rows.mount_all(rows)
         self._check_fields()
 
-    def _field_specs(self, project: Project) -> list[AddField]:
+    def _field_specs(self, project: Project) -> list[FormRow]:
         if self.kind == "udt":
             known = [each.name for each in project.udts]
             files = tuple([name for name in type_files_in(project.base) if name not in known])
-            return [AddField(FILE_KEY, "no new type file beside the project", files)]
-        name = AddField("name", "a name of its own", first=propose_name(self.kind, project, self._block))
+            return [FormRow(FILE_KEY, "no new type file beside the project", files)]
+        name = FormRow("name", "a name of its own", first=propose_name(self.kind, project, self._block))
         return [name, *fields_of(self.kind, project, self._block)]
 
     def _heading(self) -> str:
@@ -165,7 +165,7 @@ class AddScreen(FormDialog[str]):
         is_empty = line == ADD_UDT and not fault
         self._is_pasted = line == f"{ADD_UDT}{file.name}"
         as_if_there = FilesRead(contents=[(os.fspath(file), text.encode())])  # enter writes the file
-        with read_from(as_if_there) if self._is_pasted else nullcontext():
+        with substitute_disk(as_if_there) if self._is_pasted else nullcontext():
             fault = fault or (find_mistake(line, self._project()) if line and not is_empty else "")
             effect = FILE_HINT if is_empty else "\n".join(map(plain, self._describe_line()))
         place = fault.removeprefix(f"{self.kind} {self.name_of_part}: ")
@@ -220,7 +220,7 @@ def _field_row(name: str, field: ChoiceField, hint: str) -> Horizontal:
     )
 
 
-def _hint_text(field: AddField) -> str:
+def _hint_text(field: FormRow) -> str:
     return f"↑↓ {', '.join(field.choices)}" if field.choices else field.hint
 
 
@@ -237,7 +237,7 @@ class ChangeScreen(AddScreen):
     def _first_rows(self) -> Iterator[Widget]:
         yield from ()
 
-    def _field_specs(self, project: Project) -> list[AddField]:
+    def _field_specs(self, project: Project) -> list[FormRow]:
         return fields_to_change(self._part, self._now, project, self._block)
 
     def _heading(self) -> str:

@@ -10,12 +10,12 @@ from trcvtui.project.connect_view import (
     ConnectConfig,
     DescriptionRow,
     DescriptionView,
-    declare_connect,
+    connect_declaration,
     description_view,
 )
 from trcvtui.tui.formatting import pad, plain, wrap_text
-from trcvtui.tui.widgets.dialogs import ListDialog
-from trcvtui.tui.widgets.line_view import EMPTY, Row, TextView, hidden_keys, row
+from trcvtui.tui.widgets.dialogs import ViewDialog
+from trcvtui.tui.widgets.line_view import EMPTY, Row, TextView, hidden_bindings, row
 from trcvtui.udt.byte_text import hex_lines
 
 OFFSET_WIDTH, FIELD_WIDTH, BYTES_PER_LINE = 7, 24, 8  # columns, columns, bytes a line
@@ -80,7 +80,7 @@ class DescriptionText(TextView):
         self._listens = ""
 
     def show_description(self, config: ConnectConfig, listens: str) -> None:
-        """Show another description from its start. The CONNECT now listens at `listens`."""
+        """Show another description from its start. `listens` is where the CONNECT listens now, or ""."""
         self.config, self._listens = config, listens
         self.scroll_to(y=0, animate=False)
         self.draw()
@@ -90,10 +90,10 @@ class DescriptionText(TextView):
         return description_rows(view, max(40, self.line_width - 1)) if view is not None else []
 
 
-class DescriptionScreen(ListDialog[None]):
+class DescriptionScreen(ViewDialog[None]):
     """Escape closes it; ← → show the other descriptions of the project."""
 
-    BINDINGS: ClassVar = hidden_keys({
+    BINDINGS: ClassVar = hidden_bindings({
         "right": "other(1)", "left": "other(-1)", "y": "yank", "s": "source", "C": "leave",
     })  # fmt: skip
     DEFAULT_CSS = """
@@ -138,7 +138,7 @@ class DescriptionScreen(ListDialog[None]):
 
     def action_source(self) -> None:
         if self._config.description is not None:
-            self._yank_text("the description in SCL", declare_connect(self._config) + "\n", ".scl")
+            self._yank_text("the description in SCL", connect_declaration(self._config) + "\n", ".scl")
 
     def _yank_text(self, name: str, text: str, suffix: str) -> None:
         from trcvtui.tui.clipboard_and_files import yank  # read when first asked for

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 from msgspec.structs import replace
 
 from trcvtui.plc.snapshot import block_row
-from trcvtui.project.edit import AddField, fields_of, find_entry, keys_of_line, keys_to_change
+from trcvtui.project.edit import FormRow, changeable_keys, command_keys_of, fields_of, find_entry
 from trcvtui.project.key_rows import KeyValue
 from trcvtui.project.keys import BOOLS, EDITED, OFFERED_KINDS, TABLES, entries_of
 from trcvtui.project.project import InstanceDecl, Project
@@ -29,7 +29,7 @@ def make_add(kind: str, name: str, texts: Mapping[str, str], project: Project) -
     """Return the `add` line; an empty field adds no key."""
     from trcvtui.udt.literals import quote_text  # read when first asked for
 
-    bare, may_have_blanks = keys_of_line(kind, project)
+    bare, may_have_blanks = command_keys_of(kind, project)
     words = ["add", kind, name.strip()]
     for key, text in texts.items():
         value = text.strip()
@@ -76,7 +76,7 @@ def all_parts(project: Project) -> list[ProjectPart]:
 
 def values_of(part: ProjectPart, project: Project) -> dict[str, KeyValue]:
     decl = find_entry(*part, project)
-    return keys_to_change(decl, project) if decl is not None else {}
+    return changeable_keys(decl, project) if decl is not None else {}
 
 
 def format_value(value: KeyValue) -> str:
@@ -87,16 +87,16 @@ def format_value(value: KeyValue) -> str:
 
 def fields_to_change(
     part: ProjectPart, now: Mapping[str, KeyValue], project: Project, block: str
-) -> list[AddField]:
+) -> list[FormRow]:
     """Return the fields of a part. A missing key's field is empty. `block` decides an instance's fields.
 
     A key with several texts, such as `replies`, has no field. Only a `set` line changes such a key.
     """
     known = [_without_new(each) for each in fields_of(part.kind, project, block, to_change=True)]
-    bare = keys_of_line(part.kind, project).bare
+    bare = command_keys_of(part.kind, project).bare
     if part.kind != "instance":
         keys = {each.key for each in known}
-        known += [AddField(key, "", BOOLS * isinstance(now[key], bool)) for key in now if key not in keys]
+        known += [FormRow(key, "", BOOLS * isinstance(now[key], bool)) for key in now if key not in keys]
     away = {
         key for key, value in now.items() if isinstance(value, list) and len(value) > 1 and key not in bare
     }
@@ -113,7 +113,7 @@ def fields_to_change(
     return [replace(each, first=block if each.key == "block" else first[each.key]) for each in kept]
 
 
-def _without_new(field: AddField) -> AddField:
+def _without_new(field: FormRow) -> FormRow:
     """Return the field without the choice NEW: an existing part can only refer to existing parts."""
     there = tuple([each for each in field.choices if each != NEW])
     return replace(field, choices=there, first=field.first if field.first != NEW else "".join(there[-1:]))
@@ -137,7 +137,7 @@ def make_set_line(
         return " ".join([*words, after["text"]])
     from trcvtui.udt.literals import quote_text  # read when first asked for
 
-    bare, may_have_blanks = keys_of_line(part.kind, project)
+    bare, may_have_blanks = command_keys_of(part.kind, project)
     words += [changed.pop(key) for key in bare & changed.keys()]
     for key, text in changed.items():
         is_quoted = text and (key in may_have_blanks or " " in text)

@@ -13,7 +13,7 @@ from trcvtui.tui.formatting import clip, pad, plain
 from trcvtui.tui.peer_commands import UDT
 from trcvtui.tui.view_model.validity import find_mistake
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.dialogs import FieldsDialog, FormField, ListDialog
+from trcvtui.tui.widgets.dialogs import FieldsDialog, FormField, ViewDialog
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.layout_tree import Leaf
@@ -86,7 +86,7 @@ class LibraryList(LineView):
             self._choose(self._entries[self.cursor].line)
 
 
-class LibraryScreen(ListDialog[str]):
+class LibraryScreen(ViewDialog[str]):
     """The list of messages. Its answer is the command of the chosen entry, "" if you choose none."""
 
     DEFAULT_CSS = "LibraryScreen LibraryList { width: 110; height: 60%; border-subtitle-color: $text-muted; }"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.project.tables import find_hidden
+from trcvtui.project.tables import hidden_chars
 from trcvtui.udt.sources import parse_source
 
 MOST_CHARS: Final = 64 * 1024  # characters
@@ -23,7 +23,7 @@ def prepare_pasted_type(text: str, base: Path) -> tuple[Path, str]:
     from trcvtui.engine.project_edits import refuse_shipped_file  # read when first asked for
 
     lines = text[: MOST_CHARS + 1].expandtabs(4).splitlines()
-    hidden = find_hidden("".join(lines))
+    hidden = hidden_chars("".join(lines))
     if hidden or len(text) > MOST_CHARS:
         found = f"{hidden[:40]} in it" if hidden else f"{len(text)} characters"
         raise mistake("paste", found, f"a STRUCT of at most {MOST_CHARS} characters, no control characters")

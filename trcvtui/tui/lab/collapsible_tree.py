@@ -74,7 +74,7 @@ class FoldTree:
         self._flipped ^= {key}
         self._build_rows()
 
-    def open_all(self, is_open: bool | None) -> None:
+    def set_all_open(self, is_open: bool | None) -> None:
         """Open or close everything below the root; None: restore the first state."""
         self._all = is_open
         self._flipped.clear()
@@ -170,5 +170,5 @@ def _element_pitch(node: PlacedArray) -> int:
 
 
 def _element_place(node: PlacedArray, number: int, owner: Place) -> Place:
-    offset, bit = node.place(number)
+    offset, bit = node.element_place(number)
     return Place(owner.offset + offset, node.element.size, bit if node.is_bits else None)

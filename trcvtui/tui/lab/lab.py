@@ -123,18 +123,18 @@ class LabBytes:
         if self.is_chosen or self.source not in (DATA, JOB):
             return ""
         declared, is_empty = self._view_model.declaration, not any(self._view_model.data)
-        self.source = JOB if is_empty and self._view_model.job_bytes and not self._is_written() else DATA
+        self.source = JOB if is_empty and self._view_model.job_bytes and not self._is_data_written() else DATA
         if self.source == DATA or declared is None:
             return ""
         return f"DATA {plain(declared.name)} has never been written: these are the bytes of the running job"
 
-    def _is_written(self) -> bool:
+    def _is_data_written(self) -> bool:
         snapshot, instance = self._view_model.snapshot, self._view_model.instance
         if snapshot is None or instance is None:
             return False
         return any(one.jobs_done for one in snapshot.instances if one.data == instance.data and not one.sends)
 
-    def request(self) -> HistoryRequest | None:
+    def make_request(self) -> HistoryRequest | None:
         """Return the request for the stream. Its messages rank the profiles, even while DATA is shown."""
         instance = self._view_model.instance
         if instance is None:
@@ -309,7 +309,7 @@ class Lab:
 
     def _guess_profile(self) -> Profile:
         """Return the sender's likely profile: by the type's source, else a common layout unlike ours."""
-        ours, sender = self.profiles[OURS], self.files.types.sender(self.type_name).layout
+        ours, sender = self.profiles[OURS], self.files.types.sender_layout(self.type_name).layout
         if sender not in ("", ours.layout):
             return profile_of(LAYOUTS[sender])
         return ours._replace(layout=FIRST_LAYOUT if ours.layout != FIRST_LAYOUT else OTHER_LAYOUT)
@@ -321,7 +321,7 @@ class Lab:
             return declared.type
         return self.files.types.get_type(name, "udt type")
 
-    def open(self, path: Path) -> None:
+    def open_type_file(self, path: Path) -> None:
         """Show the types of a file; raise UserError if it cannot be read or has no good type."""
         fresh = TypeFiles([path], self._view_model.project.constants)
         if not fresh.types.types and not fresh.types.unknown_constants:
@@ -345,14 +345,14 @@ class Lab:
         self._report_changed_types(before)
         return True
 
-    def _choose_again(self) -> None:
+    def _choose_type_again(self) -> None:
         try:
             self.choose_type(self.type_name)
         except UserError:
             self.choose_type("")
 
     def _report_changed_types(self, before: str) -> None:
-        self._choose_again()
+        self._choose_type_again()
         self.news = f"{self.files.name} has changed: {plain(self.type_name)} now {self.size_text or 'gone'}"
         if before and before != self.size_text:
             self.news += f", before {before}"
@@ -362,7 +362,7 @@ class Lab:
 
     def add_constants(self, constants: dict[str, int]) -> None:
         self.files.add_constants(constants)
-        self._choose_again()
+        self._choose_type_again()
         unknown = self.files.types.unknown_constants
         self.news = f"still unknown: {', '.join(unknown[:3])}" if unknown else "all constants are known"
 
@@ -377,7 +377,7 @@ class Lab:
         self._project = project
         if is_other and self.opened is None:  # an edit of other parts leaves the types as they are
             self._own = self._project_files()
-            self._choose_again()
+            self._choose_type_again()
 
     # -- layouts ------------------------------------------------------------------------------------
 
@@ -441,7 +441,7 @@ class Lab:
         text = forms[(forms.index(profile.text) + 1) % len(forms)]
         self.choose_profile(side, profile._replace(text=text))
 
-    def exchange(self) -> None:
+    def exchange_profiles(self) -> None:
         ours, theirs = self.profiles[OURS], self.profiles[THEIRS]
         self.choose_profile(OURS, theirs)
         self.choose_profile(THEIRS, ours)
@@ -460,7 +460,7 @@ class Lab:
         return comparison.summary(comparison.rows(self.bytes.content)) if comparison else None
 
     def next_difference(self, leaf: int, step: int) -> int | None:
-        """Return the nearest differing leaf after `leaf`, or before it if `step` < 0, or else None."""
+        """Return the nearest differing leaf after `leaf`, or before it if `step` < 0, or None for none."""
         comparison = self.comparison()
         if comparison is None:
             return None
@@ -474,7 +474,7 @@ class Lab:
         self.fits, self.fitted_by = (), self.bytes.evidence_name
         self._is_early = self.bytes.window() is None  # the engine has not sent the messages yet
         if self.type is not None and messages:
-            own, sender = self.rules(OURS), self.files.types.sender(self.type_name).layout
+            own, sender = self.rules(OURS), self.files.types.sender_layout(self.type_name).layout
             self.fits = rank(self.type, messages, self.type_name, framed=is_framed, own=own, sender=sender)
 
     @property

@@ -81,7 +81,7 @@ def _type_cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) 
 
 
 def _find_unions(type_: Type) -> list[str]:
-    """Return the names of members that are UNIONs or ARRAYs of UNIONs. Inner names are `STRUCT.member`."""
+    """Return the names of members that are UNIONs or ARRAYs of UNIONs. Inner ones are `STRUCT.member`."""
     found = ["all of it"] if isinstance(type_, Union) else []
     for one in (part for part in all_parts(type_) if isinstance(part, Struct)):
         for member in all_members(one):

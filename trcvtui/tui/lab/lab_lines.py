@@ -58,11 +58,11 @@ def describe_outcome(lab: Lab, trouble: str, message: str) -> tuple[str, str]:
     return f"f: which profile fits? c: the cure{bad}", "warn" if bad else "dim"
 
 
-def _open(lab: Lab, rest: str) -> None:
+def _open_types(lab: Lab, rest: str) -> None:
     if not rest:
         raise mistake(MISTAKE_PLACE, "no file name", "udt open FILE")
     path = Path(rest).expanduser()
-    lab.open(path if path.exists() else lab.base / path)
+    lab.open_type_file(path if path.exists() else lab.base / path)
 
 
 def _choose_profile(side: str, lab: Lab, rest: str) -> None:
@@ -84,12 +84,12 @@ def _use_hex(lab: Lab, rest: str) -> None:
 
 # By the word after `udt`: the pane that it opens, and its action.
 _ACTIONS_BY_WORD: Final[dict[str, tuple[str, Callable[[Lab, str], object]]]] = {
-    "open": ("tree", _open),
+    "open": ("tree", _open_types),
     "project": ("tree", lambda lab, _: lab.use_project_types()),
     "type": ("tree", Lab.choose_type),
     OURS: ("tree", partial(_choose_profile, OURS)),
     THEIRS: ("tree", partial(_choose_profile, THEIRS)),
-    "swap": ("tree", lambda lab, _: lab.exchange()),
+    "swap": ("tree", lambda lab, _: lab.exchange_profiles()),
     "bytes": ("hex", _choose_bytes),
     HEX: ("hex", _use_hex),
     "fit": ("fit", lambda lab, _: lab.rank_profiles()),

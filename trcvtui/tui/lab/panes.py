@@ -12,7 +12,7 @@ from trcvtui.tui.formatting import clip, plain, wrap_text
 from trcvtui.tui.lab.collapsible_tree import Place, TreeRow
 from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
 from trcvtui.tui.lab.lab_fix import CURE_KINDS, CURE_LANGUAGES, KIND_TITLES, RECEIVER, SENDER, Cure, make_cure
-from trcvtui.tui.messages import FitWanted
+from trcvtui.tui.messages import ProfileChosen
 from trcvtui.tui.widgets.dialogs import FieldsDialog, FormField, ResultScreen
 from trcvtui.tui.widgets.hex_view import HexView
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, TextView, row
@@ -103,7 +103,7 @@ class LabHex(HexView):
     KEYS: ClassVar = (("hjkl", "byte"), ("b", "which bytes"), ("[ ]", "message"))
 
     def __init__(self, lab: Lab) -> None:
-        super().__init__("lab-hex", of_job=False)
+        super().__init__("lab-hex", shows_job=False)
         self._lab = lab
         self.their_link = range(0)
         self._gaps: dict[tuple[int, int, int], dict[int, str]] = {}
@@ -194,7 +194,7 @@ class FitList(LineView):
             parts += [(f"{found.score:+6.1f}  ", "strong"), (clip(reading_title(found), width - 12), "")]
             self._rows.append((row(*parts, style=self.cursor_style(chosen)), number))
             if chosen and found.same:
-                twins = wrap_text(f"no byte tells it from {same_readings_text(found)}", width - 5)
+                twins = wrap_text(f"reads the same values as {same_readings_text(found)}", width - 5)
                 self._rows += [(row((f"     {line}", "warn")), number) for line in twins]
             for reason in found.reasons[:MOST_REASONS] if chosen else ():
                 self._rows += self._reason_rows(reason.points, reason.path, reason.text, width, number)
@@ -224,7 +224,7 @@ class FitList(LineView):
 
     def action_apply(self) -> None:
         if self._lab.fits:
-            self.post_message(FitWanted(self.cursor))
+            self.post_message(ProfileChosen(self.cursor))
 
     def click(self, x: int, y: int) -> None:
         number = self._rows[y][1]
@@ -265,7 +265,7 @@ class CureText(TextView):
             self._write_rows()
         super().show()
 
-    def write_cure(self) -> Cure:
+    def build_cure(self) -> Cure:
         sides = (OURS, THEIRS) if self.kind == SENDER else (THEIRS, OURS)
         wanted = self._lab.layout(sides[0])
         if wanted is None:
@@ -278,7 +278,7 @@ class CureText(TextView):
         if not self.is_requested and ours is not None and ours.leaf_count > MOST_CURED_LEAVES:
             self._rows = [row(("the type is large: c writes the cure", "dim"))]
             return
-        self.found = self.write_cure()
+        self.found = self.build_cure()
         width = max(20, self.line_width)
         comments = [f"// {line}" for line in self.found.comments]
         self._rows = [row((line, "dim")) for text in comments for line in wrap_text(text, width)]

@@ -25,7 +25,7 @@ from trcvtui.tui.lab.panes import ConstantsForm, CureText, FitList, LabHex, Prob
 from trcvtui.tui.lab.tree import ColumnHead, LabHead, LabTree
 from trcvtui.tui.view_model.validity import find_mistake
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import LineView, hidden_keys, pane_title
+from trcvtui.tui.widgets.line_view import LineView, hidden_bindings, pane_title
 from trcvtui.tui.widgets.lines import TabLine
 from trcvtui.tui.widgets.screens import TABS_CLASS, PaletteCommand, SideScreen
 from trcvtui.tui.widgets.typed_lines import CommandLine
@@ -81,20 +81,20 @@ def find_yank_text(pane: str, lab: Lab, cure: CureText) -> tuple[CopyFormat, str
         case "fit":
             text, name, suffix = _ranking_text(lab), "the ranking", ".txt"
         case _:
-            found = cure.write_cure()
+            found = cure.build_cure()
             text = found.source if found.text else ""
             name, suffix = f"the cure in {cure.language.upper()}", f".{cure.language}"
     return (CopyFormat(pane[0], name, lambda of: "", suffix), text) if text else None
 
 
 def _comparison_text(lab: Lab) -> str:
-    from trcvtui.udt.compare.compare import compare_text  # read when first asked for
+    from trcvtui.udt.compare.compare import comparison_text  # read when first asked for
 
     comparison = lab.comparison()
     if comparison is None:
         return ""
     content = lab.bytes.content
-    return f"{compare_text(comparison, list(comparison.rows(content)), content)}\n"
+    return f"{comparison_text(comparison, list(comparison.rows(content)), content)}\n"
 
 
 def _ranking_text(lab: Lab) -> str:
@@ -113,7 +113,7 @@ PANES_BY_DIGIT: Final = {digit: name for name, digit in PANE_DIGITS.items()}
 
 
 class LabScreen(SideScreen[None]):
-    BINDINGS: ClassVar = hidden_keys({
+    BINDINGS: ClassVar = hidden_bindings({
         **{str(digit): f"pane({digit})" for digit, _ in PANE_NAMES},
         **{key: action for _, key, action in LAB_COMMANDS if len(key) == 1 and key not in ":?"},
         "N": "difference(-1)", "left_square_bracket": "message(-1)", "right_square_bracket": "message(1)",
@@ -158,8 +158,8 @@ class LabScreen(SideScreen[None]):
 
     def show(self) -> None:
         self.lab.follow_bench()
-        self._view_model.past_wanted = self.lab.bytes.request()
-        for answer in self.answers():
+        self._view_model.past_wanted = self.lab.bytes.make_request()
+        for answer in self.take_answers():
             self._trouble, self._message = answer.error, answer.message or f"{answer.line} ✓"
         for line in (self.header, self.head, self.columns, self.tree_view):
             line.show()
@@ -214,7 +214,7 @@ class LabScreen(SideScreen[None]):
             self.tree_view.show_leaf(leaf)
         self.show()
 
-    def on_fit_wanted(self, message: messages.FitWanted) -> None:
+    def on_fit_wanted(self, message: messages.ProfileChosen) -> None:
         found = self.lab.fits[message.number]
         profile = found.profile
         text = profile.text or self.lab.profiles[THEIRS].text
@@ -239,7 +239,7 @@ class LabScreen(SideScreen[None]):
         self._side.display = not alone or self._open != TREE
         for digit in (BYTES, FIT, CURE):
             self._panes()[digit].display = not alone or self._open == digit
-        self.tabs.mark(self._open)
+        self.tabs.mark_open(self._open)
 
     # -- actions ------------------------------------------------------------------------------------
 
@@ -250,20 +250,20 @@ class LabScreen(SideScreen[None]):
 
     def action_type(self) -> None:
         rows = [(name, "") for name in self.lab.type_names()]
-        self._choose(f"Types of {self.lab.files.name}", rows, self.lab.type_name, "type")
+        self._open_choice(f"Types of {self.lab.files.name}", rows, self.lab.type_name, "type")
 
     def action_profile(self, side: str) -> None:
         rows = [
             (name, f"{rules.byte_order}-endian, STRING {rules.text.name}, alignment up to {rules.cap}")
             for name, rules in LAYOUTS.items()
         ]
-        self._choose(f"Layout of {side}", rows, self.lab.profiles[side].layout, side)
+        self._open_choice(f"Layout of {side}", rows, self.lab.profiles[side].layout, side)
 
     def action_bytes(self) -> None:
         rows = [(name, SOURCE_TITLES[name]) for name in SOURCES]
-        self._choose("Bytes", rows, self.lab.bytes.source, "bytes")
+        self._open_choice("Bytes", rows, self.lab.bytes.source, "bytes")
 
-    def _choose(self, title: str, rows: list[tuple[str, str]], now: str, word: str) -> None:
+    def _open_choice(self, title: str, rows: list[tuple[str, str]], now: str, word: str) -> None:
         from trcvtui.tui.widgets.dialogs import ChoiceScreen  # read when first asked for
 
         def accept_choice(name: str | None) -> None:
@@ -281,7 +281,7 @@ class LabScreen(SideScreen[None]):
         self._apply_change(lambda: self.lab.next_text_form(side))
 
     def action_exchange(self) -> None:
-        self._apply_change(self.lab.exchange)
+        self._apply_change(self.lab.exchange_profiles)
 
     def action_message(self, step: int) -> None:
         self._apply_change(lambda: self.lab.bytes.step(step))

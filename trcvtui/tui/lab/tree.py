@@ -10,8 +10,8 @@ from typing import ClassVar, Final, NamedTuple
 from trcvtui.tui.formatting import clip, measure, pad, plain
 from trcvtui.tui.lab.collapsible_tree import Place, TreeRow
 from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
-from trcvtui.tui.messages import KeyClicked, RowSelected
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, hidden_keys, row
+from trcvtui.tui.messages import KeyClicked, LabRowSelected
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, hidden_bindings, row
 from trcvtui.udt.layout.layout import Layout, Leaf
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode_leaf
@@ -124,7 +124,7 @@ class ColumnHead(OneLine):
 
 class LabTree(LineView):
     KEYS: ClassVar = (("↑↓", "row"), ("space", "fold"), ("z", "all"), ("n N", "≠"))
-    BINDINGS: ClassVar = hidden_keys({
+    BINDINGS: ClassVar = hidden_bindings({
         "right,l": "fold(True)", "left,h": "fold(False)", "space,enter": "fold(None)", "z": "fold_all",
     })  # fmt: skip
 
@@ -248,11 +248,11 @@ class LabTree(LineView):
 
     def go_to(self, y: int, tells: bool = True) -> None:
         self.cursor = y
-        self.resize_rows()
+        self.apply_row_count()
         self.keep_in_view(y)
         self.show()
         if tells:
-            self.post_message(RowSelected())
+            self.post_message(LabRowSelected())
 
     def show_leaf(self, leaf: int, opens: bool = False) -> None:
         """Move the cursor to a leaf, or to the closed branch that hides it. `opens` opens such branches."""
@@ -263,7 +263,7 @@ class LabTree(LineView):
             self.go_to(y, tells=opens)
 
     def action_fold(self, wanted: bool | None) -> None:
-        """Open (True), close (False), toggle (None) a branch. Closing a closed row goes to its parent."""
+        """Open (True), close (False), toggle (None) a branch. If none is open, False goes to the parent."""
         tree, found = self._lab.tree, self.chosen_row
         if tree is None or found is None:
             return
@@ -279,7 +279,7 @@ class LabTree(LineView):
         if tree is None:
             return
         self._all_open = {None: False, False: True, True: None}[self._all_open]
-        tree.open_all(self._all_open)
+        tree.set_all_open(self._all_open)
         self._folds += 1
         self.go_to(0)
 

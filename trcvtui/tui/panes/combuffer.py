@@ -10,9 +10,9 @@ from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, block_row
 from trcvtui.project.project import SERIAL, SIMULATED
 from trcvtui.tui.formatting import bar, clip, pad
-from trcvtui.tui.messages import PaneActions
+from trcvtui.tui.messages import ScreenCallbacks
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import LineView, Part, Row, hidden_keys, row
+from trcvtui.tui.widgets.line_view import LineView, Part, Row, hidden_bindings, row
 from trcvtui.wording import count, format_ns
 
 GAP_BAR_WIDTH: Final = 12
@@ -169,12 +169,12 @@ class SerialLineList(LineView):
     KEYS: ClassVar = (
         ("enter", "type bytes"), ("s", "again"), ("→", "next byte"), ("b", "break"), ("↑↓", "line"),
     )  # fmt: skip
-    BINDINGS: ClassVar = hidden_keys({
+    BINDINGS: ClassVar = hidden_bindings({
         "enter,i": "type", "s": "again", "right": "piece", "left": "back", "b": "break",
     })  # fmt: skip
     DEFAULT_CSS = "SerialLineList { height: auto; max-height: 8; min-height: 1; }"
 
-    def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:
+    def __init__(self, view_model: ViewModel, actions: ScreenCallbacks) -> None:
         super().__init__(id="lines")
         self._view_model = view_model
         self._actions = actions
@@ -202,7 +202,7 @@ class SerialLineList(LineView):
         if y < len(names):
             return self._line(names[y])
         if y == len(names):
-            return self._message()
+            return self._fed_row()
         keys = "enter: type bytes · s: feed again · →: next byte · b: pull the cable"
         return row((clip(keys, self.line_width), "dim"))
 
@@ -215,7 +215,7 @@ class SerialLineList(LineView):
             parts += _fill_parts(buffer)
         return row(*parts, style=self.cursor_style(chosen))
 
-    def _message(self) -> Row:
+    def _fed_row(self) -> Row:
         payload, fed = self._fed.get(self.choice, (b"", 0))
         if not payload:
             return row(("  nothing was fed yet", "dim"))

@@ -13,14 +13,14 @@ from textual.widget import Widget
 from textual.widgets import Input, Static
 
 from trcvtui.tui.formatting import MS
-from trcvtui.tui.messages import PaneActions
-from trcvtui.tui.peer_commands import HEX, PAYLOAD_MODES, TEXT, UDT, make_send_line, make_try_line
+from trcvtui.tui.messages import ScreenCallbacks
+from trcvtui.tui.peer_commands import HEX, PAYLOAD_MODES, TEXT, UDT, make_send_line, make_try_splits_line
 from trcvtui.tui.view_model.validity import find_mistake
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import OneLine, Part, Row, hidden_keys, row
+from trcvtui.tui.widgets.line_view import OneLine, Part, Row, hidden_bindings, row
 from trcvtui.tui.widgets.lines import ButtonLine
-from trcvtui.tui.widgets.typed_lines import TypedField
-from trcvtui.udt.literals import format_time
+from trcvtui.tui.widgets.typed_lines import EntryField
+from trcvtui.udt.literals import format_duration
 from trcvtui.wording import count
 
 if TYPE_CHECKING:  # imported late: a screen seldom parses a line
@@ -56,16 +56,16 @@ class Splits:
         return Splits({**self.pauses, place: then[0] if then else now})
 
     @property
-    def split(self) -> str:
+    def split_option(self) -> str:
         return ",".join(str(b - a) for a, b in pairwise((0, *self.places)))
 
     @property
-    def gap(self) -> str:
+    def gap_option(self) -> str:
         """Return the value of `gap=`, or "" if there are no pauses."""
         pauses = [self.pauses[at] for at in self.places]
         if not any(pauses):
             return ""
-        return ",".join(map(format_time, pauses[:1] if len(set(pauses)) == 1 else pauses))
+        return ",".join(map(format_duration, pauses[:1] if len(set(pauses)) == 1 else pauses))
 
 
 def read_splits(send: PeerSend) -> Splits:
@@ -85,7 +85,7 @@ class SplitsLine(OneLine, can_focus=True):
 
     KEYS: ClassVar = (("←→", "place"), ("space", "cut or join"), ("+ -", "pause"), ("del", "no cuts"))
     BINDINGS: ClassVar = [
-        *hidden_keys({"left": "place(-1)", "right": "place(1)", "home": "edge(-1)", "end": "edge(1)"}),
+        *hidden_bindings({"left": "place(-1)", "right": "place(1)", "home": "edge(-1)", "end": "edge(1)"}),
         Binding("space", "cut", "cut the message here, or join it", show=False),
         Binding("plus,equals_sign", "pause(1)", "a longer pause at this cut", show=False),
         Binding("minus", "pause(-1)", "a shorter pause at this cut", show=False),
@@ -114,7 +114,7 @@ class SplitsLine(OneLine, can_focus=True):
             return row((NO_MESSAGE, "faint"))
         self._keep_in_view()
         parts: list[Part] = [("‥" if self._first else " ", "dim")]
-        last = min(len(self.payload), self._first + self._bytes_in_view())
+        last = min(len(self.payload), self._first + self._count_in_view())
         for at in range(self._first, last):
             if at > self._first:
                 parts.append(self._cut_part(at))
@@ -135,13 +135,13 @@ class SplitsLine(OneLine, can_focus=True):
             return f"{size} in {count(len(self.cuts.places) + 1, 'piece')}"
         if self.place not in self.cuts.places:
             return f"{size}, space cuts at {self.place}"
-        return f"{size}, cut at {self.place}, pause {format_time(self.cuts.pauses[self.place])}"
+        return f"{size}, cut at {self.place}, pause {format_duration(self.cuts.pauses[self.place])}"
 
-    def _bytes_in_view(self) -> int:
+    def _count_in_view(self) -> int:
         return max(1, (self.line_width - 2 - len(f" {self._describe_place()}") + 1) // BYTE_WIDTH)
 
     def _keep_in_view(self) -> None:
-        room = self._bytes_in_view()
+        room = self._count_in_view()
         if self.place <= self._first:
             self._first = max(0, self.place - 1)
         elif self.place >= self._first + room:
@@ -177,7 +177,7 @@ class SplitsLine(OneLine, can_focus=True):
     def click(self, x: int, y: int) -> None:
         """Add or remove the cut before the byte under the mouse."""
         place = self._first + x // BYTE_WIDTH
-        if 0 < place < len(self.payload) and place < self._first + self._bytes_in_view():
+        if 0 < place < len(self.payload) and place < self._first + self._count_in_view():
             self.place = place
             self.action_cut()
 
@@ -186,7 +186,7 @@ OPTIONS: Final = (("split", "3,7"), ("gap", "T#20ms"), ("repeat", "10"), ("every
 PAYLOAD_EXAMPLES: Final = {HEX: "01 02 0A ff", TEXT: "a line of text", UDT: "Telegram {speed=1.5}"}
 
 
-class PayloadField(TypedField):
+class PayloadField(EntryField):
     """One line of input without a frame; enter sends, escape gives the focus back to the pane."""
 
     KEYS: ClassVar = (("enter", "send"), ("tab", "next"), ("shift+tab", "mode"), ("esc", "leave"))
@@ -226,7 +226,7 @@ class Composer(Vertical):
     Composer:ansi PayloadField { text-style: underline; }
     """
 
-    def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:
+    def __init__(self, view_model: ViewModel, actions: ScreenCallbacks) -> None:
         super().__init__(id="composer")
         self._view_model = view_model
         self._actions = actions
@@ -274,8 +274,8 @@ class Composer(Vertical):
             return
         self._checked_line = line
         self.fault = find_mistake(line, self._view_model.project) if line else ""
-        bad_options = bool(self.fault) and not find_mistake(self._without_options(), self._view_model.project)
-        self._draw(line if not self.fault else self._without_options() if bad_options else "")
+        bad_options = bool(self.fault) and not find_mistake(self._base_line(), self._view_model.project)
+        self._draw(line if not self.fault else self._base_line() if bad_options else "")
         self._payload.set_class(bool(self.fault) and not bad_options, "-bad")
         for name, option in self._options.items():
             is_bad = bad_options and bool(option.value.strip()) and self._is_bad(name, option.value)
@@ -290,7 +290,7 @@ class Composer(Vertical):
         self.split_row.draw(*drawn)
 
     def _apply_splits(self, cuts: Splits) -> None:
-        self._options["split"].value, self._options["gap"].value = cuts.split, cuts.gap
+        self._options["split"].value, self._options["gap"].value = cuts.split_option, cuts.gap_option
         self.check_line()
 
     def make_try_line(self, instance: str) -> str:
@@ -298,7 +298,7 @@ class Composer(Vertical):
         if not self._payload.value.strip():
             return ""
         gap = self._options["gap"].value
-        return make_try_line(self._view_model.peer, self.mode, self._payload.value, instance, gap)
+        return make_try_splits_line(self._view_model.peer, self.mode, self._payload.value, instance, gap)
 
     def set_payload(self, mode: str, text: str) -> None:
         self._to_mode(PAYLOAD_MODES.index(mode))
@@ -309,7 +309,7 @@ class Composer(Vertical):
     def text(self) -> str:
         return self._payload.value
 
-    def _without_options(self) -> str:
+    def _base_line(self) -> str:
         return make_send_line(self._view_model.peer, self.mode, self._payload.value, ())
 
     def _is_bad(self, name: str, value: str) -> bool:

@@ -6,7 +6,7 @@ from typing import ClassVar, Final, NamedTuple
 
 from trcvtui.snapshots.conversations import ARMED_TAP, ConversationSnapshot, DirectionSnapshot
 from trcvtui.tui.formatting import clip, pad
-from trcvtui.tui.messages import PaneActions
+from trcvtui.tui.messages import ScreenCallbacks
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
 from trcvtui.wording import format_ns
@@ -49,7 +49,7 @@ class ConversationList(LineView):
     ]
     DEFAULT_CSS = "ConversationList { height: 1fr; display: none; }"
 
-    def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:
+    def __init__(self, view_model: ViewModel, actions: ScreenCallbacks) -> None:
         super().__init__(id="talks")
         self._view_model, self._actions = view_model, actions
         self._chosen = 0, True  # number of the conversation; True: its direction to the PLC end

@@ -11,7 +11,7 @@ from typing import Final
 from textual.widget import Widget
 
 from trcvtui.history.records import HistoryRequest
-from trcvtui.plc.snapshot import DataSnapshot, FramerSnapshot, InstanceSnapshot
+from trcvtui.plc.snapshot import DataSummary, FramerSnapshot, InstanceSnapshot
 from trcvtui.tui.formatting import bar
 from trcvtui.tui.panes.combuffer import find_gap_timer, gap_parts
 from trcvtui.tui.panes.face import DetailLine, ReceivedFace
@@ -23,11 +23,11 @@ from trcvtui.tui.widgets.hex_view import (
     HexView,
     make_marks,
     marks_of_data,
-    marks_of_part,
-    numbers_at,
+    marks_of_incomplete,
+    numbers_text,
 )
 from trcvtui.tui.widgets.line_view import EMPTY, OneLine, Part, Row, rule
-from trcvtui.tui.widgets.typed_lines import Jump
+from trcvtui.tui.widgets.typed_lines import Target
 from trcvtui.udt.byte_text import SearchPatterns, describe_hit
 from trcvtui.wording import stamp_text
 
@@ -78,7 +78,7 @@ class JobLine(OneLine):
         marks = f"prefix {last.prefix} {DATA_BEGIN_SIGN} data {data} {DATA_END} suffix {last.suffix}"
         style = "dim" if last.is_good else "warn"
         return [("── ", "dim"), (f"frame of {last.size} B", "strong"), (f" · {marks} · ", "dim"),
-                (f"ended by: {framer.ending_text} ", style)]  # fmt: skip
+                (f"ended by: {framer.last_ending_text} ", style)]  # fmt: skip
 
     def _sent_parts(self, instance: InstanceSnapshot) -> list[Part]:
         """Return how far the sent bytes have come; DONE only means that the local stack has taken them."""
@@ -116,8 +116,8 @@ class DataFace(ReceivedFace):
     """
 
     def __init__(self, view_model: ViewModel, below: DetailLine) -> None:
-        self.data = HexView("data", of_job=False)
-        self.job = HexView("job", of_job=True)
+        self.data = HexView("data", shows_job=False)
+        self.job = HexView("job", shows_job=True)
         super().__init__(view_model, below, self.data)
         self._line = JobLine(view_model)
         self._job_rows = 0
@@ -133,11 +133,11 @@ class DataFace(ReceivedFace):
         name = "RESULT" if instance.data_pin == "RESULT" else "Sent" if instance.sends else "Received"
         if declared is None:
             return name, "no DATA"
-        new = self._newest()
+        new = self._partly_new_data()
         size = f" · {new.newest} of {new.longest} B are new" if new else f", {declared.size} B"
         return name, f"{declared.name}{size}"
 
-    def _newest(self) -> DataSnapshot | None:
+    def _partly_new_data(self) -> DataSummary | None:
         """Return DATA if older bytes follow the bytes of the newest write, else None."""
         instance, snapshot = self._view_model.instance, self._view_model.snapshot
         if snapshot is None or instance is None or instance.sends:
@@ -145,7 +145,7 @@ class DataFace(ReceivedFace):
         return next((d for d in snapshot.data if d.name == instance.data and d.newest < d.longest), None)
 
     def request_past(self, instance: InstanceSnapshot) -> None:
-        wanted = HistoryRequest(instance.connect, data=(instance.name, *self.data.range_in_view()))
+        wanted = HistoryRequest(instance.connect, data=(instance.name, *self.data.range_to_fetch()))
         self._view_model.past_wanted = None if instance.sends else wanted
 
     @property
@@ -164,22 +164,22 @@ class DataFace(ReceivedFace):
                 view.show_bytes(b"", 0, frozenset())
             self._show_origin()
             return
-        self.data.frame, self.job.frame = marks_of_data(instance), marks_of_part(instance)
-        if self.data.frame is None and (new := self._newest()) is not None:
+        self.data.frame, self.job.frame = marks_of_data(instance), marks_of_incomplete(instance)
+        if self.data.frame is None and (new := self._partly_new_data()) is not None:
             self.data.frame = make_marks(0, new.newest, 0, 0)
         declared = self._view_model.declaration
         if declared is not None:  # full height before the bytes arrive: one layout, not two
             self.data.rows_kept = -(-declared.size // self.data.per_row) * self.data.row_lines
-        self.data.show_bytes(self._view_model.data, 0, *self._marks(False))
+        self.data.show_bytes(self._view_model.data, 0, *self._starts_and_holes(False))
         self._size_job(instance)
         self._fit_data_height()
         grown = len(partial) > len(self.job.content)
-        self.job.show_bytes(partial, instance.need, *self._marks(True))
+        self.job.show_bytes(partial, instance.need, *self._starts_and_holes(True))
         self._show_origin()
         if grown and not self.job.has_focus:
             self.job.keep_in_view((len(partial) - 1) // self.job.per_row)
 
-    def _marks(self, of_job: bool) -> tuple[frozenset[int], tuple[range, ...]]:
+    def _starts_and_holes(self, of_job: bool) -> tuple[frozenset[int], tuple[range, ...]]:
         index, selected = self._view_model.stream_index, self._view_model.selected
         return index.list_message_starts(selected, of_job), index.list_holes(selected, of_job)
 
@@ -189,14 +189,14 @@ class DataFace(ReceivedFace):
         byte = view.cursor
         text = "" if byte is None or byte >= len(view.content) else self._origin(view, byte)
         has_room = byte is not None and self._pane_height >= LEAST_ROWS and not lack
-        numbers = numbers_at(view.read_known_bytes(byte or 0), self.size.width - 2) if has_room else ""
+        numbers = numbers_text(view.read_known_bytes(byte or 0), self.size.width - 2) if has_room else ""
         self._below.show_text(numbers, may_break=False)
         self.subtitle = lack or self.note or self._with_hit(byte, text)
 
     def _origin(self, view: HexView, byte: int) -> str:
         value, is_hole = view.content[byte], view.is_hole(byte)
         words = [f"byte {byte}: {NOT_CAPTURED}" if is_hole else f"byte {byte} = 16#{value:02X} = {value}"]
-        origin = self._view_model.stream_index.find_origin(self._view_model.selected, view.of_job, byte)
+        origin = self._view_model.stream_index.find_origin(self._view_model.selected, view.shows_job, byte)
         if origin is not None:
             recv, message = origin.recv, origin.message
             words.append(f"job {origin.job.number}")
@@ -216,7 +216,7 @@ class DataFace(ReceivedFace):
         else:
             self.note = f"{wanted.about}: not found {'further on' if again else 'in DATA'}"
 
-    def go_to_offset(self, goal: Jump) -> None:
+    def go_to_offset(self, goal: Target) -> None:
         self._select_offset(goal, self.data.select, range(self.data.need))
 
     # -- layout ------------------------------------------------------------------------------------------

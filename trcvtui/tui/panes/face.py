@@ -10,7 +10,7 @@ from textual.containers import Vertical
 from trcvtui.tui.formatting import clip, wrap_text
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
-from trcvtui.tui.widgets.typed_lines import Jump
+from trcvtui.tui.widgets.typed_lines import Target
 
 ROOMY: Final = 100
 BYTES_NOT_KEPT: Final = "the view froze without these bytes: F goes back to live"
@@ -56,7 +56,7 @@ class ReceivedFace(Vertical):
         """Return instance, number and bytes of the past job that is shown, None for DATA."""
         return None
 
-    def byte_in_job(self) -> int:
+    def offset_in_job(self) -> int:
         return -1
 
     def explain_lack(self) -> str:
@@ -66,7 +66,9 @@ class ReceivedFace(Vertical):
     def show_field(self, field: range, goes_there: bool) -> None:
         """Mark the bytes of a member."""
 
-    def _select_offset(self, goal: Jump, select: Callable[[int], None], kept: range, lack: str = "") -> None:
+    def _select_offset(
+        self, goal: Target, select: Callable[[int], None], kept: range, lack: str = ""
+    ) -> None:
         is_here, is_older = goal.number in kept, lack and goal.number < kept.start
         why = lack if is_older else f"not kept (only bytes {kept.start} to {kept.stop - 1} are)"
         self.note = "" if is_here else f"{goal.about} is {why}"

@@ -12,12 +12,12 @@ from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, block_row, co
 from trcvtui.project.connect_view import security_of
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import clip, lamp, measure, status_word
-from trcvtui.tui.messages import PaneActions
+from trcvtui.tui.messages import ScreenCallbacks
 from trcvtui.tui.panes.combuffer import data_parts, framer_lines
 from trcvtui.tui.view_model.view_model import DONE, ERROR, Afterglow, ViewModel
 from trcvtui.tui.widgets.help import PIN_LETTERS, letters_of
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
-from trcvtui.udt.literals import format_time
+from trcvtui.udt.literals import format_duration
 from trcvtui.wording import count
 
 
@@ -124,8 +124,8 @@ def glow_text(pin: DrawnPin, instance: InstanceSnapshot | None, afterglow: After
     """Return the scan, RCVD_LEN or STATUS to draw beside an output after a DONE or ERROR has ended."""
     if instance is None:
         return ""
-    done = None if instance.outputs.done else afterglow.glow(instance.name, DONE, t_ns)
-    error = None if instance.outputs.error else afterglow.glow(instance.name, ERROR, t_ns)
+    done = None if instance.outputs.done else afterglow.find_pulse(instance.name, DONE, t_ns)
+    error = None if instance.outputs.error else afterglow.find_pulse(instance.name, ERROR, t_ns)
     texts = {
         **dict.fromkeys(DONE_PINS, f" scan {done.scan}" if done else ""),
         "RCVD_LEN": f" {done.rcvd_len} B" if done and done.rcvd_len is not None else "",
@@ -158,13 +158,13 @@ def wired_value(pin: str, instance: InstanceSnapshot) -> str:
         return clip(instance.connect, MARK_WIDTH)
     if pin == instance.data_pin:
         return clip(instance.data or NULL_POINTER, MARK_WIDTH)
-    mark = find_mark(pin, instance.framer)
+    mark = find_affix(pin, instance.framer)
     if mark is None:
         return NULL_POINTER
     return clip(mark.hex(" ").upper(), MARK_WIDTH) if mark else "none"
 
 
-def find_mark(pin: str, framer: FramerSnapshot | None) -> bytes | None:
+def find_affix(pin: str, framer: FramerSnapshot | None) -> bytes | None:
     """Return the bytes that a prefix or suffix pin points to, None if the pointer is 0."""
     if framer is None:
         return None
@@ -179,7 +179,7 @@ def make_pin_line(pin: str, instance: InstanceSnapshot, view_model: ViewModel) -
     if pin == instance.data_pin:
         decl_data = view_model.project.data_decl(instance.data) if instance.data else None
         return f"resize {decl_data.name} {decl_data.type_name}" if decl_data is not None else ""
-    mark = find_mark(pin, instance.framer)
+    mark = find_affix(pin, instance.framer)
     if mark is None:
         return ""
     written = f"hex {mark.hex(' ')}" if mark else "hex "
@@ -210,7 +210,7 @@ class FunctionBlock(LineView):
         ("C", "app.description", "the connection description byte for byte"),
     ]
 
-    def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:
+    def __init__(self, view_model: ViewModel, actions: ScreenCallbacks) -> None:
         super().__init__(id="block")
         self._view_model = view_model
         self._actions = actions
@@ -257,7 +257,7 @@ class FunctionBlock(LineView):
         task = self._view_model.project.task(instance.task)
         if task is None or len(self._view_model.project.tasks) < 2:
             return ""
-        return f" · {task.name} {format_time(task.interval_ns)} priority {task.priority}"
+        return f" · {task.name} {format_duration(task.interval_ns)} priority {task.priority}"
 
     def _clear_pending(self) -> None:
         snapshot, instance = self._view_model.snapshot, self._view_model.instance
@@ -443,7 +443,7 @@ class FunctionBlock(LineView):
         missing = next((name for name, key in PIN_LETTERS.items() if key == letter), "pin of this letter")
         return f"{instance.block} has no {missing}" if instance is not None else "there is no instance"
 
-    def place_of_pin(self, letter: str) -> str:
+    def pin_key_hint(self, letter: str) -> str:
         """If a pin has this letter, return a hint that names the panes where the letter works."""
         pin = next((pin.name for pin in self.drawing().inputs if pin.letter == letter), "")
         return pin and f"{pin} is a key of panes 1 to 3: press 2, then {letter}"
@@ -452,7 +452,7 @@ class FunctionBlock(LineView):
         return next((pin.letter for pin in self.drawing().inputs if pin.name == name), "")
 
     def toggle(self, pin: DrawnPin) -> None:
-        """Send the command that toggles or pulses a pin. For a number or a wired pin open the prompt."""
+        """Send the command that toggles or pulses a pin. For a number or a wired pin, open the prompt."""
         instance, snapshot = self._view_model.instance, self._view_model.snapshot
         if instance is None or snapshot is None:
             return
@@ -489,20 +489,20 @@ class FunctionBlock(LineView):
         self.show()
 
     def on_click(self, event: events.Click) -> None:
-        pin = self._pin_under_mouse(event)
+        pin = self._index_under_mouse(event)
         if pin is not None:
             self._cursor = pin
             self.toggle(self.drawing().inputs[pin])
 
     def on_mouse_move(self, event: events.MouseMove) -> None:
-        self._hover = self._pin_under_mouse(event)
+        self._hover = self._index_under_mouse(event)
         self.show()
 
     def on_leave(self) -> None:
         self._hover = None
         self.show()
 
-    def _pin_under_mouse(self, event: events.MouseEvent) -> int | None:
+    def _index_under_mouse(self, event: events.MouseEvent) -> int | None:
         place, drawing = self.place_of(event), self.drawing()
         if place is None or not 1 <= place[1] <= len(drawing.inputs):
             return None

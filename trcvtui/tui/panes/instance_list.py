@@ -1,4 +1,4 @@
-"""Pane 1: a line for each instance, with partner, STATUS, lamps, bytes of the job, age of the last byte."""
+"""Pane 1: a line per instance, with partner, STATUS, lamps, bytes of the job and age of the last byte."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class InstanceList(LineView):
         return len(self._view_model.instances) or len(self._view_model.project.instances) or len(EMPTY_HINTS)
 
     def show(self) -> None:
-        """Repaint changed rows. The title counts the filtered instances and the instances with ERROR."""
+        """Repaint changed rows. The title counts instances that pass the filter, and those with ERROR."""
         instances = self._view_model.instances
         self._listed = [each for each in instances if self._has_words(each)] if self.words else instances
         details = [f"{len(self._listed)} of {len(instances)} with {' '.join(self.words)}, esc: all"]
@@ -114,7 +114,7 @@ class InstanceList(LineView):
 
     def _pulses(self, instance: InstanceSnapshot) -> dict[str, PinPulse]:
         """Return the pulses that still glow, by the style of their lamp."""
-        glow, now = self._view_model.afterglow.glow, self._view_model.t_ns
+        glow, now = self._view_model.afterglow.find_pulse, self._view_model.t_ns
         found = {style: glow(instance.name, lamp, now) for style, lamp in (("done", DONE), ("error", ERROR))}
         return {style: pulse for style, pulse in found.items() if pulse is not None}
 

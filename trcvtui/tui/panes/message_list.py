@@ -17,7 +17,7 @@ from trcvtui.tui.formatting import clip, clip_middle, measure, pad, plain
 from trcvtui.tui.messages import MessageChosen
 from trcvtui.tui.view_model.known_messages import KnownMessages
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, hidden_keys, row
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, hidden_bindings, row
 from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode_leaves
@@ -59,7 +59,7 @@ class MessageLines(LineView):
     """
 
     KEYS: ClassVar = (("↑↓", "message"), ("end", "follow"), ("/", "filter"), ("y", "CSV"), ("D", "DATA now"))
-    BINDINGS: ClassVar = hidden_keys({
+    BINDINGS: ClassVar = hidden_bindings({
         "n,right_square_bracket": "move(1)", "N,left_square_bracket": "move(-1)", "escape": "leave",
     })  # fmt: skip
 
@@ -88,7 +88,7 @@ class MessageLines(LineView):
     def _row(self, number: int) -> MessageRow | None:
         """Return a row, or None if the row was dropped since `show`."""
         known = self._known_messages
-        return known.rows[number - known.first] if known.first <= number < known.stop else None
+        return known.rows[number - known.first] if known.first <= number < known.next_number else None
 
     def rows(self) -> list[MessageRow]:
         return [shown for number in self._listed if (shown := self._row(number)) is not None]
@@ -102,31 +102,31 @@ class MessageLines(LineView):
 
     @property
     def _chosen_place(self) -> int:
-        """Return the index of the chosen filtered row, or -1 if all rows are after the shown scan."""
+        """Return the index of the chosen row among filtered rows, or -1 if all are after the shown scan."""
         last = len(self._listed) - 1
         if self._at is not None:
             return min(last, bisect_left(self._listed, self._at))
-        if self._scan == MAX_SCAN:
+        if self._shown_scan == MAX_SCAN:
             return last
-        return bisect_right(self._listed, self._scan, key=self._scan_of) - 1
+        return bisect_right(self._listed, self._shown_scan, key=self._scan_of) - 1
 
     @property
-    def _scan(self) -> int:
+    def _shown_scan(self) -> int:
         """Return the shown scan of a replay: later messages are drawn faint."""
         position = self._view_model.position
-        return position.scan if position is not None else MAX_SCAN
+        return position.report_scan if position is not None else MAX_SCAN
 
     def _scan_of(self, number: int) -> int:
         shown = self._row(number)
         return shown.scan if shown is not None else 0
 
-    def follow(self) -> None:
+    def follow_newest(self) -> None:
         self._at = None
 
     def show(self) -> None:
         self._catch_up()
         self._measure()
-        self.resize_rows()
+        self.apply_row_count()
         if self._at is None:
             self.keep_in_view(max(0, self._chosen_place))
         super().show()
@@ -140,7 +140,7 @@ class MessageLines(LineView):
             self._forget_rows()
             self._text, self._passes = "", all_pass
             self.set_filter(self._typed)
-        if known.stop < self._filtered_to:
+        if known.next_number < self._filtered_to:
             self._forget_rows()
         if gone := bisect_left(self._listed, known.first):
             del self._listed[:gone]
@@ -149,8 +149,8 @@ class MessageLines(LineView):
         if self._oldest != known.first_full:  # without values a condition on members is false
             first, stop = (bisect_left(self._listed, each) for each in (self._oldest, known.first_full))
             self._oldest, self._listed[first:stop] = known.first_full, self._filter(self._listed[first:stop])
-        self._listed += self._filter(range(max(self._filtered_to, known.first), known.stop))
-        self._filtered_to = known.stop
+        self._listed += self._filter(range(max(self._filtered_to, known.first), known.next_number))
+        self._filtered_to = known.next_number
 
     def _filter(self, rows: range | list[int]) -> list[int]:
         return [each for each in rows if (shown := self._row(each)) is not None and self._passes(shown)]
@@ -185,7 +185,7 @@ class MessageLines(LineView):
         shown = self._row(self._listed[y]) if y < len(self._listed) else None
         if shown is None:
             return EMPTY
-        is_chosen, is_to_come = y == self._chosen_place, shown.scan > self._scan
+        is_chosen, is_to_come = y == self._chosen_place, shown.scan > self._shown_scan
         parts = ((text, "faint" if is_to_come else style) for text, style in self._parts(shown))
         return row(("▸" if is_chosen else " ", "key"), *parts, style=self.cursor_style(is_chosen))
 

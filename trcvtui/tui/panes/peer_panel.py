@@ -11,9 +11,9 @@ from textual.content import Content
 from textual.widget import Widget
 from textual.widgets import Input
 
-from trcvtui.snapshots.bench import PeerSnapshot, SentMessage, TrafficSnapshot, TrafficTally
+from trcvtui.snapshots.bench import PeerSnapshot, SentMessage, TrafficCheckSnapshot, TrafficCheckTally
 from trcvtui.tui.formatting import clip, measure, pad, plain
-from trcvtui.tui.messages import PaneActions, PeerSelected
+from trcvtui.tui.messages import PeerSelected, ScreenCallbacks
 from trcvtui.tui.panes.combuffer import SerialLineList
 from trcvtui.tui.panes.composer import Composer
 from trcvtui.tui.panes.conversation_list import ConversationList
@@ -82,7 +82,7 @@ class PeerList(LineView):
             *self._counters(peer),
         ]
         if peer.check is not None:
-            text, judged = check_text(peer.check)
+            text, judged = traffic_check_part(peer.check)
             parts.append((f"  {text}", judged))
         if peer.stalled:
             parts += [(" ", ""), (" STALLED ", "hold")]
@@ -137,7 +137,7 @@ def _ends(peer: PeerSnapshot, roomy: bool) -> str:
     return f"{local}→ {peer.remote}" if peer.active else f"{local}← {peer.remote}"
 
 
-def check_text(check: TrafficSnapshot) -> Part:
+def traffic_check_part(check: TrafficCheckSnapshot) -> Part:
     tallies = [("DATA", check.data)] if check.data is not None else []
     tallies += [("echo", check.echo)] if check.echo.frames or check.echo.shifts or not tallies else []
     is_good = all(tally.is_good for _, tally in tallies)
@@ -145,7 +145,7 @@ def check_text(check: TrafficSnapshot) -> Part:
     return f"{'✓' if is_good else '✗'} check {check.sent}: {text}", "done" if is_good else "error"
 
 
-def _tally(tally: TrafficTally) -> str:
+def _tally(tally: TrafficCheckTally) -> str:
     wrong = (("lost", tally.lost), ("double", tally.doubled), ("shift", tally.shifts))
     return " ".join([str(tally.frames), *(f"{word} {number}" for word, number in wrong if number)])
 
@@ -159,10 +159,10 @@ def _sent_row(sent: SentMessage) -> Row:
 NO_RULES = "no reply rules; a: add one, such as on contains hex 05 send hex 06 {n}"
 
 
-class PeerNotes(TextView, can_focus=False):
+class PeerDetails(TextView, can_focus=False):
     """Check, trial, rules and sent messages, one row each, in the room below the buttons."""
 
-    DEFAULT_CSS = "PeerNotes { height: 1fr; }"
+    DEFAULT_CSS = "PeerDetails { height: 1fr; }"
 
     def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="peer-notes")
@@ -172,7 +172,7 @@ class PeerNotes(TextView, can_focus=False):
         peer = self._view_model.peer_snapshot
         if peer is None:
             return []
-        check = [row(check_text(peer.check))] if peer.check is not None else []
+        check = [row(traffic_check_part(peer.check))] if peer.check is not None else []
         replies, sent = self._replies(peer), [*map(_sent_row, peer.last_sent)]
         return [*check, *self._trial(peer), *([*replies, *sent] if peer.replies else [*sent, *replies])]
 
@@ -215,7 +215,7 @@ class PeerPanel(Vertical):
         Binding("A", "app.add('peer')", "add a peer", show=False),
     ]
 
-    def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:
+    def __init__(self, view_model: ViewModel, actions: ScreenCallbacks) -> None:
         super().__init__(id="peer")
         self._view_model = view_model
         self._actions = actions
@@ -227,7 +227,7 @@ class PeerPanel(Vertical):
         self._buttons = ButtonLine(
             "buttons", self._labels, lambda index: self._press_button(self._buttons_now()[index])
         )
-        self._notes = PeerNotes(view_model)
+        self._notes = PeerDetails(view_model)
         self._preview = "", ""
         self._trial: ResultScreen | None = None
         self._trial_line = ""  # the command that started it
@@ -288,7 +288,7 @@ class PeerPanel(Vertical):
                 self._trial.show()
 
     def _show_preview(self) -> None:
-        button, peer = self._pointed_at(), self._view_model.peer_snapshot
+        button, peer = self._pointed_button(), self._view_model.peer_snapshot
         send = button is None or button.letter == SEND
         if peer is None:
             self._preview = "", ""
@@ -308,8 +308,8 @@ class PeerPanel(Vertical):
         snapshot = self._view_model.snapshot
         return buttons_for(bool(snapshot and snapshot.faults), self._view_model.peer_snapshot)
 
-    def _pointed_at(self) -> Button | None:
-        index = self._buttons.pointed_at()
+    def _pointed_button(self) -> Button | None:
+        index = self._buttons.pointed_index()
         return None if index is None else self._buttons_now()[index]
 
     def _labels(self) -> list[tuple[str, str]]:
@@ -350,7 +350,7 @@ class PeerPanel(Vertical):
         elif not line and trial is None:
             self._show_what_is_missing(peer)
             return
-        self.open_trial(line)
+        self.open_trial_table(line)
 
     def _show_what_is_missing(self, peer: PeerSnapshot) -> None:
         if self.composer.text.strip():
@@ -358,7 +358,7 @@ class PeerPanel(Vertical):
         else:
             self.composer.ask_for_payload("split")
 
-    def open_trial(self, line: str = "") -> None:
+    def open_trial_table(self, line: str = "") -> None:
         self._trial_line = line
         self._trial = ResultScreen("trial", "Every split", "y copy · esc close", self._trial_rows)
         self.app.push_screen(self._trial, self._handle_trial_closed)
@@ -383,14 +383,14 @@ class PeerPanel(Vertical):
     def on_button_pointed(self) -> None:
         self._show_preview()
 
-    def lacks_peer(self) -> bool:
+    def complain_if_no_peer(self) -> bool:
         """Return whether the project has no peer; if so, show how to add one."""
         if not self._view_model.project.peers:
             self._actions.complain(NO_PEER)
         return not self._view_model.project.peers
 
     def action_button(self, letter: str) -> None:
-        if self.lacks_peer():
+        if self.complain_if_no_peer():
             return
         button = next((b for b in self._buttons_now() if b.letter == letter), None)
         if button is not None:
@@ -400,12 +400,12 @@ class PeerPanel(Vertical):
 
     def action_mode(self) -> None:
         """Change to the next payload mode, and focus the payload."""
-        if not self.lacks_peer():
+        if not self.complain_if_no_peer():
             self.composer.next_mode()
             self.composer.focus_payload()
 
     def action_cuts(self) -> None:
-        if self.lacks_peer():
+        if self.complain_if_no_peer():
             return
         if len(self.composer.split_row.payload) > 1:
             self.screen.set_focus(self.composer.split_row)
@@ -417,7 +417,7 @@ class PeerPanel(Vertical):
     def action_library(self) -> None:
         from trcvtui.tui.forms.messages import LibraryScreen  # imported on first use
 
-        if not self.lacks_peer():
+        if not self.complain_if_no_peer():
             shown = LibraryScreen(self._view_model.peer, self._view_model.project)
             self.app.push_screen(shown, self._submit_line)
 
@@ -427,7 +427,7 @@ class PeerPanel(Vertical):
 
     def action_keep(self) -> None:
         """Open the form that saves the message in the library; without a message, go to the payload."""
-        if self.lacks_peer():
+        if self.complain_if_no_peer():
             return
         from trcvtui.tui.forms.add_screen import AddScreen  # imported on first use
 
@@ -439,7 +439,7 @@ class PeerPanel(Vertical):
             self.composer.ask_for_payload("keep")
 
     def action_form(self) -> None:
-        if self.lacks_peer():
+        if self.complain_if_no_peer():
             return
         from trcvtui.tui.forms.messages import make_udt_form  # imported on first use
 
@@ -455,7 +455,7 @@ class PeerPanel(Vertical):
             self._show_preview()
 
     def action_payload(self) -> None:
-        if not self.lacks_peer():
+        if not self.complain_if_no_peer():
             self.composer.focus_payload()
 
 

@@ -11,14 +11,14 @@ from textual.content import Content
 from textual.widget import Widget
 
 from trcvtui.tui.formatting import clip
-from trcvtui.tui.messages import MessageChosen, PastSelected
+from trcvtui.tui.messages import MessageChosen, PastCursorMoved
 from trcvtui.tui.panes.data_face import DataFace
 from trcvtui.tui.panes.face import DetailLine
 from trcvtui.tui.panes.stream_face import StreamFace
 from trcvtui.tui.panes.table_face import TableFace
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import pane_title
-from trcvtui.tui.widgets.typed_lines import FindLine, Jump
+from trcvtui.tui.widgets.typed_lines import FindLine, Target
 
 END_POSITION: Final = 1 << 62  # after every position
 SEARCH_KEYS: Final = (("n N", "next hit, hit before"),)
@@ -97,7 +97,7 @@ class ReceivedPane(Vertical):
     # -- keys --------------------------------------------------------------------------------------------
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Allow `end_find` only while the stream marks search hits, and `rulers` only in the stream."""
+        """Allow `end_find` only while a search is marked, and `rulers` only in the stream."""
         if action == "end_find":
             return bool(self.stream.patterns)
         return action != "rulers" or self.is_past
@@ -112,7 +112,7 @@ class ReceivedPane(Vertical):
         if self.is_table:
             self.post_message(MessageChosen(None))
         self._turn_to(face)
-        self.post_message(PastSelected())
+        self.post_message(PastCursorMoved())
         self._focus_face()
         self.show()
 
@@ -142,7 +142,7 @@ class ReceivedPane(Vertical):
     def go_to(self, byte: int) -> None:
         self._open_past()
         self.stream.go_to(byte)
-        self.post_message(PastSelected())
+        self.post_message(PastCursorMoved())
 
     def action_before(self) -> None:
         self.stream.toggle_before()
@@ -150,7 +150,7 @@ class ReceivedPane(Vertical):
         self.show()
 
     def action_mark_message(self) -> None:
-        self.face.note = self.past.mark_message()
+        self.face.note = self.past.toggle_message_mark()
         self.show()
 
     def action_rulers(self) -> None:
@@ -164,15 +164,15 @@ class ReceivedPane(Vertical):
         if self.is_table:
             await self.table.open_filter()
         else:
-            self._set_searched(True)
+            self._set_searching(True)
             await self._find.open()
 
     def end_search(self) -> None:
         if self.face.is_searching:
-            self._set_searched(False)
+            self._set_searching(False)
             self.action_end_find()
 
-    def _set_searched(self, is_searched: bool) -> None:
+    def _set_searching(self, is_searched: bool) -> None:
         for face in self._faces:
             face.is_searching = is_searched
         for view in (self.data, self.job, self.stream):
@@ -193,9 +193,9 @@ class ReceivedPane(Vertical):
             face.messages.action_move(1 if is_forward else -1)
         elif wanted is None:  # nothing was typed, or it has a mistake
             self.run_worker(self.action_find())
-        elif not isinstance(wanted, Jump):
-            self._set_searched(True)  # the palette may run it before `/`
-            self._mark(wanted.patterns)
+        elif not isinstance(wanted, Target):
+            self._set_searching(True)  # the palette may run it before `/`
+            self._mark_hits(wanted.patterns)
             face.find(wanted, is_forward, again)
         elif wanted.is_job:
             self._open_past()
@@ -206,9 +206,9 @@ class ReceivedPane(Vertical):
 
     def action_end_find(self) -> None:
         self.face.note, self.stream.seek = "", None
-        self._mark(())
+        self._mark_hits(())
         self.show()
 
-    def _mark(self, patterns: tuple[bytes, ...]) -> None:
+    def _mark_hits(self, patterns: tuple[bytes, ...]) -> None:
         for view in (self.data, self.job, self.stream):
-            view.mark(patterns)
+            view.mark_hits(patterns)

@@ -12,7 +12,7 @@ from trcvtui.plc.ledger import Line, Outputs, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.connect_view import UNVERIFIED_WARNING, security_of
 from trcvtui.tui.formatting import GLOW_SIGN, ON_SIGN, clip, lamp, measure, status_word, wrap_text
-from trcvtui.tui.messages import EdgeSelected, PaneActions
+from trcvtui.tui.messages import EdgeSelected, ScreenCallbacks
 from trcvtui.tui.view_model.explain import StatusExplainer, explain_status
 from trcvtui.tui.view_model.view_model import DONE, ERROR, ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, TextView, row
@@ -38,7 +38,7 @@ class StatusHistory(LineView):
         ("escape", "now", "back to now"),
     ]
 
-    def __init__(self, view_model: ViewModel, actions: PaneActions, digit: int = HISTORY_DIGIT) -> None:
+    def __init__(self, view_model: ViewModel, actions: ScreenCallbacks, digit: int = HISTORY_DIGIT) -> None:
         super().__init__(id="history")
         self._digit, self._view_model, self._actions = digit, view_model, actions
         self._edges: list[Line] = []
@@ -54,21 +54,21 @@ class StatusHistory(LineView):
         """Repaint the changed rows; a view scrolled into the past keeps showing the same edges."""
         before = self._edges[0].seq if self._edges else 0
         self._edges = list(reversed(self._view_model.history.list_edges(self._view_model.selected)))
-        self._measure(before)
+        self._widen_columns(before)
         self.set_title(self._digit, "History", self._describe_skipped())
         if self.scroll_offset.y:
             fresh = sum(1 for line in self._edges[:64] if line.seq > before) if before else 0
-            self.resize_rows()
+            self.apply_row_count()
             if fresh:
                 self.scroll_to(y=self.scroll_offset.y + fresh, animate=False)
         super().show()
 
-    def _measure(self, known: int) -> None:
+    def _widen_columns(self, known: int) -> None:
         fresh = [line.event for line in takewhile(lambda line: line.seq > known, self._edges)]
         kinds = {(e.condition, e.outputs): e for e in fresh if isinstance(e, StatusEdge)}  # few differ
         for edge in kinds.values():
             self._longest = max(self._longest, len(self._label(edge, MOST_CONDITION_WIDTH)))
-            self._lamp = max(self._lamp, len(_lamp(edge)))
+            self._lamp = max(self._lamp, len(_lamp_text(edge)))
 
     def _describe_skipped(self) -> str:
         skipped = self._view_model.history.skipped
@@ -120,7 +120,7 @@ class StatusHistory(LineView):
             (CURSOR_SIGN if line.seq == self._chosen else " ", "key"),
             (f"{line.scan:>{scan}}  {stamp_text(line.t_ns):>{time}}  ", "dim"),
             (self._label(edge, self._condition_width()).ljust(self._word_width + 2), style),
-            (_lamp(edge).ljust(self._lamp + 2), style),
+            (_lamp_text(edge).ljust(self._lamp + 2), style),
             (reason, "warn" if edge.cause.injected else "dim"),
         ]
 
@@ -135,7 +135,7 @@ class StatusHistory(LineView):
         self._choose_where(lambda outputs: outputs.error, "ERROR", 1)
 
     def action_hit(self, step: int) -> None:
-        """Choose the next edge with the sought code, else with ERROR. `step` 1 is older, -1 is newer."""
+        """Choose the next older (`step` 1) or newer (-1) edge with the sought code. No code means ERROR."""
         code = self.code
         what = "ERROR" if code is None else f"{code:04X}"
         self._choose_where(lambda out: out.error if code is None else out.status == code, what, step)
@@ -161,12 +161,12 @@ class StatusHistory(LineView):
 
     def _choose(self, y: int) -> None:
         self._chosen = self._edges[y].seq if y >= 0 else None
-        self.resize_rows()
+        self.apply_row_count()
         self.keep_in_view(y + 1 if y >= 0 else 0)
         self.post_message(EdgeSelected(self._chosen, self.find_chosen_line()))
         self.show()
 
-    def point_at(self, seq: int | None) -> None:
+    def choose_edge(self, seq: int | None) -> None:
         """Choose the edge that another pane chose. If this list does not have that edge, choose none."""
         if seq == self._chosen:
             return
@@ -175,7 +175,7 @@ class StatusHistory(LineView):
         self.keep_in_view(y + 1 if y >= 0 else 0)
         self.show()
 
-    def forget(self) -> None:
+    def clear_history(self) -> None:
         self._chosen = self.code = None
         self._edges, self._longest, self._lamp = [], WORD_WIDTH, LAMP_WIDTH
         self.scroll_to(y=0, animate=False)
@@ -184,7 +184,7 @@ class StatusHistory(LineView):
         return next((line for line in self._edges if line.seq == self._chosen), None)
 
 
-def _lamp(edge: StatusEdge) -> str:
+def _lamp_text(edge: StatusEdge) -> str:
     out = edge.outputs
     size = f" {out.rcvd_len} B" if out.rcvd_len is not None else ""
     ends = [f"DONE{size}"] * out.done + ["ERROR"] * out.error  # both: a frame without an end within its size
@@ -194,7 +194,7 @@ def _lamp(edge: StatusEdge) -> str:
 
 if TYPE_CHECKING:
     from trcvtui.diagnosis.advice import Advice
-    from trcvtui.diagnosis.data_view import Offer
+    from trcvtui.diagnosis.data_view import LayoutOffer
     from trcvtui.diagnosis.job import SuggestedAction
 
 LABEL_WIDTH: Final = 7
@@ -224,7 +224,7 @@ class StatusCard(TextView):
     def __init__(
         self,
         view_model: ViewModel,
-        actions: PaneActions,
+        actions: ScreenCallbacks,
         digit: int = 3,
         letter_of: Callable[[str], str] = lambda pin: "",
     ) -> None:
@@ -267,10 +267,10 @@ class StatusCard(TextView):
         if y in self._do_rows:
             self.action_remedy()
 
-    def offer(self) -> Offer | None:
-        return self._explainer.offer()
+    def layout_offer(self) -> LayoutOffer | None:
+        return self._explainer.layout_offer()
 
-    def point_at(self, line: Line | None) -> None:
+    def explain_at(self, line: Line | None) -> None:
         """Explain this edge of the past; None: the present."""
         self._past = line
         self.show()
@@ -284,7 +284,7 @@ class StatusCard(TextView):
     def _card(self) -> list[Row]:
         instance = self._view_model.instance
         if instance is None:
-            return self._empty_rows()
+            return self._no_instance_rows()
         if self._past is not None and isinstance(edge := self._past.event, StatusEdge):
             when = f"in scan {self._past.scan}, at {stamp_text(self._past.t_ns)} s"
             return self._rows_for(edge, when, self._explainer.explain_edge(self._past, edge), [])
@@ -299,7 +299,7 @@ class StatusCard(TextView):
 
         return list_framing_warnings(self._view_model.snapshot, self._view_model.project, instance.name)
 
-    def _empty_rows(self) -> list[Row]:
+    def _no_instance_rows(self) -> list[Row]:
         if self._view_model.project.instances or self._view_model.picture is None:
             return [row(("waiting for the first scan", "dim"))]
         texts = (
@@ -382,7 +382,7 @@ class StatusCard(TextView):
 
     def _sentence(self, text: str) -> str:
         first = FIRST_WORD.match(text)
-        if first is not None and first.group() not in self._names():
+        if first is not None and first.group() not in self._project_names():
             text = text[:1].upper() + text[1:]
         return text if text.endswith((".", "?", "!", KEY_MARK)) else f"{text}."
 
@@ -399,7 +399,7 @@ class StatusCard(TextView):
                 text = text.replace(f"`{line}`", f"press `{letter}` ({command[2]}{command[3] or ''})")
         return text
 
-    def _names(self) -> set[str]:
+    def _project_names(self) -> set[str]:
         """Return the names of the project, so that a sentence does not capitalize their first letter."""
         project = self._view_model.project
         peers = [peer.name for peer in project.peers]
@@ -407,7 +407,7 @@ class StatusCard(TextView):
         return {*project.links(), *peers, *data, *[each.name for each in project.instances]}
 
     def _lamps(self, instance: InstanceSnapshot) -> list[Part]:
-        glow, now = self._view_model.afterglow.glow, self._view_model.t_ns
+        glow, now = self._view_model.afterglow.find_pulse, self._view_model.t_ns
         outputs = instance.outputs
         parts: list[Part] = [(f"BUSY {lamp(outputs.busy)}   ", "busy" if outputs.busy else "faint")]
         for name, on, style in ((DONE, outputs.done, "done"), (ERROR, outputs.error, "error")):

@@ -11,12 +11,12 @@ from trcvtui.history.records import JobSpan, MessageSpan, RecvSpan
 from trcvtui.plc.ledger import A_HOLE
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.project import Project
-from trcvtui.tui.messages import PastSelected
+from trcvtui.tui.messages import PastCursorMoved
 from trcvtui.tui.panes.face import DetailLine, ReceivedFace
 from trcvtui.tui.panes.stream_view import StreamView
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.hex_view import NOT_CAPTURED, numbers_at
-from trcvtui.tui.widgets.typed_lines import FindLine, Jump
+from trcvtui.tui.widgets.hex_view import NOT_CAPTURED, numbers_text
+from trcvtui.tui.widgets.typed_lines import FindLine, Target
 from trcvtui.udt.byte_text import SearchPatterns
 from trcvtui.wording import stamp_text
 
@@ -109,10 +109,10 @@ class StreamFace(ReceivedFace):
             if found is not None:
                 self.hit = found, window.sought.hit if window.sought is not None else ""
                 self.stream.go_to(found)
-                self.post_message(PastSelected())
+                self.post_message(PastCursorMoved())
             if window.job is not None and window.job != self.past_job:
                 self.past_job = window.job
-                self.post_message(PastSelected())
+                self.post_message(PastCursorMoved())
 
     def request_past(self, instance: InstanceSnapshot) -> None:
         if self._view_model.is_frozen:
@@ -126,14 +126,14 @@ class StreamFace(ReceivedFace):
         return self.past_job is not None and self.past_job[0] == job.position
 
     def show(self) -> None:
-        self.stream.compare(self.stream.marked, self.message_here())
+        self.stream.set_compared(self.stream.marked, self.message_here())
         self.stream.show()
-        text, place = self._search_text() or self.note or self._past_origin(), self.stream.cursor
+        text, place = self._report_search() or self.note or self._describe_origin(), self.stream.cursor
         width = self.size.width - 4
-        self.subtitle = "" if place is None else numbers_at(self.stream.read_known_bytes(place), width)
+        self.subtitle = "" if place is None else numbers_text(self.stream.read_known_bytes(place), width)
         self._below.show_text(text, may_break=True)
 
-    def _search_text(self) -> str:
+    def _report_search(self) -> str:
         window = self._view_model.past_window
         sought = window.sought if window is not None else None
         if self.stream.seek is not None:
@@ -149,7 +149,7 @@ class StreamFace(ReceivedFace):
             self.note = f"{wanted.about}: not found"
         return ""
 
-    def _past_origin(self) -> str:
+    def _describe_origin(self) -> str:
         if self.stream.cursor is None:
             return "" if self.stream.window.end else "nothing received yet"
         project = self._view_model.project
@@ -157,7 +157,7 @@ class StreamFace(ReceivedFace):
         window = self.stream.window
         if window.lack and self.stream.cursor == window.begin:
             origin += f" · the oldest kept byte, others are {window.lack}"
-        return self._with_hit(self.stream.cursor, self.stream.difference() + origin)
+        return self._with_hit(self.stream.cursor, self.stream.difference_text() + origin)
 
     def message_here(self) -> range:
         """Return the positions of the message under the cursor, else of the job if all of it is here."""
@@ -172,13 +172,13 @@ class StreamFace(ReceivedFace):
         between = range(0)
         if mark is not None and place is not None:
             between = range(min(mark[0].start, place), max(place + 1, mark[0].stop * (place < mark[0].start)))
-        return window.cut(self.message_here()), window.cut(between) if window.has_values(between) else b""
+        return window.part(self.message_here()), window.part(between) if window.has_values(between) else b""
 
-    def mark_message(self) -> str:
+    def toggle_message_mark(self) -> str:
         """Mark or unmark the message under the cursor for comparing. Return an error, or ""."""
         here, stream = self.message_here() if self.is_shown else range(0), self.stream
         is_marked = stream.marked is not None and stream.marked[0] == here
-        stream.compare(None if is_marked or not here else (here, stream.window.cut(here)), here)
+        stream.set_compared(None if is_marked or not here else (here, stream.window.part(here)), here)
         return "" if here else NO_MESSAGE
 
     def job_here(self) -> JobSpan | None:
@@ -190,7 +190,7 @@ class StreamFace(ReceivedFace):
         return job
 
     def job_of_cursor(self) -> tuple[str, int, bytes] | None:
-        """Return instance, number and bytes of the job under the cursor. A dropped job has number 0."""
+        """Return instance, number (0: dropped), bytes of the job under the cursor; None without bytes."""
         job, known = self.job_here() if self.is_shown else None, self.past_job
         if job is None or known is None or not self._has_bytes_of(job) or len(known[1]) < job.whole:
             return None
@@ -206,7 +206,7 @@ class StreamFace(ReceivedFace):
             return f"its first bytes are {self.stream.window.lack}"
         return "" if self.job_of_cursor() is not None else "the bytes of this job have not arrived yet"
 
-    def byte_in_job(self) -> int:
+    def offset_in_job(self) -> int:
         """Return the offset of the stream's cursor in its job, -1 without a job."""
         job, here = self.job_here(), self.stream.cursor
         return -1 if job is None or here is None else here - job.position + job.first
@@ -217,13 +217,13 @@ class StreamFace(ReceivedFace):
             return
         begin = job.position - job.first
         here = range(max(job.position, begin + field.start), min(job.stop, begin + field.stop))
-        self.stream.show_link(here)
+        self.stream.link_bytes(here)
         if goes_there and here:
             self.stream.go_to(here.start)
 
     # -- searching for bytes -----------------------------------------------------------------------------
 
-    def go_to_offset(self, goal: Jump) -> None:
+    def go_to_offset(self, goal: Target) -> None:
         kept = self.stream.window
         self._select_offset(goal, self.stream.select, range(kept.begin, kept.end), kept.lack)
 

@@ -28,7 +28,7 @@ from trcvtui.history.records import (
 from trcvtui.history.waveform_text import merge_pieces
 from trcvtui.plc.ledger import A_HOLE, A_PACKET
 from trcvtui.tui.formatting import clip
-from trcvtui.tui.messages import PastSelected
+from trcvtui.tui.messages import PastCursorMoved
 from trcvtui.tui.widgets.hex_view import CLASS_OF, HOLE, NARROW, WAS, ByteLines, frame_signs, marks_of_span
 from trcvtui.tui.widgets.line_view import EMPTY, Part, Row
 from trcvtui.udt.byte_text import find_all
@@ -248,7 +248,7 @@ class StreamView(ByteLines):
             if sought.share >= 1:
                 self.seek = None
         if self.follows:
-            self.resize_rows()
+            self.apply_row_count()
             self.scroll_to(y=self.row_count(), animate=False)
         return found
 
@@ -259,17 +259,17 @@ class StreamView(ByteLines):
             parts = [(start, self.marked[1][: len(self._compared)])]
         self._compared_to = {place + n: byte for place, content in parts for n, byte in enumerate(content)}
 
-    def compare(self, marked: tuple[range, bytes] | None, with_: range) -> None:
+    def set_compared(self, marked: tuple[range, bytes] | None, with_: range) -> None:
         if (marked, with_) != (self.marked, self._compared):
             self.marked, self._compared = marked, with_
             self._pair_bytes()
             self._drawn = None
 
-    def difference(self) -> str:
+    def difference_text(self) -> str:
         """Return how the message at the cursor differs from the marked message, or "" without a mark."""
         if self.marked is None or not self._compared:
             return ""
-        here, there = self.window.cut(self._compared), self.marked[1]
+        here, there = self.window.part(self._compared), self.marked[1]
         if self._compared == self.marked[0]:
             return "marked: "
         found = sum(one != other for one, other in zip(here, there, strict=False))
@@ -281,14 +281,14 @@ class StreamView(ByteLines):
         self._matched = {self.window.start + place for match in found for place in match}
 
     def _rebase(self) -> None:
-        """Count rows from the oldest byte left. When a byte is dropped, the bytes in view stay in view."""
+        """Count rows from the oldest kept byte. When it is dropped, the bytes in view stay in view."""
         base = self.window.begin - (self.window.begin - self._cut[1]) % self._row_group[0]
         if base == self._base:
             return
         rows = (base - self._base) // self._row_group[0] * self._row_group[1] * self.row_lines
         self._base = base
         self._rows.clear()
-        self.resize_rows()
+        self.apply_row_count()
         if not self.follows:
             self.scroll_to(y=max(0, self.scroll_offset.y - rows), animate=False)
 
@@ -315,7 +315,7 @@ class StreamView(ByteLines):
         unit, rest = divmod(position - self._base, size)
         return unit * rows + rest // self.per_row
 
-    def _row(self, number: int) -> range:
+    def _row_range(self, number: int) -> range:
         """Return the bytes of a row, without those that have not come yet."""
         size, rows = self._row_group
         unit, rest = divmod(number, rows)
@@ -328,7 +328,7 @@ class StreamView(ByteLines):
         self._seeks += 1
         self.seek = SeekRequest(self._seeks, start, is_forward, patterns, **what)
 
-    def mark(self, patterns: tuple[bytes, ...]) -> None:
+    def mark_hits(self, patterns: tuple[bytes, ...]) -> None:
         self.patterns = patterns
         self._find_matches()
         self.show()
@@ -345,7 +345,7 @@ class StreamView(ByteLines):
 
     def _stay_at(self, position: int) -> None:
         self._rows.clear()
-        self.resize_rows()
+        self.apply_row_count()
         y = self._row_of(position) * self.row_lines
         if self.cursor is not None and not self.follows:  # the cursor goes to the middle
             y = max(0, self._row_of(self.cursor) * self.row_lines - self.size.height // 2)
@@ -366,20 +366,20 @@ class StreamView(ByteLines):
         return 1 + len(self.ruler_names)
 
     @property
-    def digits(self) -> int:
+    def pos_digits(self) -> int:
         least = len(PACKET_RULER) if self._is_capture else LEAST_DIGITS
         return max(least, len(f"{max(0, self.window.end - 1):x}"))
 
     @property
     def _blank(self) -> int:
         """Return 1 if a row has room for a blank in its middle and a blank before its text, else 0."""
-        return 1 if self.line_width >= self.digits + ROOMY or self.per_row == NARROW else 0
+        return 1 if self.line_width >= self.pos_digits + ROOMY or self.per_row == NARROW else 0
 
     def row_count(self) -> int:
         return (self._row_of(self.window.end - 1) + 1) * self.row_lines if self.window.end > self._base else 0
 
     def _first_position(self) -> int:
-        return max(self.window.begin, self._row(self.scroll_offset.y // self.row_lines).start)
+        return max(self.window.begin, self._row_range(self.scroll_offset.y // self.row_lines).start)
 
     def show(self) -> None:
         shown = id(self.window), self.cursor, self.has_focus, self.link, self.patterns
@@ -392,8 +392,8 @@ class StreamView(ByteLines):
     def row_at(self, y: int) -> Row:
         if y not in self._rows:
             row, track = divmod(y, self.row_lines)
-            at = self._row(row)
-            self._rows[y] = self._ruler(self.ruler_names[track - 1], at) if track else self._bytes(at)
+            at = self._row_range(row)
+            self._rows[y] = self._ruler(self.ruler_names[track - 1], at) if track else self._byte_row(at)
         return self._rows[y]
 
     @property
@@ -404,7 +404,7 @@ class StreamView(ByteLines):
     def _text_column(self) -> int:
         return self._width + 1 + self._blank
 
-    def _bytes(self, at: range) -> Row:
+    def _byte_row(self, at: range) -> Row:
         start, stop = at.start, at.stop
         if start >= stop:
             return EMPTY
@@ -412,14 +412,14 @@ class StreamView(ByteLines):
         signs |= frame_signs(find_spans(self.window.jobs, start, stop))
         begins = {m.position for m in find_spans(self.window.messages, start, stop) if m.begins}
         styles = [self._style_of(position) for position in range(start, stop)]
-        parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), sign_before_byte(start, signs, begins)]
+        parts: list[Part] = [(f"{start:0{self.pos_digits}x} ", "dim"), sign_before_byte(start, signs, begins)]
         for index, position in enumerate(range(start, stop)):
-            parts.append((self._signs_of(position)[0], styles[index]))
+            parts.append((self._byte_texts(position)[0], styles[index]))
             if position + 1 < stop:
                 parts.append((" " * (self._column(index + 1) - self._column(index) - 3), ""))
                 parts.append(sign_before_byte(position + 1, signs, begins))
         parts.append((" " * (self._width - self._column(stop - start - 1) - 2), ""))
-        text = [self._signs_of(position)[1] for position in range(start, stop)]
+        text = [self._byte_texts(position)[1] for position in range(start, stop)]
         parts += [(" " * self._blank + "│", "faint"), *zip(text, styles, strict=True)]
         return Row(tuple(merge_pieces([part for part in parts if part[0]])))
 
@@ -459,12 +459,12 @@ class StreamView(ByteLines):
             return EMPTY
         width = self._width
         if track == WAS:
-            return self._before_row(start, stop, WAS if self.marked is None else MARK_RULER)
-        head: Part = (f"{track:>{self.digits}} ", "faint")
+            return self._old_bytes_row(start, stop, WAS if self.marked is None else MARK_RULER)
+        head: Part = (f"{track:>{self.pos_digits}} ", "faint")
         parts, side = self._draw_ruler(track, start, stop)
         marks = find_cuts(self.window, start, stop) if track != RECV_RULER else frozenset()
         first: Part = (SPLIT_SIGN, "warn strong") if start in marks else (" ", "")
-        side = clip(side, max(0, self.line_width - self.digits - 4 - width))
+        side = clip(side, max(0, self.line_width - self.pos_digits - 4 - width))
         return Row((head, first, *self._with_cuts(parts, marks, start, width), ("  ", ""), (side, "dim")))
 
     def _draw_ruler(self, track: str, start: int, stop: int) -> tuple[list[Part], str]:
@@ -511,12 +511,12 @@ class StreamView(ByteLines):
     def go_to(self, position: int) -> None:
         """Put the cursor on a byte and bring it and its rulers into view; post no message."""
         self.cursor, self.follows = position, False
-        self._show_row(self._row_of(position))
+        self._scroll_to_row(self._row_of(position))
 
     def select(self, position: int) -> None:
         if self.window.end > self.window.begin:
             self.go_to(max(self.window.begin, min(position, self.window.end - 1)))
-            self.post_message(PastSelected())
+            self.post_message(PastCursorMoved())
 
     def action_step(self, count: int) -> None:
         self.select(self._first_position() if self.cursor is None else self.cursor + count)
@@ -526,7 +526,7 @@ class StreamView(ByteLines):
             self.select(self._first_position())
             return
         row = self._row_of(self.cursor)
-        target, column = self._row(row + rows), self.cursor - self._row(row).start
+        target, column = self._row_range(row + rows), self.cursor - self._row_range(row).start
         if target and self.window.begin < target.stop:
             self.select(min(target.start + column, target.stop - 1))
 
@@ -560,5 +560,5 @@ class StreamView(ByteLines):
             return
         index = self._index_at(place[0])
         if index is not None:
-            found = self._row(place[1] // self.row_lines)
+            found = self._row_range(place[1] // self.row_lines)
             self.select(min(found.start + index, found.stop - 1))

@@ -10,7 +10,7 @@ from textual.widget import Widget
 
 from trcvtui.history.messages import MessageRow
 from trcvtui.plc.snapshot import InstanceSnapshot
-from trcvtui.tui.messages import ByteSelected, PastSelected
+from trcvtui.tui.messages import ByteSelected, PastCursorMoved
 from trcvtui.tui.panes.face import DetailLine, ReceivedFace
 from trcvtui.tui.panes.message_list import MessageHead, MessageLines
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -35,7 +35,7 @@ class TableFace(ReceivedFace):
         self.messages = MessageLines(view_model)
         super().__init__(view_model, below, self.messages)
         self._head = MessageHead(self.messages)
-        self._bytes = MessageBytes("message", of_job=False)
+        self._bytes = MessageBytes("message", shows_job=False)
         self._filter = FilterLine(self._set_filter, self.messages.action_move, self.messages)
         self._chosen: MessageRow | None = None  # the message that pane 6 shows
 
@@ -49,7 +49,7 @@ class TableFace(ReceivedFace):
 
     def _set_filter(self, text: str) -> None:
         self.messages.set_filter(text)
-        self.post_message(PastSelected())
+        self.post_message(PastCursorMoved())
 
     def make_title(self, instance: InstanceSnapshot | None) -> tuple[str, str]:
         return "Messages", self.messages.describe_rows() if instance is not None else ""
@@ -63,7 +63,7 @@ class TableFace(ReceivedFace):
         shown = self.messages.find_current_row()
         if shown != self._chosen:
             self._chosen = shown
-            self.post_message(PastSelected())
+            self.post_message(PastCursorMoved())
         content = shown.content if shown is not None else None
         size = shown.size if shown is not None and content is not None else 0
         content = content or b""
@@ -88,7 +88,7 @@ class TableFace(ReceivedFace):
 
     def on_byte_selected(self, message: ByteSelected) -> None:
         message.stop()
-        self.post_message(PastSelected())
+        self.post_message(PastCursorMoved())
 
     def job_of_cursor(self) -> tuple[str, int, bytes] | None:
         shown = self._chosen
@@ -96,11 +96,11 @@ class TableFace(ReceivedFace):
             return None
         return self._view_model.selected, shown.number, shown.content or b""
 
-    def byte_in_job(self) -> int:
+    def offset_in_job(self) -> int:
         return -1 if self._bytes.cursor is None else self._bytes.cursor
 
     def show_field(self, field: range, goes_there: bool) -> None:
-        self._bytes.show_link(field)
+        self._bytes.link_bytes(field)
         if goes_there and field:
             self._bytes.go_to(field.start)
 

@@ -8,7 +8,7 @@ from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 
-from trcvtui.history.pin_waveform import PinWaveform, Waveform, Window, find_lamp
+from trcvtui.history.pin_waveform import PinWaveform, ScanWindow, Waveform, find_lamp
 from trcvtui.history.waveform_text import (
     CODES,
     WATCH,
@@ -24,7 +24,7 @@ from trcvtui.history.waveform_text import (
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.snapshots.replay import WHAT_IF
 from trcvtui.tui.formatting import MS, SECOND, US
-from trcvtui.tui.messages import EdgeSelected, PaneActions
+from trcvtui.tui.messages import EdgeSelected, ScreenCallbacks
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
 from trcvtui.wording import count, format_ns
@@ -50,12 +50,12 @@ class TimingViewport:
     def zoom(self) -> int:
         return ZOOM_LEVELS[self._level]
 
-    def window(self, count: int, until: int) -> Window:
-        """Return the window of `count` columns to draw. `until` is the newest scan."""
+    def fit_window(self, count: int, newest: int) -> ScanWindow:
+        """Return the window of `count` columns to draw. `newest` is the newest scan."""
         self._count = max(1, count)
         if self.follows:
-            self._first = max(0, self._column(until) - self._count + 1)
-        return Window(self._first, self._count, self.zoom)
+            self._first = max(0, self._column(newest) - self._count + 1)
+        return ScanWindow(self._first, self._count, self.zoom)
 
     def _column(self, scan: int) -> int:
         return max(0, scan - 1) // self.zoom
@@ -82,7 +82,7 @@ class TimingViewport:
     def follow_now(self) -> None:
         self.cursor, self.follows = None, True
 
-    def set_marker(self, until: int) -> None:
+    def add_marker(self, until: int) -> None:
         here = until if self.cursor is None else self.cursor
         self.markers = [*self.markers, here] if len(self.markers) < 2 else [here]
 
@@ -137,7 +137,7 @@ def label_width(rows: Sequence[TimingRow]) -> int:
     return LABEL_WIDTH + max(0, *(len(shown.name) - NAME_WIDTH for shown in rows)) if rows else LABEL_WIDTH
 
 
-def ruler_row(window: Window, until: int, view: TimingViewport, label: int) -> Row:
+def ruler_row(window: ScanWindow, until: int, view: TimingViewport, label: int) -> Row:
     marks = [RulerMark(scan, sign) for scan, sign in zip(view.markers, "12", strict=False)]
     if view.cursor is not None:
         marks.append(RulerMark(view.cursor, "▼"))
@@ -146,14 +146,14 @@ def ruler_row(window: Window, until: int, view: TimingViewport, label: int) -> R
 
 
 def wave_row(
-    shown: TimingRow, window: Window, cursor: int | None, until: int, label_style: str | None, label: int
+    shown: TimingRow, window: ScanWindow, cursor: int | None, until: int, label_style: str | None, label: int
 ) -> Row:
     """Return one row with its wave after `label` columns. A row not chosen has no `label_style`."""
     wave, name = shown
     if not name:
         return row((f" {wave.instance} ", "label"), ("─" * (label + window.width), "faint"))
     at = until if cursor is None else cursor
-    return row(*_label(wave, name, at, label_style, label), *_parts(wave, name, window, cursor))
+    return row(*_label(wave, name, at, label_style, label), *_wave_parts(wave, name, window, cursor))
 
 
 def _label(wave: Waveform, name: str, at: int, label_style: str | None, label: int) -> list[Part]:
@@ -165,7 +165,7 @@ def _label(wave: Waveform, name: str, at: int, label_style: str | None, label: i
     return [(f"{sign}{name:<{NAME_WIDTH + label - LABEL_WIDTH}}", f"{kind} {style}"), (f"{value:>6} ", style)]
 
 
-def _parts(wave: Waveform, name: str, window: Window, cursor: int | None) -> list[Part]:
+def _wave_parts(wave: Waveform, name: str, window: ScanWindow, cursor: int | None) -> list[Part]:
     pieces = draw_row(wave, name, window)
     if name.startswith(WATCH):
         parts = [(text, "ghost") for text, _ in pieces]
@@ -208,7 +208,7 @@ class Timing(LineView):
         ("escape", "now", "back to now"),
     ]
 
-    def __init__(self, view_model: ViewModel, actions: PaneActions, digit: int = 8) -> None:
+    def __init__(self, view_model: ViewModel, actions: ScreenCallbacks, digit: int = 8) -> None:
         super().__init__(id="timing")
         self._digit, self._view_model, self._actions = digit, view_model, actions
         self.view = TimingViewport()
@@ -230,12 +230,12 @@ class Timing(LineView):
         return [self._view_model.waves.get_wave(name) for name in self._view_model.drawn_waves]
 
     @property
-    def _until(self) -> int:
-        return self._view_model.frozen_at or self.wave.until_scan
+    def _newest(self) -> int:
+        return self._view_model.frozen_scan or self.wave.until_scan
 
     @property
-    def _window(self) -> Window:
-        return self.view.window(max(1, self.line_width - self._label), self._until)
+    def _window(self) -> ScanWindow:
+        return self.view.fit_window(max(1, self.line_width - self._label), self._newest)
 
     def show(self) -> None:
         self._ready.clear()
@@ -299,21 +299,21 @@ class Timing(LineView):
 
     def _row(self, y: int) -> Row:
         if y == 0:
-            return ruler_row(self._window, self._until, self.view, self._label)
+            return ruler_row(self._window, self._newest, self.view, self._label)
         style = self.cursor_style(True) if y - 1 == self._chosen else None
-        return wave_row(self._rows[y - 1], self._window, self.view.cursor, self._until, style, self._label)
+        return wave_row(self._rows[y - 1], self._window, self.view.cursor, self._newest, style, self._label)
 
-    def _lane(self) -> PinWaveform | None:
+    def _chosen_lane(self) -> PinWaveform | None:
         shown = self._rows[self._chosen] if self._rows else None
         return get_lane(*shown) if shown is not None and shown.name else None
 
     # -- moving -------------------------------------------------------------------------------------
 
     def go_to(self, scan: int | None, nothing: str = "") -> None:
-        """Put the cursor on a scan and explain the STATUS there. If `scan` is None, show `nothing`."""
+        """Put the cursor on a scan and explain its STATUS. If `scan` is None, show the text `nothing`."""
         self._note = nothing if scan is None else ""
         if scan is not None:
-            self.view.go_to(scan, self._until)
+            self.view.go_to(scan, self._newest)
             line = self.wave.edge_at(self.view.cursor or scan)
             if line is not None:
                 self.post_message(EdgeSelected(line.seq, line))
@@ -321,18 +321,18 @@ class Timing(LineView):
 
     @property
     def _scan(self) -> int:
-        return self._until if self.view.cursor is None else self.view.cursor
+        return self._newest if self.view.cursor is None else self.view.cursor
 
     def action_step(self, scans: int) -> None:
         self.go_to(self._scan + scans)
 
     def action_any_edge(self, direction: int) -> None:
-        self.go_to(self.wave.find_next_edge(self._scan, direction), "no further edge")
+        self.go_to(self.wave.find_next_edge(self._scan, direction), "no further edge is known")
 
     def action_row_edge(self, direction: int) -> None:
-        lane = self._lane()
+        lane = self._chosen_lane()
         if lane is not None:
-            self.go_to(lane.find_next_edge(self._scan, direction), "no further edge of this row")
+            self.go_to(lane.find_next_edge(self._scan, direction), "no further edge of this row is known")
 
     def action_next_error(self) -> None:
         """Go to the next ERROR; in the present go to the newest ERROR, at the last ERROR to the first."""
@@ -363,10 +363,10 @@ class Timing(LineView):
         self.go_to(self._scan + pages * self._window.width * self.view.zoom)
 
     def action_edge(self, direction: int) -> None:
-        self.go_to(self._until if direction > 0 else self.wave.first_scan)
+        self.go_to(self._newest if direction > 0 else self.wave.first_scan)
 
     def action_zoom_in(self, steps: int) -> None:
-        self.view.zoom_by(-steps, self._until)
+        self.view.zoom_by(-steps, self._newest)
         self.show()
 
     def action_follow(self) -> None:
@@ -375,7 +375,7 @@ class Timing(LineView):
         self.show()
 
     def action_mark(self) -> None:
-        self.view.set_marker(self._until)
+        self.view.add_marker(self._newest)
         self.show()
 
     def action_neighbours(self) -> None:
@@ -389,14 +389,14 @@ class Timing(LineView):
         self.post_message(EdgeSelected(None))
         self.show()
 
-    def point_at(self, scan: int | None, seq: int | None) -> None:
+    def show_scan(self, scan: int | None, seq: int | None) -> None:
         if scan is None:
             self.view.follow_now()
         elif (line := self.wave.edge_at(self._scan)) is None or line.seq != seq or self.view.cursor is None:
-            self.view.go_to(scan, self._until)
+            self.view.go_to(scan, self._newest)
         self.show()
 
-    def forget(self) -> None:
+    def reset_cursor(self) -> None:
         self.view.follow_now()
         self.view.markers, self._note = [], ""
 
@@ -410,7 +410,7 @@ class Timing(LineView):
             self.show()
             return
         first, last = window.column_scans(x)
-        lane = self._lane()
+        lane = self._chosen_lane()
         edge = lane.find_next_edge(first - 1, 1) if lane is not None and window.zoom > 1 else None
         self.go_to(edge if edge is not None and edge <= last else first)
 
@@ -433,13 +433,13 @@ class Timing(LineView):
         """Write the drawn waves; return the file and its size in bytes; raise UserError."""
         from trcvtui.history.waveform_text import (  # imported on first use
             ScanRange,
+            export_folder,
             free_path,
-            target_folder,
-            write_waves,
+            write_vcd,
         )
 
         markers = sorted(self.view.markers)
-        known = ScanRange(self.wave.first_scan, max(1, self._until))
+        known = ScanRange(self.wave.first_scan, max(1, self._newest))
         span = ScanRange(*markers) if len(markers) == 2 else known
-        path = path or free_path(target_folder(self._view_model.project.path), f"timing-{self.wave.instance}")
-        return path, write_waves(path, self.waves, span)
+        path = path or free_path(export_folder(self._view_model.project.path), f"timing-{self.wave.instance}")
+        return path, write_vcd(path, self.waves, span)

@@ -35,7 +35,7 @@ MOST_KEPT_MEMBERS: Final = 1024  # members whose numbers are kept
 
 
 class UdtTable(LineView):
-    """DATA of the selected instance, decoded. With `of_job`, the bytes of its running job are decoded."""
+    """DATA of the selected instance, decoded. With `shows_job`, the bytes of its running job are decoded."""
 
     KEYS: ClassVar = (("↑↓", "member"), ("enter", "curve"), ("D", "messages"), ("v", "DATA | job"))
     BINDINGS: ClassVar = [
@@ -45,7 +45,7 @@ class UdtTable(LineView):
     def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="udt")
         self._view_model = view_model
-        self.of_job = False
+        self.shows_job = False
         self.cursor: int | None = None
         # A job of the past: its number and its bytes; number 0: they were thrown away.
         self.past: tuple[int, bytes] | None = None
@@ -72,16 +72,16 @@ class UdtTable(LineView):
             return
         name = clip(declared.type_name, 32)
         room = self.outer_size.width - measure(name) - 9  # the corners, the digit, the dot
-        self.set_title(6, name, self._source(declared, room))
+        self.set_title(6, name, self._source_text(declared, room))
 
-    def _source(self, declared: DataDecl, room: int) -> str:
+    def _source_text(self, declared: DataDecl, room: int) -> str:
         """Return which bytes are decoded, and which bytes `v` would decode instead."""
         rules, job = declared.layout.rules, self._job_text()
         if self.was_thrown_away:
             return f"{len(self.past[1]) if self.past else 0} B thrown away, never in {declared.name}"
         if self.past is not None:
             return f"job {self.past[0]} of the past, {len(self.past[1])} B"
-        if self.of_job:
+        if self.shows_job:
             return f"{job or 'no job running'} · v: DATA"
         other = f" · v: {job}" if job and self._view_model.job_bytes else ""
         full = f"{declared.name}, {rules.name}, {rules.byte_order}-endian{other}"
@@ -106,7 +106,7 @@ class UdtTable(LineView):
         self._values = decode_leaves(declared.layout, self._bytes(), top, stop)
         self._choose_spark_messages(declared)
         index, selected = self._view_model.stream_index, self._view_model.selected
-        self._holes = index.list_holes(selected, self.of_job) if self.past is None else ()
+        self._holes = index.list_holes(selected, self.shows_job) if self.past is None else ()
 
     @property
     def was_thrown_away(self) -> bool:
@@ -118,7 +118,7 @@ class UdtTable(LineView):
             return b""
         if self.past is not None:
             return self.past[1]
-        return self._view_model.job_bytes if self.of_job else self._view_model.data
+        return self._view_model.job_bytes if self.shows_job else self._view_model.data
 
     def row_count(self) -> int:
         declared = self._view_model.declaration
@@ -136,7 +136,7 @@ class UdtTable(LineView):
     def _member(self, index: int, chosen: bool) -> list[Part]:
         leaf = self._leaves[index]
         name_width = max(8, (self.line_width - OFFSET_WIDTH - TYPE_WIDTH) * 2 // 5)
-        shared, own = _split(leaf.path, self._leaves[index - 1].path if index else "")
+        shared, own = _split_shared(leaf.path, self._leaves[index - 1].path if index else "")
         if measure(shared) + measure(own) > name_width - 1:
             shared, own = "", clip(leaf.path, name_width - 1)
         parts: list[Part] = [
@@ -173,15 +173,15 @@ class UdtTable(LineView):
         if about != self._sparks_of or len(self._sparks) > MOST_KEPT_MEMBERS:
             self._sparks_of = about
             self._sparks.clear()
-        stop = known.stop if view.position is None else known.stop_at(view.position.scan)
+        stop = known.next_number if view.position is None else known.number_after(view.position.report_scan)
         if self.past is not None:
             number, content = self.past  # an instance that was added again counts from 1: compare bytes, too
-            rows = zip(range(known.stop, known.first, -1), reversed(known.rows), strict=True)
+            rows = zip(range(known.next_number, known.first, -1), reversed(known.rows), strict=True)
             of_job = (
                 at for at, row in rows if row.number == number and content.startswith(row.content or b"")
             )
             stop = next(of_job, 0)
-        has_none = self.of_job or known.instance != view.selected or view.message_type is None
+        has_none = self.shows_job or known.instance != view.selected or view.message_type is None
         self._sparks_stop = 0 if has_none else stop
 
     def _sparkline(self, number: int, leaf: Leaf) -> str:
@@ -213,7 +213,7 @@ class UdtTable(LineView):
     # -- both ways ----------------------------------------------------------------------------------
 
     def select_member_at(self, offset: int) -> range:
-        """Select the member at a byte and return its range. For padding select the member before."""
+        """Select the member at a byte, return its range. For padding: the member before, and range(0)."""
         declared = self._view_model.declaration
         if declared is None or offset < 0:
             return range(0)
@@ -261,6 +261,6 @@ class UdtTable(LineView):
         return range(leaf.offset, leaf.offset + leaf.size)
 
 
-def _split(path: str, before: str) -> tuple[str, str]:
+def _split_shared(path: str, before: str) -> tuple[str, str]:
     dot = path.rfind(".") + 1
     return (path[:dot], path[dot:]) if dot and before.startswith(path[:dot]) else ("", path)

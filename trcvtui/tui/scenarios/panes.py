@@ -43,8 +43,8 @@ class ScenarioListModel:
     def read_next_files(self) -> None:
         """Read the next FILES_AT_ONCE files; a file that is no scenario is removed from the list."""
         for _ in range(min(FILES_AT_ONCE, len(self._unread))):
-            self.file(self._unread.popleft())
-        self._keep_a_choice()
+            self.load_file(self._unread.popleft())
+        self._repair_choice()
 
     def read(self, path: Path) -> ScenarioFile | None:
         found = read_scenario_file(path)
@@ -56,7 +56,7 @@ class ScenarioListModel:
         self.revision += 1
         return found
 
-    def file(self, path: Path | None) -> ScenarioFile | None:
+    def load_file(self, path: Path | None) -> ScenarioFile | None:
         """Return a file, or None if the list does not have this file. Read the file first if needed."""
         if path is None or path not in self._paths:
             return None
@@ -66,8 +66,8 @@ class ScenarioListModel:
 
     @property
     def chosen_file(self) -> ScenarioFile | None:
-        found = self.file(self.chosen)
-        return self.chosen_file if found is None and self._keep_a_choice() else found
+        found = self.load_file(self.chosen)
+        return self.chosen_file if found is None and self._repair_choice() else found
 
     # -- what is listed -----------------------------------------------------------------------------
 
@@ -99,15 +99,15 @@ class ScenarioListModel:
     def set_filter(self, words: str) -> None:
         self.filter = words
         self.revision += 1
-        self._keep_a_choice()
+        self._repair_choice()
 
-    def move(self, files: int) -> None:
+    def move_choice(self, files: int) -> None:
         listed = self.list_paths()
         if listed:
             here = listed.index(self.chosen) if self.chosen in listed else 0
             self.chosen = listed[max(0, min(len(listed) - 1, here + files))]
 
-    def _keep_a_choice(self) -> bool:
+    def _repair_choice(self) -> bool:
         listed = self.list_paths()
         if self.chosen in listed:
             return False
@@ -142,7 +142,7 @@ class ScenarioList(LineView, inherit_bindings=False):
         if self._revision != self._model.revision:
             self._revision = self._model.revision
             self._rows = self._model.rows()
-            self.resize_rows()
+            self.apply_row_count()
             self.keep_choice_in_view()
         self.set_title(1, "Scenarios", self._describe_list())
         super().show()
@@ -195,7 +195,7 @@ class ScenarioList(LineView, inherit_bindings=False):
     # -- choosing -----------------------------------------------------------------------------------
 
     def action_move(self, rows: int) -> None:
-        self._model.move(rows)
+        self._model.move_choice(rows)
         self._show_choice()
 
     def click(self, x: int, y: int) -> None:
@@ -298,7 +298,7 @@ class ScenarioText(TextView, inherit_bindings=False):
                 self.scroll_to(y=0, animate=False)
             self._drawn = shown
             self._rows = self._text_rows(file, played) if file is not None else []
-            self.resize_rows()
+            self.apply_row_count()
             self._keep_step_in_view(played)
         self.show()
 

@@ -16,13 +16,13 @@ from textual.widget import Widget
 from trcvtui.snapshots.scenario import PlayerSnapshot
 from trcvtui.tui import messages
 from trcvtui.tui.formatting import clip, plain
-from trcvtui.tui.messages import PaneActions
+from trcvtui.tui.messages import ScreenCallbacks
 from trcvtui.tui.panes.instance_list import InstanceList
 from trcvtui.tui.panes.status import StatusCard, StatusHistory
 from trcvtui.tui.panes.timing import Timing
 from trcvtui.tui.scenarios.panes import ScenarioList, ScenarioListModel, ScenarioText, TraceList
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import hidden_keys
+from trcvtui.tui.widgets.line_view import hidden_bindings
 from trcvtui.tui.widgets.lines import TabLine
 from trcvtui.tui.widgets.screens import TABS_CLASS, PaletteCommand, SideScreen
 from trcvtui.tui.widgets.typed_lines import FilterLine
@@ -54,7 +54,7 @@ KEY_ACTIONS: Final = {
 class ScenariosScreen(SideScreen[Path | None]):
     """The list of scenarios, and the text and progress of one; the answer is the last chosen file."""
 
-    BINDINGS: ClassVar = hidden_keys({
+    BINDINGS: ClassVar = hidden_bindings({
         **{str(digit): f"pane({digit})" for digit in range(1, 8)},
         "enter": "load", "n,space": "step", "r": "run", "k": "kernel", "v": "panes", "y": "sure",
         "slash": "filter", "escape,q,S,f2": "leave",
@@ -81,9 +81,9 @@ class ScenariosScreen(SideScreen[Path | None]):
         self._past = TRACES
         self.list = ScenarioList(model)
         self.text = ScenarioText(model)
-        self.instances = InstanceList(view_model, self.follow_selected, digit=3)
+        self.instances = InstanceList(view_model, self.reset_for_selected, digit=3)
         self.traces = TraceList(view_model)
-        actions = PaneActions(self._refuse, self._refuse, self._show_error)
+        actions = ScreenCallbacks(self._refuse_prompt, self._refuse_prompt, self._show_error)
         self.status = StatusCard(view_model, actions, STATUS)
         self.history = StatusHistory(view_model, actions, HISTORY)
         self.timing = Timing(view_model, actions, TIMING)
@@ -125,7 +125,7 @@ class ScenariosScreen(SideScreen[Path | None]):
         self._read_answers()
         player = self._player
         if player is not None and player.finished and self._loaded is not None:
-            self._note_outcome(self._loaded, not player.failed)
+            self._note_outcome(self._loaded, not player.failed_steps)
         self._update_play_state(player is not None)
         self.header.show()
         self.list.show()
@@ -140,7 +140,7 @@ class ScenariosScreen(SideScreen[Path | None]):
     def _update_play_state(self, plays: bool) -> None:
         if self._bench != self._view_model.bench:
             self._bench = self._view_model.bench
-            self.follow_selected()
+            self.reset_for_selected()
         if plays != self.has_class(PLAYING_CLASS):
             self.set_class(plays, PLAYING_CLASS)
             self.arrange_panes()
@@ -150,7 +150,7 @@ class ScenariosScreen(SideScreen[Path | None]):
         return picture.kernel if player is not None and picture is not None else self._kernel
 
     def _read_answers(self) -> None:
-        for answer in self.answers():
+        for answer in self.take_answers():
             if answer.error and not self._trouble:
                 self._trouble = answer.error
                 if answer.line.startswith("scenario load"):
@@ -182,18 +182,18 @@ class ScenariosScreen(SideScreen[Path | None]):
         self._trouble, self._question = "", None
         self.show()
 
-    def follow_selected(self) -> None:
-        self.history.forget()
-        self.timing.forget()
-        self.status.point_at(None)
+    def reset_for_selected(self) -> None:
+        self.history.clear_history()
+        self.timing.reset_cursor()
+        self.status.explain_at(None)
         if self.is_mounted and self._bench == self._view_model.bench:
             self.call_after_refresh(self.show)
 
     def on_edge_selected(self, message: messages.EdgeSelected) -> None:
         line = message.line
-        self.status.point_at(line)
-        self.history.point_at(message.seq)
-        self.timing.point_at(line.scan if line else None, message.seq)
+        self.status.explain_at(line)
+        self.history.choose_edge(message.seq)
+        self.timing.show_scan(line.scan if line else None, message.seq)
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
         panes: dict[int, Widget] = {STATUS: self.status, HISTORY: self.history, TIMING: self.timing}
@@ -221,7 +221,7 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.history.display = plays and (self._open == HISTORY if alone else HISTORY in past)
         self.timing.display = plays and (self._open == TIMING if alone else TIMING in past)
         self.tabs.set_tabs(PLAY_TABS if plays else PLAY_TABS[:2])
-        self.tabs.mark(self._open)
+        self.tabs.mark_open(self._open)
 
     def _set_filter(self, words: str) -> None:
         self._model.set_filter(words)
@@ -313,7 +313,7 @@ class ScenariosScreen(SideScreen[Path | None]):
         self._trouble = ""
         self.send(f"scenario {words}")
 
-    def _refuse(self, *lines: str) -> None:
+    def _refuse_prompt(self, *lines: str) -> None:
         self._show_error("no prompt here: v shows the scenario in all panes, with a prompt")
 
     def _show_error(self, text: str) -> None:
@@ -344,7 +344,7 @@ class ScenariosScreen(SideScreen[Path | None]):
 
 
 def _describe_outcome(player: PlayerSnapshot) -> tuple[str, str]:
-    failed, steps = player.failed, player.steps
+    failed, steps = player.failed_steps, player.steps
     if player.finished:
         if not failed:
             return f"✓ passed: all {count(len(steps), 'step')}", "done"

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Final
 from trcvtui.diagnosis.advice import Advice, describe_cause, make_advice
 from trcvtui.diagnosis.evidence import Evidence, make_current_evidence, make_past_evidence
 from trcvtui.diagnosis.job import SuggestedAction
-from trcvtui.diagnosis.status_card import Card, DataBytes
+from trcvtui.diagnosis.status_card import CardBuilder, DataContent
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.view_model.view_model import ViewModel
 
 if TYPE_CHECKING:
-    from trcvtui.diagnosis.data_view import Offer
+    from trcvtui.diagnosis.data_view import LayoutOffer
 
 
 NO_TRIAL: Final = re.compile(r"pulse \w+ COM_RST|set \w+ (CONT|EN_R|REQ)=[01]")  # these change no job
@@ -32,7 +32,7 @@ class StatusExplainer:
     def __init__(self, view_model: ViewModel) -> None:
         self._view_model = view_model
         self._edge: tuple[int, int, Advice] | None = None  # bench, line
-        self._card = Card()
+        self._card = CardBuilder()
 
     def explain_now(self, instance: InstanceSnapshot) -> Advice:
         """Return what is known of an instance after the last scan."""
@@ -41,10 +41,10 @@ class StatusExplainer:
             return Advice(explain_status(instance), ())
         index = self._view_model.stream_index
         card = self._card.build_advice(evidence, instance, index, self._bytes, "press `V` to read DATA with")
-        verdict, remedy = self._verdict(instance.name)
+        verdict, remedy = self._doctor_verdict(instance.name)
         return replace(card, causes=(verdict, *card.causes), do=(remedy, *card.do)) if verdict else card
 
-    def _verdict(self, name: str) -> tuple[str, SuggestedAction]:
+    def _doctor_verdict(self, name: str) -> tuple[str, SuggestedAction]:
         """Return the doctor's first finding and remedy, "" if the doctor has not run or found nothing."""
         picture = self._view_model.picture
         if picture is None or not picture.doctor.findings:
@@ -63,21 +63,21 @@ class StatusExplainer:
             return f"{one.title} ({one.cause}, {sure})", do
         return "", SuggestedAction("")
 
-    def offer(self) -> Offer | None:
+    def layout_offer(self) -> LayoutOffer | None:
         """Return the layout of DATA that fits the received bytes; None if there is no evidence."""
         instance = self._view_model.instance
         evidence = self._evidence(instance.name) if instance else None
         index = self._view_model.stream_index
-        return self._card.offer(evidence, self._bytes, index) if evidence is not None else None
+        return self._card.find_offer(evidence, self._bytes, index) if evidence is not None else None
 
     def _evidence(self, name: str) -> Evidence | None:
         picture = self._view_model.picture
         return make_current_evidence(picture, self._view_model.project, name) if picture else None
 
     @property
-    def _bytes(self) -> DataBytes:
+    def _bytes(self) -> DataContent:
         view_model = self._view_model
-        return DataBytes(view_model.declaration, view_model.data, view_model.job_bytes)
+        return DataContent(view_model.declaration, view_model.data, view_model.job_bytes)
 
     def explain_edge(self, line: Line, edge: StatusEdge) -> Advice:
         """Explain a past edge from the ledger; the newest edge still holds: explain it as the present."""

@@ -30,10 +30,10 @@ class KnownMessages:
         self._emptied = 0  # rows before this number have lost their content
 
     @property
-    def stop(self) -> int:
+    def next_number(self) -> int:
         return self.first + len(self.rows)
 
-    def stop_at(self, scan: int) -> int:
+    def number_after(self, scan: int) -> int:
         """Return the number of the first row after a scan, which may be the next row to come."""
         return self.first + bisect_right(self.rows, scan, key=lambda row: row.scan)
 
@@ -55,28 +55,28 @@ class KnownMessages:
         if instance != self.instance:
             self.__init__()  # type: ignore[misc]
             self.instance = instance
-        return instance, self.stop
+        return instance, self.next_number
 
     def accept_rows(self, news: MessagesDelta | None, until: int) -> None:
         """Add the next rows; a frozen view gets only rows up to its scan."""
-        if news is None or news.instance != self.instance or news.first + len(news.rows) < self.stop:
+        if news is None or news.instance != self.instance or news.first + len(news.rows) < self.next_number:
             return  # of another instance, or late
         self.count, self.share, self.are_typed = news.count, news.share, news.are_typed
         self.gaps, self.errors = news.gaps, news.errors
         self.is_behind = bool(news.rows) and news.first + len(news.rows) < news.count
-        rows = [row for row in news.rows[max(0, self.stop - news.first) :] if row.scan <= until]
-        if news.first > self.stop:  # the rows between came too fast
-            self.left_out += (news.first - self.stop) * bool(self.rows)
+        rows = [row for row in news.rows[max(0, self.next_number - news.first) :] if row.scan <= until]
+        if news.first > self.next_number:  # the rows between came too fast
+            self.left_out += (news.first - self.next_number) * bool(self.rows)
             self.first, self.rows = news.first, []
         self.rows += rows
         if until == MAX_SCAN:  # a frozen view keeps what it shows
             self._drop_values(news.oldest)
 
     def _drop_values(self, oldest: int) -> None:
-        for at in range(max(0, self._emptied - self.first), min(oldest, self.stop) - self.first):
+        for at in range(max(0, self._emptied - self.first), min(oldest, self.next_number) - self.first):
             row = self.rows[at]
             self.rows[at] = row._replace(content=None) if row.size else row
-        self._emptied = max(self._emptied, min(oldest, self.stop))
+        self._emptied = max(self._emptied, min(oldest, self.next_number))
         if len(self.rows) > MOST_INSTANCE_ROWS + SLACK_ROWS:
             self.first += len(self.rows) - MOST_INSTANCE_ROWS
             del self.rows[:-MOST_INSTANCE_ROWS]

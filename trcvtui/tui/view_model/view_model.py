@@ -36,7 +36,7 @@ DONE, ERROR = "DONE", "ERROR"
 
 @dataclass(frozen=True, slots=True)
 class PinPulse:
-    """A lamp was lit in `scan` at `t_ns` with this STATUS. `rcvd_len` is in bytes if the block has it."""
+    """A lamp was lit in `scan` at `t_ns` with this STATUS. `rcvd_len` in bytes is None if there is none."""
 
     scan: int
     t_ns: int
@@ -50,26 +50,26 @@ class Afterglow:
     def __init__(self) -> None:
         self._pulses: dict[tuple[str, str], PinPulse] = {}
 
-    def note(self, scan: int, t_ns: int, edge: StatusEdge) -> None:
+    def add_pulses(self, scan: int, t_ns: int, edge: StatusEdge) -> None:
         pulse = PinPulse(scan, t_ns, edge.outputs.status, edge.outputs.rcvd_len)
         if edge.outputs.done:
             self._pulses[edge.instance, DONE] = pulse
         if edge.outputs.error and not edge.cause.is_expected:
             self._pulses[edge.instance, ERROR] = pulse
 
-    def forget(self, instance: str) -> None:
+    def drop_pulses(self, instance: str) -> None:
         """Drop the pulses: another instance may get this name."""
         for lamp in (DONE, ERROR):
             self._pulses.pop((instance, lamp), None)
 
-    def catch_up(self, instance: InstanceSnapshot, t_ns: int) -> None:
+    def add_skipped(self, instance: InstanceSnapshot, t_ns: int) -> None:
         """Add pulses whose ledger lines were skipped; they get the time of the picture."""
-        self._catch_up(instance.name, DONE, instance.last_done_scan, t_ns, None, instance.last_rcvd_len)
+        self._add_pulse(instance.name, DONE, instance.last_done_scan, t_ns, None, instance.last_rcvd_len)
         if not instance.last_is_expected:
             scan, status = instance.last_error_scan, instance.last_error_status
-            self._catch_up(instance.name, ERROR, scan, t_ns, status, None)
+            self._add_pulse(instance.name, ERROR, scan, t_ns, status, None)
 
-    def _catch_up(
+    def _add_pulse(
         self, name: str, lamp: str, scan: int | None, t_ns: int, status: int | None, length: int | None
     ) -> None:
         known = self._pulses.get((name, lamp))
@@ -78,7 +78,7 @@ class Afterglow:
         elif known is None or known.scan < scan:
             self._pulses[name, lamp] = PinPulse(scan, t_ns, status or 0, length)
 
-    def glow(self, instance: str, lamp: str, t_ns: int) -> PinPulse | None:
+    def find_pulse(self, instance: str, lamp: str, t_ns: int) -> PinPulse | None:
         pulse = self._pulses.get((instance, lamp))
         return pulse if pulse is not None and t_ns - pulse.t_ns < GLOW_NS else None
 
@@ -93,7 +93,7 @@ class EdgeHistory:
         self._edges: defaultdict[str, deque[Line]] = defaultdict(lambda: deque(maxlen=KEPT_EDGES))
         self.skipped = 0
 
-    def note(self, line: Line, edge: StatusEdge) -> None:
+    def add_edge(self, line: Line, edge: StatusEdge) -> None:
         self._edges[edge.instance].append(line)
 
     def list_edges(self, instance: str) -> deque[Line]:
@@ -179,14 +179,14 @@ class ViewModel:
             self._accept_project(picture.project)
         self._project_number = picture.project_number
         self.live = picture
-        self.known_messages.accept_rows(picture.messages, self._messages_until)
+        self.known_messages.accept_rows(picture.messages, self._last_message_scan)
         self.answers = {answer.number: answer for answer in picture.answers}
-        if picture.fired is None and (self.is_frozen or self._is_early_picture(picture)):
+        if picture.fired is None and (self.is_frozen or self._discard_early(picture)):
             self._accept_waves(picture)
             return
         self._show_picture(picture)
 
-    def _is_early_picture(self, picture: BenchUpdate) -> bool:
+    def _discard_early(self, picture: BenchUpdate) -> bool:
         self._thawing -= 1 if self._thawing else 0
         return bool(self._thawing and picture.lines_skipped)  # requested before the thaw: the next has more
 
@@ -194,21 +194,21 @@ class ViewModel:
         self.picture, self._thawing = picture, 0
         self._accept_waves(picture)
         if picture.lines_skipped and picture.lines:
-            self._note_skipped(picture.lines[0].seq)
+            self._add_skipped_edges(picture.lines[0].seq)
         self.lines.extend(picture.lines)
         self._index_lines(picture.lines)
         for line in picture.lines:
             if isinstance(line.event, StatusEdge):
-                self.history.note(line, line.event)
-                self.afterglow.note(line.scan, line.t_ns, line.event)
+                self.history.add_edge(line, line.event)
+                self.afterglow.add_pulses(line.scan, line.t_ns, line.event)
             elif isinstance(line.event, BenchNote) and line.event.what in REMOVAL_NOTES:
-                self.afterglow.forget(line.event.subject)
+                self.afterglow.drop_pulses(line.event.subject)
         if picture.lines:
             self._seq = picture.lines[-1].seq
         if picture.lines_skipped:
             self.history.skipped += picture.lines_skipped
             for instance in picture.snapshot.instances:
-                self.afterglow.catch_up(instance, picture.snapshot.t_ns)
+                self.afterglow.add_skipped(instance, picture.snapshot.t_ns)
 
     def _index_lines(self, lines: Sequence[Line]) -> None:
         stamped = [(line.scan, line.t_ns, line.event) for line in lines]
@@ -231,7 +231,7 @@ class ViewModel:
         else:
             self.waves.add_deltas(picture.waves, interval_ns)
 
-    def _note_skipped(self, first: int) -> None:
+    def _add_skipped_edges(self, first: int) -> None:
         """Add STATUS edges before ledger line `first` from the waves, as their ledger lines are missing."""
         for name in self.drawn_instances:
             known = self.history.list_edges(name)
@@ -239,7 +239,7 @@ class ViewModel:
             newest = takewhile(lambda line: line.seq > last, reversed(self.waves.get_wave(name).edges))  # noqa: B023
             for line in reversed([line for line in newest if line.seq < first]):
                 assert isinstance(line.event, StatusEdge)
-                self.history.note(line, line.event)
+                self.history.add_edge(line, line.event)
 
     def _reset(self, bench: int) -> None:
         self.bench, self._seq = bench, 0
@@ -253,12 +253,12 @@ class ViewModel:
     def _accept_project(self, project: Project) -> None:
         self.project = project
         self._sizes = {decl.name: decl.size for decl in project.data}
-        self._keep_selection()
-        self.peer = _one_of(self.peer, [peer.name for peer in project.peers])
+        self._repair_selection()
+        self.peer = _name_or_first(self.peer, [peer.name for peer in project.peers])
 
-    def _keep_selection(self) -> None:
+    def _repair_selection(self) -> None:
         shown = self.instances if self.is_frozen else self.project.instances
-        self.selected = _one_of(self.selected, [instance.name for instance in shown])
+        self.selected = _name_or_first(self.selected, [instance.name for instance in shown])
 
     def leave_scenario(self) -> None:
         """Go back to the opened project, and ignore later pictures of the scenario's bench."""
@@ -266,8 +266,8 @@ class ViewModel:
         self.thaw()
         self._accept_project(self._home)
 
-    def restart(self) -> None:
-        """Forget everything when the engine was restarted. Its first picture brings the project."""
+    def forget_all(self) -> None:
+        """Forget everything, because the engine was restarted. Its first picture brings the project."""
         self.leave_scenario()
         self.live, self._left_bench = None, None
         self._reset(NO_BENCH)
@@ -279,7 +279,7 @@ class ViewModel:
     def thaw(self) -> None:
         self._thawing = 2 if self.is_frozen else 0
         self.is_frozen, self.fired = False, None
-        self._keep_selection()
+        self._repair_selection()
 
     def make_request(self) -> UpdateRequest:
         """Return the next request: new lines of the ledger, bytes of the selected instance and of others.
@@ -287,21 +287,21 @@ class ViewModel:
         A few bytes of other instances come along, because after `F` you may select any instance.
         """
         instance = self.instance
-        shown = (instance, *self._others(instance)) if instance else ()
+        shown = (instance, *self._other_instances(instance)) if instance else ()
         data = tuple(dict.fromkeys(each.data for each in shown if each.data))
         partial = tuple(each.name for each in shown)
         most = MOST_THAW_LINES if self._thawing else MOST_PICTURE_LINES
-        waves = self.waves.make_requests(self.drawn_waves, self.frozen_at)
+        waves = self.waves.make_requests(self.drawn_waves, self.frozen_scan)
         numbers = self.bench, self._project_number
         past, recordings = self.past_wanted, self.recordings_wanted
-        until = MAX_SCAN if self.frozen_at is None else self.frozen_at
+        until = MAX_SCAN if self.frozen_scan is None else self.frozen_scan
         past = replace(past, scan=until) if past is not None else None
-        messages = *self.known_messages.make_request(self.selected), self._messages_until
+        messages = *self.known_messages.make_request(self.selected), self._last_message_scan
         return UpdateRequest(
             self._seq, data, partial, most, *numbers, waves, past, recordings, self.doctor_wanted, messages
         )
 
-    def _others(self, selected: InstanceSnapshot) -> Iterator[InstanceSnapshot]:
+    def _other_instances(self, selected: InstanceSnapshot) -> Iterator[InstanceSnapshot]:
         left, found = MOST_OTHER_BYTES, 0
         for each in self.instances:
             size = self._sizes.get(each.data or "", 0)
@@ -316,16 +316,16 @@ class ViewModel:
         return self.picture.snapshot if self.picture else None
 
     @property
-    def frozen_at(self) -> int | None:
+    def frozen_scan(self) -> int | None:
         return self.picture.snapshot.scan if self.is_frozen and self.picture else None
 
     @property
-    def unsaved(self) -> int:
+    def unsaved_count(self) -> int:
         return self.live.unsaved if self.live else 0
 
     @property
-    def _messages_until(self) -> int:
-        return MAX_SCAN if self.frozen_at is None or self.position is not None else self.frozen_at
+    def _last_message_scan(self) -> int:
+        return MAX_SCAN if self.frozen_scan is None or self.position is not None else self.frozen_scan
 
     @property
     def position(self) -> ReplayPosition | None:
@@ -423,11 +423,11 @@ class ViewModel:
     @property
     def data(self) -> bytes:
         instance = self.instance
-        return self._bytes(self.picture.data, instance.data) if self.picture and instance else b""
+        return self._find_bytes(self.picture.data, instance.data) if self.picture and instance else b""
 
     @property
     def job_bytes(self) -> bytes:
-        return self._bytes(self.picture.partial, self.selected) if self.picture else b""
+        return self._find_bytes(self.picture.partial, self.selected) if self.picture else b""
 
     @property
     def lacks_bytes(self) -> bool:
@@ -436,10 +436,10 @@ class ViewModel:
         return self.is_frozen and all(name != self.selected for name, _ in partial)
 
     @staticmethod
-    def _bytes(pairs: tuple[tuple[str, bytes], ...], name: str | None) -> bytes:
+    def _find_bytes(pairs: tuple[tuple[str, bytes], ...], name: str | None) -> bytes:
         return next((payload for key, payload in pairs if key == name), b"")
 
 
-def _one_of(name: str, names: list[str]) -> str:
+def _name_or_first(name: str, names: list[str]) -> str:
     """Return the name if the list has it, else the first name of the list, else ""."""
     return name if name in names else next(iter(names), "")

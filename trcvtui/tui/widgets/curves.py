@@ -44,7 +44,7 @@ def place_between(number: Number, low: Number, high: Number) -> float:
 
 
 def sparkline(numbers: Numbers) -> str:
-    """Return a block for each message. If all numbers are equal, all have the lowest block."""
+    """Return a block for each message. If all are equal and not BOOL, all have the lowest block."""
     known = list_finite(numbers)
     if not known:
         return ""

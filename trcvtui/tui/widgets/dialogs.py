@@ -13,7 +13,7 @@ from textual.widgets import Input, Static
 
 from trcvtui.tui.formatting import clip, pad, wrap_text
 from trcvtui.tui.widgets.line_view import LineView, Row, TextView, row
-from trcvtui.tui.widgets.typed_lines import TypedField
+from trcvtui.tui.widgets.typed_lines import EntryField
 
 Answered = TypeVar("Answered")
 
@@ -35,9 +35,9 @@ class Dialog(ModalScreen[Answered], Generic[Answered]):
         self.dismiss(self.nothing)
 
 
-class ListDialog(Dialog[Answered], Generic[Answered]):
+class ViewDialog(Dialog[Answered], Generic[Answered]):
     BINDINGS: ClassVar = [Binding("q", "leave", show=False)]
-    DEFAULT_CSS = "ListDialog LineView { max-width: 100%; border: round $border; padding: 0 1; }"
+    DEFAULT_CSS = "ViewDialog LineView { max-width: 100%; border: round $border; padding: 0 1; }"
 
     def __init__(self, shown: LineView, nothing: Answered) -> None:
         super().__init__(nothing)
@@ -50,14 +50,14 @@ class ListDialog(Dialog[Answered], Generic[Answered]):
 LABEL_WIDTH: Final = 9  # columns
 
 
-class CardText(TextView):
+class LabelledText(TextView):
     """Texts, each with a label before its first line."""
 
     @property
     def _width(self) -> int:
         return max(40, self.line_width)
 
-    def _labelled(self, label: str, texts: Sequence[str], style: str) -> list[Row]:
+    def _labelled_rows(self, label: str, texts: Sequence[str], style: str) -> list[Row]:
         lines = [line for text in texts for line in wrap_text(text, self._width - LABEL_WIDTH)]
         return [
             row((("" if number else label).ljust(LABEL_WIDTH), "label"), (line, style))
@@ -76,7 +76,7 @@ class ResultText(TextView):
         return self._rows_for(max(20, self.line_width))
 
 
-class ResultScreen(ListDialog[None]):
+class ResultScreen(ViewDialog[None]):
     """A result to read. Escape closes the screen, and `y` copies the text."""
 
     BINDINGS: ClassVar = [Binding("y", "yank", show=False)]
@@ -96,7 +96,7 @@ class ResultScreen(ListDialog[None]):
         self.app.copy_to_clipboard("\n".join("".join(text for text, _ in each.parts) for each in rows))
 
 
-class QuitTapScreen(ListDialog[str]):
+class QuitTapScreen(ViewDialog[str]):
     """Asks how to quit a tap: "c" cuts its connections, "d" closes only the screen, "" stays."""
 
     BINDINGS: ClassVar = [Binding(key, f"dismiss('{key}')", show=False) for key in "cd"]
@@ -127,9 +127,9 @@ class FormDialog(Dialog[Answered], Generic[Answered]):
     }
     FormDialog VerticalScroll { height: auto; max-height: 100%; }
     FormDialog Horizontal { height: auto; }
-    FormDialog TypedField { width: 1fr; background: $panel; padding: 0 1; }
-    FormDialog TypedField:focus { background: $panel; background-tint: $primary 18%; }
-    FormDialog TypedField.-bad { color: $error; text-style: underline; }
+    FormDialog EntryField { width: 1fr; background: $panel; padding: 0 1; }
+    FormDialog EntryField:focus { background: $panel; background-tint: $primary 18%; }
+    FormDialog EntryField.-bad { color: $error; text-style: underline; }
     FormDialog #form-line { height: 2; color: $text-muted; }
     FormDialog #form-line.-bad { color: $error; }
     """
@@ -139,7 +139,7 @@ class FormDialog(Dialog[Answered], Generic[Answered]):
         self._line = Static("", markup=False, id="form-line")
 
 
-class FormField(TypedField):
+class FormField(EntryField):
     """One field of a form; up and down go to the field above or below."""
 
     BINDINGS: ClassVar = [Binding("up", "step(-1)", show=False), Binding("down", "step(1)", show=False)]
@@ -238,7 +238,7 @@ class ChoiceList(LineView, inherit_bindings=False):
         self.screen.run_worker(self.screen.run_action("take"))
 
 
-class ChoiceScreen(ListDialog[str | None]):
+class ChoiceScreen(ViewDialog[str | None]):
     """A list to choose from. Its answer is the name of the choice, None if you close the screen."""
 
     BINDINGS: ClassVar = [

@@ -42,15 +42,12 @@ GLOBAL_KEYS: Final = (
     ("P", "save a picture of the screen as SVG; the prompt shows where"),
     ("ctrl+c", "copy the text selected with the mouse; press F first if the text changes"),
     ("? or F1", "this help"),
-    ("other keys", "a key of one pane works everywhere if it changes nothing; else go to its pane first"),
+    ("other keys", "a key of only one pane works everywhere if it changes nothing; else go there first"),
     ("esc", "leave a field, close the prompt, or return from the past to now"),
     ("R", "start or end a recording; after the end of the engine: restart it"),
     ("q or ctrl+q", "quit"),
 )
-MOVES: Final = (
-    "↑ ↓ j k, g G",
-    "move in a list, like page up, down; g, home: first row; G, end: last row",
-)
+MOVES: Final = ("↑ ↓ j k, g G", "move in a list, like page up, down; g, home: first row; G, end: last row")
 LETTERS: Final = (  # of panes 1 to 3
     ("n t a x r", "n: EN_R, t: CONT, a: ADHOC, x: COM_RST, r: REQ of the selected instance"),
     ("l", "write LEN: the prompt opens with the command"),
@@ -58,7 +55,7 @@ LETTERS: Final = (  # of panes 1 to 3
 )
 PINS: Final = (*LETTERS, ("a letter", "change the pin with this letter in pane 2; or click on the pin there"))
 INSTANCE_KEYS: Final = (
-    ("/", "list only instances with some words (name, block, code, address, `error`); esc: all"),
+    ("/", "list only instances with the typed words (name, block, code, address, `error`); esc: all"),
     ("!", "go to the next instance with an ERROR"),
 )
 BLOCK_KEYS: Final = (
@@ -77,7 +74,7 @@ RECEIVED_KEYS: Final = (
     ("← → h l, ↑ ↓ j k", "move by a byte, by a row; g: first byte, G: last byte; page up and down"),
     ("H", "show all bytes received so far as one stream, with rulers; press again for DATA now"),
     ("D", "show the messages as a table, newest last, with filter and CSV; again: DATA now"),
-    ("/", "find hex, a text (in quotes if it looks like hex), =1.5 in either byte order, @offset or #job"),
+    ("/", "find hex, a text (quoted if like hex), =1.5 in either byte order, @offset, #job; esc: no marks"),
     ("n N", "after / (until you leave the pane): the next hit, the hit before; otherwise like ] and ["),
     ("[ ]", "[: the DONE before, ]: the next DONE"),
     ("d u", "d: show what differs from the job before, or from the marked message; u: fewer rulers"),
@@ -196,7 +193,7 @@ HELP_SECTIONS: Final[tuple[tuple[str, tuple[str, ...], KeyTable], ...]] = (
 
 
 def letters_of(pins: Iterable[str], taken: Collection[str] = ()) -> dict[str, str]:
-    """Return a different letter for each pin, none in `taken`. A pin without a free letter gets ""."""
+    """Return a different letter for each pin, none in `taken`, or "" if no letter of its name is free."""
     names = list(pins)
     given = {pin: PIN_LETTERS[pin] for pin in names if pin in PIN_LETTERS}
     for pin in names:

@@ -19,7 +19,7 @@ DATA_BEGIN_SIGN, DATA_END = "›", "‹"
 PREFIX_STYLE, SUFFIX_STYLE, OLD_STYLE = "prefix", "suffix", "faint"
 
 
-class FrameRange(NamedTuple):
+class FrameBounds(NamedTuple):
     """Bytes `start` to `stop` of a frame. The data begin at `data`, the suffix at `suffix`."""
 
     start: int
@@ -40,26 +40,26 @@ class FrameRange(NamedTuple):
         return DATA_END if place == self.suffix and self.suffix < self.stop else ""
 
 
-NO_MARKS: Final = FrameRange(0, 0, 0, 0)
+NO_MARKS: Final = FrameBounds(0, 0, 0, 0)
 
 
-def make_marks(start: int, size: int, prefix: int, suffix: int) -> FrameRange:
-    return FrameRange(start, start + prefix, start + size - suffix, start + size)
+def make_marks(start: int, size: int, prefix: int, suffix: int) -> FrameBounds:
+    return FrameBounds(start, start + prefix, start + size - suffix, start + size)
 
 
-def marks_of_span(span: JobSpan) -> FrameRange:
+def marks_of_span(span: JobSpan) -> FrameBounds:
     if not span.prefix and not span.suffix:
         return NO_MARKS
     return make_marks(span.position, span.size, span.prefix, span.suffix)
 
 
-def marks_of_data(instance: InstanceSnapshot) -> FrameRange | None:
+def marks_of_data(instance: InstanceSnapshot) -> FrameBounds | None:
     """Return the marks of the newest frame in the instance's DATA; None: no frame has come."""
     last = instance.framer.last if instance.framer is not None else None
     return make_marks(0, last.size, last.prefix, last.suffix) if last is not None else None
 
 
-def marks_of_part(instance: InstanceSnapshot) -> FrameRange | None:
+def marks_of_incomplete(instance: InstanceSnapshot) -> FrameBounds | None:
     """Return the marks of a frame that is not complete: it has no suffix yet."""
     framer = instance.framer
     if framer is None or not instance.have:
@@ -130,13 +130,13 @@ class ByteLines(LineView):
     # -- for subclasses ------------------------------------------------------------------------------
 
     @property
-    def digits(self) -> int:
+    def pos_digits(self) -> int:
         raise NotImplementedError
 
     @property
     def per_row(self) -> int:
         """Return how many bytes a row has: 16, on a narrow pane 8."""
-        return WIDE_ROW if self.line_width >= self.digits + self.ROOM else NARROW
+        return WIDE_ROW if self.line_width >= self.pos_digits + self.ROOM else NARROW
 
     @property
     def row_lines(self) -> int:
@@ -155,11 +155,11 @@ class ByteLines(LineView):
 
     # -- what is marked -----------------------------------------------------------------------------
 
-    def mark(self, patterns: tuple[bytes, ...]) -> None:
+    def mark_hits(self, patterns: tuple[bytes, ...]) -> None:
         self.patterns = patterns
         self.show()
 
-    def show_link(self, link: range) -> None:
+    def link_bytes(self, link: range) -> None:
         self.link = link
         self.show()
 
@@ -187,28 +187,28 @@ class ByteLines(LineView):
 
     def _index_at(self, x: int) -> int | None:
         """Return which byte of a row is drawn at column `x`, as hex or as text, or None."""
-        column = x - self.digits - 2
+        column = x - self.pos_digits - 2
         if column >= self._text_column:
             index = column - self._text_column
         else:
             index = (column - (self._blank if self.per_row == WIDE_ROW and column >= 3 * NARROW else 0)) // 3
         return index if column >= 0 and index < self.per_row else None
 
-    def _signs_of(self, place: int) -> tuple[str, str]:
+    def _byte_texts(self, place: int) -> tuple[str, str]:
         byte = self._byte(place)
         if byte is not None:
             return HEX_OF[byte], CHARACTER_OF[byte]
         return (HOLE_HEX, HOLE_TEXT) if self.is_hole(place) else (GHOST_HEX, GHOST_TEXT)
 
-    def _before_row(self, start: int, stop: int, name: str = WAS) -> Row:
+    def _old_bytes_row(self, start: int, stop: int, name: str = WAS) -> Row:
         line = [" "] * self._column(self.per_row)
         for index, place in enumerate(range(start, stop)):
             before = self._byte_before(place)
             if before is not None and before != self._byte(place):
                 line[self._column(index) : self._column(index) + 2] = HEX_OF[before]
-        return Row(((f"{name:>{self.digits}}  ", "faint"), ("".join(line), "warn")))
+        return Row(((f"{name:>{self.pos_digits}}  ", "faint"), ("".join(line), "warn")))
 
-    def _show_row(self, y: int) -> None:
+    def _scroll_to_row(self, y: int) -> None:
         """Bring a row of bytes into view with all of its lines."""
         self.keep_in_view(y * self.row_lines + self.row_lines - 1)
         self.keep_in_view(y * self.row_lines)
@@ -222,14 +222,14 @@ class HexView(ByteLines):
         ("hjkl", "byte"), ("/", "find"), ("d", "diff"), ("H", "stream"), ("D", "messages"),
     )  # fmt: skip
 
-    def __init__(self, id: str, of_job: bool) -> None:
+    def __init__(self, id: str, shows_job: bool) -> None:
         super().__init__(id)
-        self.of_job = of_job
+        self.shows_job = shows_job
         self.content: bytes = b""
         self.need = self.rows_kept = 0  # rows that stay while there are fewer bytes
         self.starts: frozenset[int] = frozenset()
         self.holes: tuple[range, ...] = ()
-        self.frame: FrameRange | None = None  # the frame that begins with the first byte
+        self.frame: FrameBounds | None = None  # the frame that begins with the first byte
         self.before: PreviousJobBytes | None = None
 
     def show_bytes(
@@ -251,7 +251,7 @@ class HexView(ByteLines):
         self.before = before
         self.show()
 
-    def range_in_view(self) -> tuple[int, int]:
+    def range_to_fetch(self) -> tuple[int, int]:
         """Return the first byte in view, and how many bytes to ask for from there."""
         rows = self.size.height // self.row_lines + 2
         return self.scroll_offset.y // self.row_lines * self.per_row, rows * self.per_row
@@ -259,10 +259,10 @@ class HexView(ByteLines):
     def go_to(self, offset: int) -> None:
         """Put the cursor on a byte and bring it into view, without a message."""
         self.cursor = offset
-        self._show_row(offset // self.per_row)
+        self._scroll_to_row(offset // self.per_row)
 
     @property
-    def digits(self) -> int:
+    def pos_digits(self) -> int:
         return max(LEAST_DIGITS, len(f"{max(0, self.need - 1):x}"))
 
     # -- drawing ------------------------------------------------------------------------------------
@@ -276,11 +276,11 @@ class HexView(ByteLines):
         if start >= stop:
             return EMPTY
         if y % self.row_lines:
-            return self._before_row(start, stop)
+            return self._old_bytes_row(start, stop)
         found = self._matches(start, stop)
         styles = [self._style_of(offset) + (" match" * (offset in found)) for offset in range(start, stop)]
         mark = START_SIGN if start in self.starts else self._sign(start) or " "
-        parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), (mark, "key")]
+        parts: list[Part] = [(f"{start:0{self.pos_digits}x} ", "dim"), (mark, "key")]
         parts += self._hex(start, styles)
         parts += self._text(start, styles)
         return Row(tuple(parts))
@@ -324,7 +324,7 @@ class HexView(ByteLines):
                 parts.append(("    " if wide_gap else "   ", ""))
                 continue
             offset = start + index
-            parts.append((self._signs_of(offset)[0], styles[index]))
+            parts.append((self._byte_texts(offset)[0], styles[index]))
             parts += self._gap(offset, wide_gap, last=index + 1 >= len(styles))
         return merge_pieces(parts)
 
@@ -342,7 +342,7 @@ class HexView(ByteLines):
         return self.frame.sign(offset) if self.frame is not None else ""
 
     def _text(self, start: int, styles: list[str]) -> list[Part]:
-        text = [self._signs_of(start + index)[1] for index in range(len(styles))]
+        text = [self._byte_texts(start + index)[1] for index in range(len(styles))]
         return [(" │", "faint"), *merge_pieces(list(zip(text, styles, strict=True)))]
 
     # -- the cursor ---------------------------------------------------------------------------------
@@ -370,7 +370,7 @@ class HexView(ByteLines):
         if not self.need:
             return
         self.go_to(offset)
-        self.post_message(ByteSelected(offset, self.of_job))
+        self.post_message(ByteSelected(offset, self.shows_job))
 
     def find(self, patterns: tuple[bytes, ...], is_forward: bool, again: bool) -> bool:
         """Go to the next or previous match; a first search forward also finds a match at the cursor."""
@@ -392,7 +392,7 @@ class HexView(ByteLines):
     def on_focus(self) -> None:
         """Show the cursor, and let the table decode the bytes of this view."""
         self.show()
-        self.post_message(ByteSelected(self.cursor if self.cursor is not None else -1, self.of_job))
+        self.post_message(ByteSelected(self.cursor if self.cursor is not None else -1, self.shows_job))
 
 
 # The numbers that begin with a byte, the most useful first: those without room are left out.
@@ -403,7 +403,7 @@ NUMBER_CODES: Final = (
 MOST_NUMBER_BYTES: Final = 8  # bytes
 
 
-def numbers_at(content: bytes, width: int) -> str:
+def numbers_text(content: bytes, width: int) -> str:
     """Return the numbers that fit a line, as `little|big`. Skip signed numbers equal to the unsigned."""
     line, before = "LE|BE", ""
     for name, code in NUMBER_CODES:

@@ -39,17 +39,17 @@ EMPTY = Row()
 BAR_KEPT_S: Final = 5.0  # a scroll bar that comes twice within this time stays
 
 
-def hidden_keys(actions: Mapping[str, str]) -> list[BindingType]:
+def hidden_bindings(actions: Mapping[str, str]) -> list[BindingType]:
     """Return bindings that no footer shows. `actions` maps keys, separated by commas, to an action."""
     return [Binding(keys, action, show=False) for keys, action in actions.items()]
 
 
 # Keys that move in rows: arrows, and vi's letters unless they mean something else.
-ARROW_KEYS: Final = hidden_keys({
+ARROW_KEYS: Final = hidden_bindings({
     "down": "move(1)", "up": "move(-1)", "pagedown": "page(1)", "pageup": "page(-1)", "home,g": "edge(-1)",
     "end,G": "edge(1)",
 })  # fmt: skip
-MOVES: Final = [*hidden_keys({"down,j": "move(1)", "up,k": "move(-1)"}), *ARROW_KEYS[2:]]
+MOVES: Final = [*hidden_bindings({"down,j": "move(1)", "up,k": "move(-1)"}), *ARROW_KEYS[2:]]
 LAMP_STYLES: Final = frozenset(("busy", "done", "error", "on", "warn"))  # styles that show a present state
 
 
@@ -119,7 +119,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         """Repaint the rows in view that differ from what was painted."""
         if not self.size.height:
             return
-        self.resize_rows()
+        self.apply_row_count()
         top, count = self.scroll_offset.y, self.row_count()
         for y in range(top, top + self.size.height):
             fresh = self.row_at(y) if y < count else EMPTY
@@ -129,7 +129,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
             else:
                 self._fresh.pop(y, None)  # it changed, and changed back before it was painted
 
-    def resize_rows(self) -> None:
+    def apply_row_count(self) -> None:
         """Apply the number of rows; lay the screen out again only if something would move."""
         count, height = self.row_count(), self.container_size.height
         is_wanted = 0 < height < count
@@ -239,7 +239,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
 
     # -- looks -------------------------------------------------------------------------------------
 
-    def set_over(self, is_over: bool) -> None:
+    def set_stale(self, is_over: bool) -> None:
         """If `is_over`, draw the lamps grey, as their state is no longer true. Else draw them in colour."""
         self._is_over = is_over
         self._ready_styles.clear()
@@ -259,10 +259,10 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         self._strips_in_view = None
 
     def on_mount(self) -> None:
-        self.resize_rows()
+        self.apply_row_count()
 
     def on_resize(self) -> None:
-        """Draw again, as rows may have changed while the pane was hidden. Lines may wrap elsewhere."""
+        """Draw again: rows may have changed while the pane was hidden, and lines may wrap elsewhere."""
         self.show()
 
     def watch_show_vertical_scrollbar(self) -> None:
@@ -342,7 +342,7 @@ class TextView(LineView):
 
     def draw(self) -> None:
         self._rows = self.make_rows()
-        self.resize_rows()  # also while it has no height yet
+        self.apply_row_count()  # also while it has no height yet
         self.show()
 
     def on_resize(self) -> None:

@@ -14,7 +14,7 @@ from trcvtui.tui.formatting import SECOND, clip, wrap_text
 from trcvtui.tui.messages import ButtonPointed, KeyClicked
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, OneLine, Part, Row, row
-from trcvtui.udt.literals import format_time
+from trcvtui.udt.literals import format_duration
 from trcvtui.wording import count, format_ns
 
 
@@ -43,7 +43,7 @@ class ButtonLine(LineView):
         self._pointed: int | None = None
 
     def show(self) -> None:
-        if (pointed := self.pointed_at()) != self._pointed:
+        if (pointed := self.pointed_index()) != self._pointed:
             self._pointed = pointed
             self.post_message(ButtonPointed())
         super().show()
@@ -82,7 +82,7 @@ class ButtonLine(LineView):
             return "cursor"
         return "hover" if index == self.hover else ""
 
-    def pointed_at(self) -> int | None:
+    def pointed_index(self) -> int | None:
         """Return the button under the mouse, else the button under the cursor of a focused line."""
         return self.hover if self.hover is not None else self.cursor if self.has_focus else None
 
@@ -139,16 +139,16 @@ class OutcomeLine(LineView, can_focus=False):
 
     def write(self, words: str, style: str = "dim") -> None:
         self._outcome = words, style
-        self._fit()
+        self._fit_height()
 
-    def _fit(self) -> None:
+    def _fit_height(self) -> None:
         rows = self.row_count()
         if rows != self._rows:
             self._rows = self.styles.height = rows
         self.show()
 
     def on_resize(self) -> None:
-        self._fit()
+        self._fit_height()
 
     def _texts(self) -> tuple[str, ...]:
         return wrap_text(self._outcome[0], self.line_width or 80)[:MOST_OUTCOME_ROWS]
@@ -200,7 +200,7 @@ class KeyLine(OneLine):
             self._names = getattr(self.app, "key_names", {})
         self.show()
 
-    def _keys(self) -> list[tuple[str, str]]:
+    def _fitting_keys(self) -> list[tuple[str, str]]:
         keys = list(self._local)
         for key, label in TYPING_KEYS if self._types else self._everywhere:
             keys.append((key, "go" if key == "space" and self._holding else label))
@@ -212,14 +212,14 @@ class KeyLine(OneLine):
 
     def line(self) -> Row:
         parts: list[Part] = []
-        for key, label in self._keys():
+        for key, label in self._fitting_keys():
             parts += [(key, "key"), (f" {label}", "dim"), ("  ", "")]
         return row(*parts[:-1])
 
     def click(self, x: int, y: int) -> None:
         left = 0
         old = {name: key for key, name in self._names.items()}
-        for key, label in self._keys():
+        for key, label in self._fitting_keys():
             width = len(key) + len(label) + 3
             action = self._actions.get(old.get(key, key))
             if left <= x < left + width - 2 and action:
@@ -243,7 +243,7 @@ class TabLine(OneLine):
     def set_tabs(self, tabs: tuple[tuple[int, str], ...]) -> None:
         self._tabs = tabs
 
-    def mark(self, *digits: int) -> None:
+    def mark_open(self, *digits: int) -> None:
         self._open = {*digits}
         self.show()
 
@@ -288,12 +288,12 @@ class WordLine(OneLine):
     DEFAULT_CSS = "WordLine { background: $panel; padding: 0 1; }"
 
     def line(self) -> Row:
-        pieces = self.pieces()
+        pieces = self.header_words()
         while len(pieces) > 1 and sum(len(text) for text, _ in _spaced_parts(pieces)) > self.line_width:
             pieces.remove(max(pieces, key=lambda piece: piece.rank))
         return row(*_spaced_parts(pieces))
 
-    def pieces(self) -> list[HeaderWord]:
+    def header_words(self) -> list[HeaderWord]:
         raise NotImplementedError
 
 
@@ -304,12 +304,12 @@ class HeaderLine(WordLine):
         self.ended = False
         self._kernel = ""
 
-    def pieces(self) -> list[HeaderWord]:
+    def header_words(self) -> list[HeaderWord]:
         project, picture = self._view_model.project, self._view_model.picture
         pieces = [HeaderWord("trcvtui", "dim", 60), HeaderWord(project.path.name, "strong", 10)]
         pieces.append(HeaderWord(f"{project.dialect.name} {project.model}", "", 20))
-        if self._view_model.unsaved:
-            pieces.append(HeaderWord(f"+{self._view_model.unsaved} unsaved", "warn", 15))
+        if self._view_model.unsaved_count:
+            pieces.append(HeaderWord(f"+{self._view_model.unsaved_count} unsaved", "warn", 15))
         self._kernel = picture.kernel if picture is not None else self._kernel
         if self._kernel in (TAP, ARMED_TAP):  # also without a picture: bytes pass the tap
             pieces.append(HeaderWord(" IN THE LINE ", "hold", 0))
@@ -321,12 +321,12 @@ class HeaderLine(WordLine):
             count_of, at = len(picture.player.steps), picture.player.current + 1
             pieces.append(HeaderWord(f"scenario, step {min(at, count_of)} of {count_of}", "warn", 4))
         snapshot, timing = picture.snapshot, picture.timing
-        pieces += self._frozen()
+        pieces += self._frozen_words()
         now = self._view_model.live or picture
         pieces.append(_state(now.snapshot.running, now.holding))
         if getattr(self.app, "only_looks", False):
             pieces.append(HeaderWord(" READ-ONLY ", "stop", 0))
-        pieces.append(HeaderWord(format_time(snapshot.interval_ns), "", 30))
+        pieces.append(HeaderWord(format_duration(snapshot.interval_ns), "", 30))
         live = "live at " if self._view_model.is_frozen else ""
         pieces.append(HeaderWord(f"{live}scan {now.snapshot.scan}", "", 2))
         if now.recorded:
@@ -350,7 +350,7 @@ class HeaderLine(WordLine):
             pieces.append(HeaderWord(f" {count(len(snapshot.faults), 'FAULT')} ARMED ".upper(), "hold", 3))
         return pieces
 
-    def _frozen(self) -> list[HeaderWord]:
+    def _frozen_words(self) -> list[HeaderWord]:
         view_model = self._view_model
         if not view_model.is_frozen or view_model.picture is None:
             return []

@@ -70,13 +70,13 @@ class SideScreen(FullScreen[Result], Generic[Result]):
         self.call_after_refresh(self.show)
 
     def send(self, line: str) -> bool:
-        """Send a line to the engine, which answers by `answers`. Return False if this is not allowed."""
+        """Send a line to the engine; its answer comes by `answers`. Return False if it may not be sent."""
         number = self._say(line)
         if number is not None:
             self._asked.add(number)
         return number is not None
 
-    def answers(self) -> Iterator[LineAnswer]:
+    def take_answers(self) -> Iterator[LineAnswer]:
         for number, answer in self._view_model.answers.items():
             if number in self._asked:
                 self._asked.discard(number)

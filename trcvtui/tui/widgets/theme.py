@@ -48,10 +48,10 @@ def compose_style(widget: Widget, names: Iterable[str]) -> Style:
         if component.has_rule("color"):
             ink, auto = component.color, component.auto_color
         text = text + component.text_style
-    return text + _colours(background, ink, auto)
+    return text + _colour_style(background, ink, auto)
 
 
-def _colours(background: Color, ink: Color, auto: bool) -> Style:
+def _colour_style(background: Color, ink: Color, auto: bool) -> Style:
     if ink.ansi is not None:
         return Style(color=ink.rich_color, bgcolor=_or_default(background), dim=ink.a < PALE_ALPHA or None)
     if auto:

@@ -4,7 +4,7 @@ Textual puts a key into the queue of the widget that has the focus when the key 
 that queue, but Backspace, enter and tab act only after all widgets above have passed them on, so later keys
 overtake them. Here a key acts at once. While a screen opens, a key waits.
 
-Rule: only a TypedField, or a screen that is a LetterReceiver, takes text. Nothing else reads letters.
+Rule: only a EntryField, or a screen that is a LetterReceiver, takes text. Nothing else reads letters.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from trcvtui.tui.formatting import plain
 from trcvtui.udt.byte_text import SearchPatterns, parse_search
 
 
-class TypedField(Input):
+class EntryField(Input):
     """One line to type into, without a frame. Focus selects nothing: Textual would select too late."""
 
     def __init__(self, value: str = "", **settings: Any) -> None:
@@ -58,7 +58,7 @@ async def dispatch_key(app: App[None], event: events.Key | events.Paste) -> bool
     mounted: asyncio.Event = app.screen._mounted_event
     await mounted.wait()  # the key before may have opened the screen: now its fields exist
     field = app.focused
-    if not isinstance(field, TypedField):
+    if not isinstance(field, EntryField):
         return await _run_key_action(app, event)
     before = field.value
     acted = await _run_key_action(app, event)
@@ -70,7 +70,7 @@ async def dispatch_key(app: App[None], event: events.Key | events.Paste) -> bool
 async def _run_key_action(app: App[None], event: events.Key | events.Paste) -> bool:
     field, screen = app.focused, app.screen
     if isinstance(event, events.Paste):
-        if isinstance(field, TypedField) and event.text:
+        if isinstance(field, EntryField) and event.text:
             field.replace(field.convert_paste(event.text), *field.selection)
         return isinstance(field, Input)
     if event.is_printable and event.character:
@@ -84,17 +84,17 @@ async def _run_key_action(app: App[None], event: events.Key | events.Paste) -> b
     return bound is not None and await app.run_action(bound.binding.action, bound.node)
 
 
-class TypedLine(Horizontal):
+class EntryLine(Horizontal):
     """A sign and a field, shown while the line is open. `back` gets the focus when the line closes."""
 
     DEFAULT_CSS = """
-    TypedLine { height: 1; display: none; background: $panel; padding: 0 1; }
-    TypedLine Static { width: 2; color: $accent; text-style: bold; }
-    TypedLine Input { background: $panel; width: 1fr; }
-    TypedLine Input:focus { background: $panel; background-tint: $primary 12%; }
+    EntryLine { height: 1; display: none; background: $panel; padding: 0 1; }
+    EntryLine Static { width: 2; color: $accent; text-style: bold; }
+    EntryLine Input { background: $panel; width: 1fr; }
+    EntryLine Input:focus { background: $panel; background-tint: $primary 12%; }
     """
 
-    def __init__(self, sign: str, field: TypedField, back: Widget | None = None) -> None:
+    def __init__(self, sign: str, field: EntryField, back: Widget | None = None) -> None:
         super().__init__()
         self._sign = sign
         self._input = field
@@ -113,7 +113,7 @@ class TypedLine(Horizontal):
         self.display = False
 
 
-class LineInput(TypedField):
+class LineInput(EntryField):
     """Enter calls `take`, escape calls `leave`."""
 
     BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
@@ -129,7 +129,7 @@ class LineInput(TypedField):
         self._leave()
 
 
-class CommandLine(TypedLine):
+class CommandLine(EntryLine):
     """A line to type a command into; it opens with the beginning of the command."""
 
     def __init__(self, take: Callable[[str], None]) -> None:
@@ -155,14 +155,14 @@ class FilterInput(LineInput):
     BINDINGS: ClassVar = [Binding("up", "list(-1)", show=False), Binding("down", "list(1)", show=False)]
 
     def __init__(self, line: FilterLine) -> None:
-        super().__init__(line.submit, line.drop, id="filter")
+        super().__init__(line.submit, line.cancel, id="filter")
         self._line = line
 
     def action_list(self, files: int) -> None:
         self._line.move(files)
 
 
-class FilterLine(TypedLine):
+class FilterLine(EntryLine):
     """The filter of a list: it acts as you type, enter keeps it, escape drops it."""
 
     def __init__(
@@ -189,7 +189,7 @@ class FilterLine(TypedLine):
         self.close_field()
         self._taken()
 
-    def drop(self) -> None:
+    def cancel(self) -> None:
         self.clear()
         self.close_field()
 
@@ -202,19 +202,19 @@ FIND_HINT = "29 00 · abc · =1.5 · @offset · #job"
 _JUMP_SYNTAX: Final = {"@": "an offset such as @480 or @16#1E0", "#": "a job such as #12"}
 
 
-class Jump(NamedTuple):
+class Target(NamedTuple):
     number: int
     is_job: bool
     about: str
 
 
-def parse_jump(text: str) -> Jump:
+def parse_jump(text: str) -> Target:
     """Return where `@offset` or `#job` leads; raise UserError if no number follows."""
     try:
         number = int(text[1:].strip().replace("16#", "0x"), 0)
         if 0 <= number < 1 << 62:
             is_job = text[0] == "#"
-            return Jump(number, is_job, f"job {number}" if is_job else f"offset {number} = 16#{number:X}")
+            return Target(number, is_job, f"job {number}" if is_job else f"offset {number} = 16#{number:X}")
     except ValueError:
         pass
     raise mistake("go to", f"'{text[:20]}'", _JUMP_SYNTAX[text[0]])
@@ -263,18 +263,18 @@ class FindLine(Horizontal):
 
     def _show_check(self) -> None:
         text = self._field.value.strip()
-        target = self._read(text) if text else ""
+        target = self._parse_target(text) if text else ""
         wrong, about = (target, "") if isinstance(target, str) else ("", target.about)
         self._about.update(Content(plain(about)))
         self._complain(wrong)
 
     @property
-    def target(self) -> SearchPatterns | Jump | None:
+    def target(self) -> SearchPatterns | Target | None:
         """Return the target of the search, also after escape. Return None if the text has a mistake."""
-        target = self._read(self._field.value.strip())
+        target = self._parse_target(self._field.value.strip())
         return target if not isinstance(target, str) else None
 
-    def _read(self, text: str) -> SearchPatterns | Jump | str:
+    def _parse_target(self, text: str) -> SearchPatterns | Target | str:
         try:
             return parse_jump(text) if text[:1] in ("@", "#") else parse_search(text)
         except UserError as wrong:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Sequence
 from typing import Final, NamedTuple
 
 from trcvtui.errors import one_line
-from trcvtui.udt.compare.likelihood import exchange_pairs, exchange_words
+from trcvtui.udt.compare.likelihood import exchange_in_pairs, exchange_words
 
 HEADER, TRAILER, BYTE_TOO_MANY, BYTE_TOO_FEW = "header", "trailer", "long", "short"
 WORD_SWAP, BYTE_SWAP, BLANKS = "word-swap", "byte-swap", "blanks"
@@ -92,7 +92,7 @@ def _swap_words(raw: bytes) -> bytes:
 
 NONE: Final = FitCause()
 _WORD_CHANGES: Final[dict[int, BytesChange]] = {4: exchange_words, 8: exchange_words}
-_BYTE_CHANGES: Final[dict[int, BytesChange]] = dict.fromkeys((2, 4, 8), exchange_pairs)
+_BYTE_CHANGES: Final[dict[int, BytesChange]] = dict.fromkeys((2, 4, 8), exchange_in_pairs)
 # Swapped words in one byte order and swapped bytes in the other one are often the same bytes: they cost the
 # same, and the one in our own byte order comes first.
 SWAP_CAUSES: Final = (
@@ -105,7 +105,7 @@ SWAP_CAUSES: Final = (
         of_member={4: exchange_words, 8: _swap_words},
     ),
     FitCause(WORD_SWAP, cost=-3.5, about="in every 4 bytes of the message", of_all=_swap_words),
-    FitCause(BYTE_SWAP, cost=-3.5, about="in the whole message", of_all=exchange_pairs),
+    FitCause(BYTE_SWAP, cost=-3.5, about="in the whole message", of_all=exchange_in_pairs),
     FitCause(BYTE_SWAP, cost=-3.5, about="in each number", of_member=_BYTE_CHANGES),
 )
 EXTRA_CAUSES: Final = (

@@ -1,6 +1,6 @@
 """Compares two profiles, or two declarations, on the same bytes: ours and theirs, member by member.
 
-Rules: equal paths, in any case, are the same member. Table, summary and exit code use the same rows.
+Rules: members with equal paths, in any case, are the same. Table, summary and exit code use the same rows.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from trcvtui.errors import one_line
 from trcvtui.udt.layout.layout import Layout, Leaf, has_text
 from trcvtui.udt.layout.layout_tree import Data, Node, PlacedArray, PlacedLeaf, PlacedStruct, indices
-from trcvtui.udt.layout.value_text import form_text, mark_text, stored_form, value_text
+from trcvtui.udt.layout.value_text import odd_text, stored_form, stored_form_text, value_text
 from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.report import json_value, leaf_type_text, place_text
 from trcvtui.udt.types import StringType
@@ -98,7 +98,7 @@ def _find_differences(a: Layout, b: Layout, with_texts: bool) -> Iterator[Member
         if places[0] != places[1]:
             yield MemberDifference(ours.path, *places, is_place=True)
         if not same_form:
-            forms = form_text(ours.type, a.rules), form_text(theirs.type, b.rules)
+            forms = stored_form_text(ours.type, a.rules), stored_form_text(theirs.type, b.rules)
             yield MemberDifference(ours.path, *forms, is_place=False)
 
 
@@ -123,7 +123,7 @@ class ComparedLeaf(NamedTuple):
 
 
 class ComparedRow(NamedTuple):
-    """One member on both sides. A side that lacks the path is None. `differs` names the differences."""
+    """One member on both sides. A side without the path is None. `differs` has the kinds of difference."""
 
     path: str
     ours: ComparedLeaf | None
@@ -132,7 +132,7 @@ class ComparedRow(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """Both sizes, the number of rows and of differing rows, and the lowest offset of a differing row."""
+    """Both sizes, numbers of rows and of differing rows, and the lowest offset of these on either side."""
 
     our_size: int
     their_size: int
@@ -164,11 +164,11 @@ class Comparison:
     def rows(self, data: Data, start: int = 0, stop: int | None = None) -> Iterator[ComparedRow]:
         """Yield the rows `start` to `stop` - 1, by default all. `data` may be shorter than the types."""
         for ours, theirs in self._pairs[start:stop]:
-            our, their = self._compare(self.ours, ours, data), self._compare(self.theirs, theirs, data)
+            our, their = self._read_leaf(self.ours, ours, data), self._read_leaf(self.theirs, theirs, data)
             shown = our or their
             yield ComparedRow(shown.leaf.path if shown else "", our, their, _list_differences(our, their))
 
-    def _compare(self, layout: Layout, number: int | None, data: Data) -> ComparedLeaf | None:
+    def _read_leaf(self, layout: Layout, number: int | None, data: Data) -> ComparedLeaf | None:
         if number is None:
             return None
         leaf = layout.leaf(number)
@@ -210,7 +210,7 @@ def is_equal(comparison: Comparison, rows: Iterable[ComparedRow]) -> bool:
     return same and not any(row.differs for row in rows)
 
 
-def compare_json(comparison: Comparison, rows: Sequence[ComparedRow], data: bytes) -> str:
+def comparison_json(comparison: Comparison, rows: Sequence[ComparedRow], data: bytes) -> str:
     """Return the object of `udt compare`, one row a line. A side that has no such member is null."""
     ours, theirs = comparison.ours, comparison.theirs
     records = [
@@ -228,7 +228,7 @@ def compare_json(comparison: Comparison, rows: Sequence[ComparedRow], data: byte
     return f'{{\n{sides}{listed}  "equal": {json_text(is_equal(comparison, rows))}\n}}'
 
 
-def compare_text(comparison: Comparison, rows: Sequence[ComparedRow], data: bytes) -> str:
+def comparison_text(comparison: Comparison, rows: Sequence[ComparedRow], data: bytes) -> str:
     """Return the table of `udt compare`. A row that differs begins with `*`."""
     ours, theirs = comparison.ours, comparison.theirs
     values = ("value",) if data else ()
@@ -275,6 +275,6 @@ def _cell_json(layout: Layout, cell: ComparedLeaf | None, data: bytes) -> dict[s
     leaf = cell.leaf
     part = data[leaf.offset : leaf.offset + leaf.size]
     value = json_value(decode_leaf(layout, leaf, part)) if len(part) == leaf.size else None
-    mark = {"mark": mark} if (mark := mark_text(leaf, bytes(part))) else {}
+    mark = {"mark": mark} if (mark := odd_text(leaf, bytes(part))) else {}
     bit = {} if leaf.bit is None else {"bit": leaf.bit}
     return {"type": cell.type, "offset": leaf.offset, **bit, "size": leaf.size, VALUE: value, **mark}

@@ -22,7 +22,7 @@ def find_doubt(ranked: Sequence[Reading], messages: Sequence[bytes]) -> str:
     if not ranked or not messages:
         return "there are no bytes"
     best = ranked[0]
-    return _own_doubt(best, messages) or next(filter(None, (_contest(best, one) for one in ranked[1:])), "")
+    return _own_doubt(best, messages) or next(filter(None, (_rival(best, one) for one in ranked[1:])), "")
 
 
 def _own_doubt(best: Reading, messages: Sequence[bytes]) -> str:
@@ -59,34 +59,34 @@ def _own_doubt(best: Reading, messages: Sequence[bytes]) -> str:
     return ""
 
 
-def _contest(best: Reading, other: Reading) -> str:
+def _rival(best: Reading, other: Reading) -> str:
     """Return why another reading may be right instead, "" if it cannot."""
-    is_one_way = other.order == best.order or (best.cause.kind is None and best.widest_number <= 2)
+    is_one_way = other.order_key == best.order_key or (best.cause.kind is None and best.widest_number <= 2)
     if is_one_way and best.cause.kind in (None, other.cause.kind) and reads_same_values(best, other):
         return ""
-    is_other_place = other.cause.kind not in DRIFTS and other.places != best.places
-    if not is_other_place and all(best.by_path.get(path) == has for path, has in other.by_path.items()):
+    is_other_place = other.cause.kind not in DRIFTS and other.places_key != best.places_key
+    if not is_other_place and all(best.by_name.get(path) == has for path, has in other.by_name.items()):
         return ""
-    is_rare = other.order != best.order and abs(other.own_points - best.own_points) < CLEAR_OWN_LEAD
+    is_rare = other.order_key != best.order_key and abs(other.own_points - best.own_points) < CLEAR_OWN_LEAD
     clear_of_drift = CLEAR_LEAD_OF_FEWER if other.cause.kind == FEWER else CLEAR_OF_DRIFT
     clear = clear_of_drift - best.cause.cost if other.cause.kind in DRIFTS else CLEAR_LEAD
     clear -= LEAD_LESS_WHERE_ODD if other.odd else 0.0
     if other.score > best.score - clear + (other.cause.cost if is_rare else 0.0):
         if reads_same_values(best, other):
             return f"{reading_name(other)} ({other.score:+.1f}) reads the same values at the same places"
-        if abs(other.own_points - best.own_points) < 0.01 and other.order != best.order:
+        if abs(other.own_points - best.own_points) < 0.01 and other.order_key != best.order_key:
             return f"{reading_name(other)} ({other.score:+.1f}) reads other values that are just as likely"
         return f"{reading_name(other)} ({other.score:+.1f}) has nearly as many points"
     if best.cause.kind is None and other.cause.kind is not None:
         return ""  # it needs two rare things: a cause, and numbers that are all round
-    ahead = CLEAR_LEAD - best.order_points if other.order != best.order else CLEAR_LEAD_IN_ORDER
+    ahead = CLEAR_LEAD - best.order_points if other.order_key != best.order_key else CLEAR_LEAD_IN_ORDER
     if other.fair_score > (best.score if other.has_plain else best.fair_score) - ahead:
         return f"{reading_name(other)} may be right: as likely if multiples of 256 do not count"
     return ""
 
 
 def reads_same_values(best: Reading, other: Reading) -> bool:
-    return other.score > best.score - CLEAR_LEAD and other.values == best.values
+    return other.score > best.score - CLEAR_LEAD and other.values_key == best.values_key
 
 
 def reading_name(reading: Reading) -> str:

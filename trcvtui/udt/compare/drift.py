@@ -15,7 +15,7 @@ from trcvtui.udt.compare.causes import FEWER, MEMBER_MORE, WIDTH, FitCause
 from trcvtui.udt.compare.likelihood import REPEAT_EXPONENT, LeafEvidence, leaf_evidence, repeated_zero_points
 from trcvtui.udt.layout.layout import Layout, Leaf, Profile, lay_out, merge_own_rules
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
-from trcvtui.udt.layout.placing import Placing, Span, round_up
+from trcvtui.udt.layout.placing import PlacedParts, Placer, round_up
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.layout.value_text import stored_form
 from trcvtui.udt.types import (
@@ -53,14 +53,14 @@ TYPE_FAMILIES: Final = (
     ("LINT", "ULINT", "LREAL"),
 )
 
-_StructPart = tuple[str, Type, Node | Span]
+_StructPart = tuple[str, Type, Node | PlacedParts]
 
 
 class _Drift(NamedTuple):
     """One drift: its cause, its placed type, and a function that makes the type if it is likely."""
 
     cause: FitCause
-    lying: Node | Span
+    lying: Node | PlacedParts
     type: Callable[[], Type]
 
 
@@ -77,7 +77,7 @@ def find_drifted_layouts(
     pairs = [(profile, layout) for profiles, layout in layouts for profile in profiles]
     known: dict[LayoutRules, list[_Drift]] = {}  # both byte orders share them
     found: dict[object, tuple[float, Profile, _Drift]] = {}
-    judge = _PlaceScores(messages)
+    judge = _PlaceScorer(messages)
     for profile, layout in pairs:
         is_several = size > layout.size and not size % max(layout.size, 1)  # several values in one message
         if is_several or not 0 < layout.leaf_count <= MOST_LEAVES:
@@ -94,24 +94,24 @@ def find_drifted_layouts(
             # Equal points for the same change are taken as one reading; the first layout stays.
             key = rules.byte_order, profile.text, cause.member, cause.theirs, points
             found.setdefault(key, (points, profile, drift))
-    seen = {_own_places(layout, shift) for _, layout in pairs for shift in (0, size - layout.size)}
+    seen = {_own_places_key(layout, shift) for _, layout in pairs for shift in (0, size - layout.size)}
     for _, profile, drift in nlargest(MOST_DRIFTS, found.values(), key=itemgetter(0)):
         layout = lay_out(drift.type(), merge_own_rules(profile.rules, own), layouts[0][1].name)
-        places = _own_places(layout)
+        places = _own_places_key(layout)
         if places not in seen:
             seen.add(places)
             yield (profile,), layout, drift.cause
 
 
-class _PlaceScores:
+class _PlaceScorer:
     """Estimates the scores of members at given offsets in the newest messages, once for each offset."""
 
     def __init__(self, messages: Sequence[bytes]) -> None:
         self.messages = messages[-MOST_FIRST_MESSAGES:]
-        self.at_place: dict[tuple[int, int, str], tuple[float, Node | Span]] = {}
+        self.at_place: dict[tuple[int, int, str], tuple[float, Node | PlacedParts]] = {}
         self.of_bytes: dict[object, LeafEvidence | None] = {}
 
-    def score_node(self, node: Node | Span, offset: int, rules: LayoutRules) -> float:
+    def score_node(self, node: Node | PlacedParts, offset: int, rules: LayoutRules) -> float:
         key = id(node), offset, rules.byte_order
         if key not in self.at_place:
             if isinstance(node, PlacedLeaf):
@@ -137,15 +137,15 @@ class _PlaceScores:
         return points + repeated_zero_points(node.type, points_by_bytes)
 
 
-def _parts(node: PlacedArray | PlacedStruct | Span) -> Iterable[tuple[int, Node | Span]]:
-    if isinstance(node, Span):
+def _parts(node: PlacedArray | PlacedStruct | PlacedParts) -> Iterable[tuple[int, Node | PlacedParts]]:
+    if isinstance(node, PlacedParts):
         return node.parts
     if isinstance(node, PlacedArray):
-        return ((node.place(number)[0], node.element) for number in range(node.count))
+        return ((node.element_place(number)[0], node.element) for number in range(node.count))
     return zip(node.offsets, node.nodes, strict=True)
 
 
-def _own_places(layout: Layout, shift: int = 0) -> tuple[object, ...]:
+def _own_places_key(layout: Layout, shift: int = 0) -> tuple[object, ...]:
     """Return the places and stored forms of the members of our own type."""
     rules = layout.rules
     return rules.byte_order, *(
@@ -158,58 +158,60 @@ def _own_places(layout: Layout, shift: int = 0) -> tuple[object, ...]:
 class _StructVariants:
     """A STRUCT with parts replaced. Unless it has bits, later places depend on the end % LARGEST_ALIGN."""
 
-    def __init__(self, placing: Placing, type_: Struct, parts: Sequence[_StructPart]) -> None:
+    def __init__(self, placing: Placer, type_: Struct, parts: Sequence[_StructPart]) -> None:
         self.placing, self.type, self.parts = placing, type_, parts
-        self.cap, self.has_bits = placing.cap(type_), _has_bit(parts)
+        self.cap, self.has_bits = placing.align_cap(type_), _has_bit(parts)
         spots, end, align = placing.member_spots(type_, parts)
         self.starts = [*(offset for offset, _ in spots), round_up(end, align)]
-        self.heads = [Span(0, placing.rules.struct_floor)]
+        self.heads = [PlacedParts(0, placing.rules.struct_floor)]
         for start, part in zip(self.starts, parts, strict=False):
             head = self.heads[-1]
             _, end, step = self.place_part(part, head.size)
-            self.heads.append(Span(end, max(head.align, step), ((0, head), *_known_place(start, part))))
-        self.tails: dict[tuple[int, int], Span] = {}
+            self.heads.append(
+                PlacedParts(end, max(head.align, step), ((0, head), *_place_if_known(start, part)))
+            )
+        self.tails: dict[tuple[int, int], PlacedParts] = {}
 
     def place_part(self, part: _StructPart, end: int) -> tuple[int, int, int]:
-        """Return begin, end and alignment of a part that is placed after `end`."""
+        """Return start, end and alignment of a part that is placed after `end`."""
         _, inner, node = part
-        step = self.placing.step(node, self.cap)
+        step = self.placing.member_align(node, self.cap)
         start = round_up(end, step)
-        return start, round_up(start + node.size, self.placing.end_floor(inner)), step
+        return start, round_up(start + node.size, self.placing.end_multiple(inner)), step
 
-    def replace_parts(self, at: int, stop: int, new: _StructPart | None = None) -> tuple[Span, int]:
+    def replace_parts(self, at: int, stop: int, new: _StructPart | None = None) -> tuple[PlacedParts, int]:
         """Return the STRUCT with parts `at` to `stop` replaced or removed, and the next part's shift."""
         if self.has_bits or (new and _has_bit([new])):  # with bits a place needs more than the remainder
             parts = [*self.parts[:at], *([new] if new else []), *self.parts[stop:]]
             spots, end, align = self.placing.member_spots(self.type, parts)
             places = zip(spots, parts, strict=True)
-            lying = [one for (start, _), part in places for one in _known_place(start, part)]
+            lying = [one for (start, _), part in places for one in _place_if_known(start, part)]
             starts = [start for start, _ in spots[len(parts) - len(self.parts) + stop :]]
         else:
             head = self.heads[at]
             start, end, step = self.place_part(new, head.size) if new else (0, head.size, 1)
             before = end - end % LARGEST_ALIGN
             tail = self.place_tail(stop, end % LARGEST_ALIGN)
-            lying = [(0, head), *(_known_place(start, new) if new else []), (before, tail)]
+            lying = [(0, head), *(_place_if_known(start, new) if new else []), (before, tail)]
             starts = [before + place for place, _ in tail.parts[:1]]
             end, align = before + tail.size, max(step, head.align, tail.align)
         size = round_up(end, align)
-        return Span(size, align, tuple(lying)), (starts[0] if starts else size) - self.starts[stop]
+        return PlacedParts(size, align, tuple(lying)), (starts[0] if starts else size) - self.starts[stop]
 
-    def place_tail(self, stop: int, filled: int) -> Span:
+    def place_tail(self, stop: int, filled: int) -> PlacedParts:
         """Return the parts from number `stop` on, placed after `filled` bytes."""
         if stop == len(self.parts):
-            return Span(filled, 1)
+            return PlacedParts(filled, 1)
         if (stop, filled) not in self.tails:
             part = self.parts[stop]
             start, end, step = self.place_part(part, filled)
             before, rest = end - end % LARGEST_ALIGN, self.place_tail(stop + 1, end % LARGEST_ALIGN)
-            lying = *_known_place(start, part), (before, rest)
-            self.tails[stop, filled] = Span(before + rest.size, max(step, rest.align), lying)
+            lying = *_place_if_known(start, part), (before, rest)
+            self.tails[stop, filled] = PlacedParts(before + rest.size, max(step, rest.align), lying)
         return self.tails[stop, filled]
 
 
-def _known_place(start: int, part: _StructPart) -> list[tuple[int, Node | Span]]:
+def _place_if_known(start: int, part: _StructPart) -> list[tuple[int, Node | PlacedParts]]:
     """Return a part with its place, or nothing if our type lacks the part."""
     name, _, lying = part
     return [] if name == UNKNOWN else [(start, lying)]
@@ -223,17 +225,17 @@ class _DriftSearch:
     """Finds the drifts of a type in one layout. All are placed; types are made later, only for a few."""
 
     def __init__(self, rules: LayoutRules) -> None:
-        self.placing = Placing(rules)
+        self.placing = Placer(rules)
 
     def find_drifts(self, type_: Type, spare: int, path: str) -> Iterator[_Drift]:
         """Yield the drifts that may make the type about `spare` bytes larger."""
         match type_:
             case Array(element=element, count=count):
                 for drift in self.find_drifts(element, spare // count, path):
-                    pitch, align = self.placing.pitch(drift.lying)
+                    pitch, align = self.placing.pitch_and_align(drift.lying)
                     lying = tuple((pitch * number, drift.lying) for number in range(count))
                     made = partial(_array_with_element, type_, drift.type)
-                    yield _Drift(drift.cause, Span(pitch * count, align, lying), made)
+                    yield _Drift(drift.cause, PlacedParts(pitch * count, align, lying), made)
             case Struct(members=members, bit_fields=()) if len(members) <= MOST_MEMBERS:
                 yield from self.find_struct_drifts(type_, spare, path)
             case _:

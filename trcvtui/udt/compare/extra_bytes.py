@@ -110,7 +110,7 @@ def _judge_trailer(before: bytes, unit: bytes, after: bytes) -> ExtraEvidence | 
 
 
 def _find_checksum(before: bytes, unit: bytes, after: bytes) -> tuple[str, float]:
-    """Return name and share of a checksum after a message. It may stand before or after an end mark."""
+    """Return name and share of a checksum after a message, with or without an end mark, or "" and 0."""
     if name := _checksum((before + unit, unit), after):
         return name, CHECKSUM_SHARE
     for mark, (ending, share) in END_MARKS.items():
@@ -145,7 +145,7 @@ def has_length_field(cause: FitCause, messages: Sequence[bytes], size: int) -> b
 
 
 def find_length_field(extra: bytes, size: int) -> tuple[bytes, str] | None:
-    """Return the bytes of a header that hold a length, and what the length counts."""
+    """Return the bytes of a header that hold a length, and what the length counts, or None."""
     for width in (4, 2, 1):
         for at in range(len(extra) - width + 1):
             part = extra[at : at + width]

@@ -16,7 +16,7 @@ from trcvtui.udt.compare.compare import describe_difference
 from trcvtui.udt.compare.doubt import CLEAR_OF_DRIFT, find_doubt, reading_name, reads_same_values
 from trcvtui.udt.compare.drift import find_drifted_layouts
 from trcvtui.udt.compare.extra_bytes import surrounding_causes, usual_length
-from trcvtui.udt.compare.reading import EvidenceCache, LayoutView, Reading, Reason
+from trcvtui.udt.compare.reading import EvidenceCache, JudgedLayout, Reading, Reason
 from trcvtui.udt.layout.layout import (
     DEFAULT_LAYOUT,
     LAYOUTS,
@@ -40,7 +40,7 @@ MISPLACED_POINTS: Final = -30.0
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """One way to read the bytes, with the profiles that read so, the other cause, the points and reasons.
+    """One way to read the bytes: the profiles that read them so, the other cause, the points and reasons.
 
     `members` are the members' points, part of `score`. `reasons` begin with the weightiest. Only the first
     reading can be `fits_best`. If it is not, `doubt` says why. If one odd value is the only objection, the
@@ -109,7 +109,7 @@ def rank(
         tried += [(same, layout, (cause,)) for same, layout, cause in drifted]
     found = []
     for same, layout, causes in tried:
-        look = LayoutView(layout, known)
+        look = JudgedLayout(layout, known)
         ways = [*causes, *_find_likeliest_place(look, judged)] if framed else causes
         readings = (Reading.judge(same, look, cause, judged, framed) for cause in ways)
         found += [reading for reading in readings if reading is not None]
@@ -121,8 +121,8 @@ def rank(
     return tuple(_merge_readings(found, judged))
 
 
-def _find_likeliest_place(look: LayoutView, messages: Sequence[bytes]) -> tuple[FitCause, ...]:
-    """Return the type's likeliest place in longer messages, judged only by its members."""
+def _find_likeliest_place(look: JudgedLayout, messages: Sequence[bytes]) -> tuple[FitCause, ...]:
+    """Return the type's likeliest place in longer messages, judged only by its members, or ()."""
     size, length = look.layout.size, usual_length([len(message) for message in messages])
     members, most = look.members[: MOST_PLACED_AND_MESSAGES[0]], MOST_PLACED_AND_MESSAGES[1]
     some = list(dict.fromkeys(message for message in messages if len(message) == length))[-most:]
@@ -188,7 +188,7 @@ def _describe_difference(one: Fit, other: Fit) -> str:
 def _merge_readings(found: list[Reading], messages: Sequence[bytes]) -> Iterator[Fit]:
     merged: dict[object, list[Reading]] = {}
     for reading in found:
-        merged.setdefault(reading.meaning, []).append(reading)
+        merged.setdefault(reading.meaning_key, []).append(reading)
     rows = list(merged.values())[:MOST_FITS]
     rows = [row for row in rows if not row[0].cause.kind or row[0].score >= rows[0][0].score - FAR_BEHIND]
     doubt = find_doubt([row[0] for row in rows], messages)

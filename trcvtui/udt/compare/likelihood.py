@@ -94,11 +94,13 @@ def leaf_evidence(leaf: Leaf, raw: bytes, rules: LayoutRules) -> LeafEvidence | 
     if leaf.bit is not None or isinstance(leaf.type, Pointer):
         return None
     if isinstance(leaf.type, StringType):
-        return _evidence((_judge_headed if rules.text.header else _judge_ended)(leaf.type, raw, rules), raw)
+        return _evidence(
+            (_judge_header_text if rules.text.header else _judge_nul_text)(leaf.type, raw, rules), raw
+        )
     row = rules.storage(leaf.type)
     if row.code.endswith("s") or row.name == "S5TIME":
         return _evidence(_judge_bcd(leaf, row, raw), raw)
-    judge = _judge_whole if isinstance(leaf.type, Enumeration | Subrange) else JUDGE_BY_KIND.get(row.kind)
+    judge = _judge_integer if isinstance(leaf.type, Enumeration | Subrange) else JUDGE_BY_KIND.get(row.kind)
     if judge is None:
         return None
     if row.kind not in COUNT_KINDS:
@@ -130,8 +132,8 @@ def gap_points(raw: bytes) -> float:
     return rubbish if any(raw) else first * min(len(raw), 4) + more * max(len(raw) - 4, 0)
 
 
-def judge_step(leaf: Leaf, before: bytes, after: bytes, rules: LayoutRules) -> tuple[float, str]:
-    """Return points and words for the change of a REAL, or of a number that is not round."""
+def judge_change(leaf: Leaf, before: bytes, after: bytes, rules: LayoutRules) -> tuple[float, str]:
+    """Return points (0: no evidence) and words for a change of a REAL or of a number that is not round."""
     if isinstance(leaf.type, StringType | Pointer | Enumeration) or leaf.bit is not None:
         return 0.0, ""
     row = rules.storage(leaf.type)
@@ -171,10 +173,10 @@ def _evidence(found: _Likelihood, raw: bytes) -> LeafEvidence:
 
 
 def _judge_number(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder, judge: _Judge) -> LeafEvidence:
-    """Return the evidence of a number. If the number is round in any byte order, `order` is 0."""
+    """Return the evidence of a number. Its field `order` is 0 if the number is round in any byte order."""
     likely, why = judge(leaf, row, raw, order)
     points = _to_points(likely, raw)
-    ways = {raw, raw[::-1], exchange_pairs(raw), exchange_words(raw)}
+    ways = {raw, raw[::-1], exchange_in_pairs(raw), exchange_words(raw)}
     fair = max(_to_points(judge(leaf, row, way, order)[0], way) for way in ways)
     if isinstance(leaf.type, Enumeration | Subrange):
         fair = max(fair, 0.0)
@@ -196,7 +198,7 @@ def _is_round(raw: bytes) -> bool:
     return 0 in raw or 255 in raw
 
 
-def exchange_pairs(raw: bytes) -> bytes:
+def exchange_in_pairs(raw: bytes) -> bytes:
     """Return the bytes with the two bytes of each 16 bits exchanged: BADC."""
     out = bytearray(raw)
     even = len(raw) & ~1
@@ -213,7 +215,7 @@ def exchange_words(raw: bytes) -> bytes:
 # -- the likelihood of values --------------------------------------------------------------------------------
 
 
-def _judge_whole(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder) -> _Likelihood:
+def _judge_integer(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder) -> _Likelihood:
     match leaf.type:
         case Enumeration(values=values) if any(number is not None for _, number in values):
             number = int.from_bytes(raw, order, signed=row.code.islower())
@@ -259,7 +261,7 @@ def _judge_duration(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder) 
     for step, share in ((SECOND, 0.3), (100 * MS, 0.3), (MS, 0.3), (row.unit_ns or MS, 0.1)):
         per = max(step // (row.unit_ns or MS), 1)
         likely += share * _score_number(count // per, raw, bits) if not count % per else 0.0
-    return math.log(likely), _judge_whole(leaf, row, raw, order)[1]
+    return math.log(likely), _judge_integer(leaf, row, raw, order)[1]
 
 
 def _judge_bits(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder) -> _Likelihood:
@@ -345,14 +347,14 @@ def _judge_bcd(leaf: Leaf, row: Elementary, raw: bytes) -> _Likelihood:
     return math.log(0.9 / span), "valid"
 
 
-def _judge_headed(type_: StringType, raw: bytes, rules: LayoutRules) -> _Likelihood:
+def _judge_header_text(type_: StringType, raw: bytes, rules: LayoutRules) -> _Likelihood:
     unit = 2 if type_.wide else 1
     longest, actual = (int.from_bytes(raw[at : at + unit], _order(rules)) for at in range(0, 2 * unit, unit))
     declared = rules.text.length(type_)
     if not any(raw):
         return math.log(0.08) + _rest_likelihood(raw, 0), "empty, without a header"
     if longest != declared:
-        return LOG_NEVER, f"its header says at most {longest} characters, the type {declared}"
+        return LOG_NEVER, f"its header says at most {longest} characters, the type has {declared}"
     text = f"its header says {actual} of at most {longest} characters"
     if actual > longest:
         return LOG_NEVER, text
@@ -361,7 +363,7 @@ def _judge_headed(type_: StringType, raw: bytes, rules: LayoutRules) -> _Likelih
     return likely + _rest_likelihood(raw, (2 + actual) * unit), text
 
 
-def _judge_ended(type_: StringType, raw: bytes, rules: LayoutRules) -> _Likelihood:
+def _judge_nul_text(type_: StringType, raw: bytes, rules: LayoutRules) -> _Likelihood:
     unit = 2 if type_.wide else 1
     if not any(raw):
         return math.log(0.1) + _rest_likelihood(raw, 0), "empty"
@@ -372,7 +374,7 @@ def _judge_ended(type_: StringType, raw: bytes, rules: LayoutRules) -> _Likeliho
         return math.log(0.03) + unit * ZERO + _rest_likelihood(raw, unit), "empty, with bytes after the NUL"
     length, declared = ends // unit, rules.text.length(type_)
     if length > declared:
-        return LOG_NEVER, f"{length} characters, the type {declared}"
+        return LOG_NEVER, f"{length} characters, the type has {declared}"
     likely = math.log(0.9 * _score_length(length, declared)) + _score_letters(raw[:ends], unit, rules)
     return likely + _rest_likelihood(raw, ends + unit), f"{length} characters and a NUL"
 
@@ -382,7 +384,7 @@ def _score_length(actual: int, declared: int) -> float:
 
 
 def _rest_likelihood(raw: bytes, start: int) -> float:
-    """Return the likelihood of the bytes after a text, which are zeros or the rest of an older text."""
+    """Return the likelihood of the bytes after a text as zeros or as the rest of an older text."""
     rest = raw[start:]
     return log_chance(rest) + (min(GAP_BYTE_POINTS[0] * len(rest), 2.4) if not any(rest) else -0.7)
 
@@ -417,7 +419,7 @@ _Judge = Callable[[Leaf, Elementary, bytes, _ByteOrder], _Likelihood]
 JUDGE_BY_KIND: Final[dict[ValueKind, _Judge]] = {
     ValueKind.BOOL: _judge_bool,
     ValueKind.REAL: _judge_real,
-    ValueKind.INTEGER: _judge_whole,
+    ValueKind.INTEGER: _judge_integer,
     ValueKind.BITS: _judge_bits,
     ValueKind.DURATION: _judge_duration,
     ValueKind.DATE: _judge_date,

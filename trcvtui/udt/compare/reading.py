@@ -16,10 +16,10 @@ from trcvtui.udt.compare.likelihood import (
     REPEAT_EXPONENT,
     LeafEvidence,
     bits_evidence,
-    exchange_pairs,
+    exchange_in_pairs,
     exchange_words,
     gap_points,
-    judge_step,
+    judge_change,
     leaf_evidence,
     repeated_zero_points,
     value_bytes,
@@ -44,7 +44,7 @@ CONTRARY_WEIGHT: Final = 3.0  # the weight of a number that is evidence for the 
 
 
 class Reason(NamedTuple):
-    """Points, above 0 for a reading, and words. `path` is the member's, or "" for length and padding."""
+    """Points, above 0 if for a reading, and words. `path` is the member's, or "" for length and padding."""
 
     points: float
     path: str
@@ -54,7 +54,7 @@ class Reason(NamedTuple):
 EvidenceCache = dict[tuple[object, ...], dict[bytes, LeafEvidence | None]]
 
 
-class ReadMember(NamedTuple):
+class JudgedMember(NamedTuple):
     leaf: Leaf
     start: int
     stop: int
@@ -63,7 +63,7 @@ class ReadMember(NamedTuple):
     can_narrow: bool  # the next member would stay in place if this one were half as wide
 
 
-class LayoutView:
+class JudgedLayout:
     """The leaves and gaps to judge in a layout; layouts share the evidence that is known already."""
 
     def __init__(self, layout: Layout, known: EvidenceCache) -> None:
@@ -82,9 +82,9 @@ class LayoutView:
             follows = leaves[number + 1].size if number + 1 < len(leaves) else leaf.size
             can_narrow = layout.rules.cap > 1 and not leaf.path.endswith("]") and follows > leaf.size // 2
             stop, kept = leaf.offset + leaf.size, known.setdefault(key, {})
-            self.members.append(ReadMember(leaf, leaf.offset, stop, kept, bits, can_narrow))
+            self.members.append(JudgedMember(leaf, leaf.offset, stop, kept, bits, can_narrow))
 
-    def evidence(self, member: ReadMember, raw: bytes) -> LeafEvidence | None:
+    def evidence(self, member: JudgedMember, raw: bytes) -> LeafEvidence | None:
         if raw not in member.known:
             found = (
                 bits_evidence(member.bits, raw)
@@ -98,7 +98,7 @@ class LayoutView:
 class MemberPoints(NamedTuple):
     """The points of one member over all messages. `raw` are the bytes with points nearest to the mean."""
 
-    member: ReadMember
+    member: JudgedMember
     points: float
     fair: float
     order: float
@@ -112,13 +112,13 @@ class MemberPoints(NamedTuple):
 
 class Reading:
     def __init__(
-        self, profiles: tuple[Profile, ...], look: LayoutView, cause: FitCause, cutting: CutMessages
+        self, profiles: tuple[Profile, ...], look: JudgedLayout, cause: FitCause, cutting: CutMessages
     ) -> None:
         self.profiles, self.look, self.cause, self.cutting = profiles, look, cause, cutting
         self.others: list[Reason] = []  # all reasons but those of members
         self.member_points: list[MemberPoints] = []
         self.steps: list[Reason] = []
-        self.read: list[tuple[ReadMember, list[bytes]]] = []  # each member, its bytes with the cause undone
+        self.read: list[tuple[JudgedMember, list[bytes]]] = []  # each member, its bytes with the cause undone
         self.has_length = True
         self.has_meaning = True  # the bytes beside the members are known
         self.odd = ""  # a value that machines do not send
@@ -130,7 +130,7 @@ class Reading:
     def judge(
         cls,
         profiles: tuple[Profile, ...],
-        look: LayoutView,
+        look: JudgedLayout,
         cause: FitCause,
         messages: Sequence[bytes],
         framed: bool,
@@ -195,10 +195,10 @@ class Reading:
                 parts = changed
             self.judge_member(member, parts)
             self.read.append((member, parts))
-        self.weaken_equals()
+        self.weaken_equal_members()
         return has_changed
 
-    def weaken_equals(self) -> None:
+    def weaken_equal_members(self) -> None:
         """Reduce the points of members with equal bytes, as in an ARRAY: they are partly one fact."""
         count = Counter(one.parts for one in self.member_points)
         for number, one in enumerate(self.member_points):
@@ -206,7 +206,7 @@ class Reading:
             points, fair, order = one.points * share, one.fair * share, one.order * share
             self.member_points[number] = one._replace(points=points, fair=fair, order=order)
 
-    def judge_member(self, member: ReadMember, parts: list[bytes]) -> None:
+    def judge_member(self, member: JudgedMember, parts: list[bytes]) -> None:
         rules = self.look.layout.rules
         distinct = {value_bytes(member.leaf, part, rules): part for part in parts}.values()
         known = [(found, part) for part in distinct if (found := self.look.evidence(member, part))]
@@ -232,11 +232,11 @@ class Reading:
                 values,
             )
         )
-        self.judge_sign(member, values)
+        self.judge_width(member, values)
         if len(distinct) > 1:
-            self.judge_steps(member, parts)
+            self.judge_changes(member, parts)
 
-    def judge_sign(self, member: ReadMember, parts: Sequence[bytes]) -> None:
+    def judge_width(self, member: JudgedMember, parts: Sequence[bytes]) -> None:
         """Note a number if half its width would make all of its values negative."""
         type_ = member.leaf.type
         if not member.can_narrow or not isinstance(type_, Elementary) or type_.kind is not ValueKind.INTEGER:
@@ -249,9 +249,9 @@ class Reading:
                 f"{self.path(member)} = {numbers[-1]} is {half} if the sender's number is half as wide"
             )
 
-    def judge_steps(self, member: ReadMember, parts: list[bytes]) -> None:
+    def judge_changes(self, member: JudgedMember, parts: list[bytes]) -> None:
         pairs = [(before, after) for before, after in pairwise(parts) if before != after]
-        steps = [judge_step(member.leaf, before, after, self.look.layout.rules) for before, after in pairs]
+        steps = [judge_change(member.leaf, before, after, self.look.layout.rules) for before, after in pairs]
         weighed = [step for step in steps if step[0]]
         if weighed:
             mean = sum(points for points, _ in weighed) / len(weighed)
@@ -319,13 +319,13 @@ class Reading:
         return min(for_it + CONTRARY_WEIGHT * sum(points for points in each if points < 0), MOST_ORDER_POINTS)
 
     @property
-    def order(self) -> object:
+    def order_key(self) -> object:
         """Return a value that is equal for readings with the same order of bytes in numbers."""
         cause = self.cause
         return self.profiles[0].byte_order, cause.kind if cause.of_member or cause.of_all else None
 
     @cached_property
-    def meaning(self) -> object:
+    def meaning_key(self) -> object:
         """Return a value that is equal for readings in which these bytes mean the same."""
         look = self.look
         is_seen = look.stop == look.layout.leaf_count and not any(map(self.is_negative, self.member_points))
@@ -335,7 +335,7 @@ class Reading:
         )
 
     @cached_property
-    def values(self) -> object:
+    def values_key(self) -> object:
         size, front, rules = self.look.layout.size, self.cause.front, self.look.layout.rules
         members = []
         for member, parts in self.read:
@@ -345,11 +345,11 @@ class Reading:
         return size + front + self.cause.back, tuple(members)
 
     @cached_property
-    def places(self) -> object:
+    def places_key(self) -> object:
         """Return a value that is equal for readings with equal byte order, cause kind and member places."""
         front = self.cause.front
         return (
-            self.order,
+            self.order_key,
             self.cause.kind,
             [(member.leaf.path, member.start + front, member.bits) for member, _ in self.read],
         )
@@ -363,7 +363,7 @@ class Reading:
             own, *others = (
                 share
                 * sum(found.points for part in set(parts) if (found := self.look.evidence(member, way(part))))
-                for way in (bytes, reverse_bytes, exchange_pairs, exchange_words)
+                for way in (bytes, reverse_bytes, exchange_in_pairs, exchange_words)
             )
             if own < UNLIKELY_POINTS and max(others) > own + EXCHANGED_LEAD[member.leaf.size > 2]:
                 value = decode_leaf(self.look.layout, member.leaf, parts[-1])
@@ -376,14 +376,14 @@ class Reading:
         return max((member.leaf.size for member, _ in self.read if is_number(member)), default=0)
 
     @cached_property
-    def by_path(self) -> dict[str, list[object]]:
+    def by_name(self) -> dict[str, list[object]]:
         layout = self.look.layout
         return {
             member.leaf.path: [decode_leaf(layout, member.leaf, part) for part in parts]
             for member, parts in self.read
         }
 
-    def plain_values(self, member: ReadMember, parts: list[bytes]) -> Iterator[object]:
+    def plain_values(self, member: JudgedMember, parts: list[bytes]) -> Iterator[object]:
         """Yield the value bytes of a member in each message; for a number, bytes in big-endian order."""
         rules = self.look.layout.rules
         is_little = rules.byte_order == "little"
@@ -401,7 +401,7 @@ class Reading:
         last = 0 if self.look.layout.rules.byte_order == "big" else -1
         return any(unit[start:stop][last] > 127 for unit in self.cutting.units if len(unit) >= stop)
 
-    def path(self, member: ReadMember) -> str:
+    def path(self, member: JudgedMember) -> str:
         return member.leaf.path or self.look.layout.name
 
     def reasons(self) -> tuple[Reason, ...]:
@@ -435,5 +435,5 @@ def reverse_bytes(raw: bytes) -> bytes:
     return raw[::-1]
 
 
-def is_number(member: ReadMember) -> bool:
+def is_number(member: JudgedMember) -> bool:
     return not isinstance(member.leaf.type, StringType) and not member.leaf.coding.code.endswith("s")

@@ -23,7 +23,7 @@ from trcvtui.udt.layout.layout_tree import (
     PlacedUnion,
     members_of,
 )
-from trcvtui.udt.layout.placing import BYTE, Builder, Placing, Unreachable, claim_name
+from trcvtui.udt.layout.placing import BYTE, Builder, Placer, Unplaceable, claim_name
 from trcvtui.udt.layout.rules import S7, LayoutRules
 from trcvtui.udt.layout.value_text import stored_form
 from trcvtui.udt.types import (
@@ -93,10 +93,10 @@ RawMember = tuple[int, str]  # `id` of the wanted node of its STRUCT, its name
 def prove_places(
     wanted: Node, found: Node, raw: Collection[RawMember], path: str = "", proved: set[object] | None = None
 ) -> None:
-    """Raise Unreachable unless all members have their places. A member in `raw` may be bytes or padding."""
+    """Raise Unreachable unless each member has its wanted place. One in `raw` may be bytes or padding."""
     proved = set() if proved is None else proved
     if found.size < wanted.size:
-        raise Unreachable(path, f"{found.size} bytes instead of {wanted.size}")
+        raise Unplaceable(path, f"{found.size} bytes instead of {wanted.size}")
     if (key := (id(wanted), id(found))) in proved:
         return
     if isinstance(wanted, PlacedStruct) and isinstance(found, PlacedStruct):
@@ -107,23 +107,23 @@ def prove_places(
             if is_raw and (bit is not None or one is None):  # a bit, or covered by padding
                 continue
             if one is None or one.offset != offset or (is_raw and one.node.size != node.size):
-                raise Unreachable(_join_path(path, name), "its place would differ")
+                raise Unplaceable(_join_path(path, name), "its place would differ")
             if not is_raw:
                 if one.bit != bit:
-                    raise Unreachable(_join_path(path, name), "its bit would differ")
+                    raise Unplaceable(_join_path(path, name), "its bit would differ")
                 prove_places(node, one.node, raw, _join_path(path, name), proved)
     elif isinstance(wanted, PlacedUnion) and isinstance(found, PlacedArray):  # as bytes
         if found.size != wanted.size:
-            raise Unreachable(path, "it has another size")
+            raise Unplaceable(path, "it has another size")
     elif isinstance(wanted, PlacedArray) and isinstance(found, PlacedArray):
         ours, theirs = found, wanted
         if (ours.bounds, ours.pitch, ours.row_size) != (theirs.bounds, theirs.pitch, theirs.row_size):
-            raise Unreachable(path, "the places of its elements would differ")
+            raise Unplaceable(path, "the places of its elements would differ")
         prove_places(wanted.element, found.element, raw, path + "[]", proved)
     elif not (isinstance(wanted, PlacedLeaf) and isinstance(found, PlacedLeaf)) or (
         (wanted.size, wanted.is_bit) != (found.size, found.is_bit)
     ):
-        raise Unreachable(path, "it has another size")
+        raise Unplaceable(path, "it has another size")
     proved.add(key)
 
 
@@ -164,7 +164,7 @@ def padded_type(wanted: Layout, rules: LayoutRules, is_scl: bool = False) -> Pad
 
 
 def _flatten_structs(wanted: Layout, names: Collection[str]) -> tuple[Layout, list[MemberNote]] | None:
-    """Replace the STRUCTs of these names by their members. Return None if there is no such STRUCT."""
+    """Return a layout with these STRUCTs replaced by their members, and notes, or None if there is none."""
     type_, root = wanted.type, wanted.root
     if not (isinstance(type_, Struct) and isinstance(root, PlacedStruct)) or root.leaves > MOST_NOTES:
         return None
@@ -202,7 +202,7 @@ def _try_rebuild(wanted: Layout, rules: LayoutRules, rebuild: _Rebuilder) -> Pad
         prove_places(wanted.root, layout.root, rebuild.raw)
         unreached = tuple(MemberNote(one.path, one.reason) for one in rebuild.unreached)
         return PaddedType(type_, layout, unreached, tuple(rebuild.notes))
-    except Unreachable as failed:  # only bytes are left: every layout can hold them
+    except Unplaceable as failed:  # only bytes are left: every layout can hold them
         raw = Array(((0, max(wanted.size, 1) - 1),), BYTE)
         layout = lay_out(raw, rules, f"{wanted.name}_{rebuild.suffix}")
         why = f"{failed.path}: {failed.why}" if failed.path else failed.why
@@ -239,11 +239,11 @@ class _Rebuilder:
         self.longer = wanted.root if is_longer else None  # only the whole type may be longer than is sent
         self.name = wanted.name
         self.suffix = wanted.rules.name.replace("-", "_")
-        self.placing = Placing(rules)
+        self.placing = Placer(rules)
         self.unreached: list[_RawMemberNote] = []
         self.notes: list[MemberNote] = []
         self.raw: set[RawMember] = set()
-        self._built: dict[int, _RebuildResult | Unreachable] = {}
+        self._built: dict[int, _RebuildResult | Unplaceable] = {}
 
     def rebuild_type(self, type_: Type, node: Node, path: str) -> Type:
         """Return the type to use instead of this one; raise Unreachable."""
@@ -253,7 +253,7 @@ class _Rebuilder:
                 return self.rebuild_array(type_, node, path)
             case Union() if self.is_scl:
                 if not node.size:
-                    raise Unreachable(path, "the UNION is empty")
+                    raise Unplaceable(path, "the UNION is empty")
                 return Array(((0, node.size - 1),), BYTE)
             case Struct() | Union():
                 assert isinstance(node, PlacedStruct)
@@ -264,9 +264,9 @@ class _Rebuilder:
                 if self.is_scl and isinstance(found, StringType):
                     length, most = self.rules.text.length(found), S7.text.largest_length(found)
                     if length > most:
-                        raise Unreachable(path, f"{type_text(found)}: SCL allows at most {most} characters")
+                        raise Unplaceable(path, f"{type_text(found)}: SCL allows at most {most} characters")
                 if found is None:
-                    raise Unreachable(path, why)
+                    raise Unplaceable(path, why)
                 if why:
                     self.notes.append(MemberNote(path, why))
                 return found
@@ -275,21 +275,21 @@ class _Rebuilder:
         if id(type_) not in self._built:
             self._built[id(type_)] = self.rebuild(type_, node, path)
         built = self._built[id(type_)]
-        if isinstance(built, Unreachable):
-            raise Unreachable(_join_path(path, built.path) if built.path else path, built.why)
+        if isinstance(built, Unplaceable):
+            raise Unplaceable(_join_path(path, built.path) if built.path else path, built.why)
         for one in built.unreached[: max(MOST_NOTES - len(self.unreached), 0)]:
             self.unreached.append(one._replace(path=_join_path(path, one.path)))
         for note in built.notes[: max(MOST_NOTES - len(self.notes), 0)]:
             self.notes.append(note._replace(path=_join_path(path, note.path)))
         return built.type
 
-    def rebuild(self, type_: Struct | Union, node: PlacedStruct, path: str) -> _RebuildResult | Unreachable:
+    def rebuild(self, type_: Struct | Union, node: PlacedStruct, path: str) -> _RebuildResult | Unplaceable:
         others = self.unreached, self.notes
         self.unreached, self.notes = [], []
         try:
             made = self.lay_struct(type_, node) if isinstance(type_, Struct) else self.lay_union(type_, node)
             return _RebuildResult(self.make_type(type_, made, path), self.unreached, self.notes)
-        except Unreachable as failed:
+        except Unplaceable as failed:
             return failed
         finally:
             self.unreached, self.notes = others
@@ -302,7 +302,7 @@ class _Rebuilder:
         assert isinstance(placed, PlacedArray)
         if (placed.pitch, placed.row_size) != (node.pitch, node.row_size):
             why = f"its elements are {node.pitch} bytes apart, but {placed.pitch} under {self.rules.name}"
-            raise Unreachable(path, why)
+            raise Unplaceable(path, why)
         return found
 
     def lay_struct(self, type_: Struct, node: PlacedStruct) -> Builder:
@@ -313,11 +313,11 @@ class _Rebuilder:
             mark = len(self.unreached), len(self.notes)
             try:
                 fill.put(name, self.rebuild_type(inner, child, name), offset, bit, name)
-            except Unreachable as failed:
+            except Unplaceable as failed:
                 del self.unreached[mark[0] :], self.notes[mark[1] :]
                 self.unreached.append(_RawMemberNote(name, failed.path[len(name) :], failed.why))
                 self.raw.add((id(node), name))
-                with suppress(Unreachable):  # if bytes cannot begin there either, padding covers it
+                with suppress(Unplaceable):  # if bytes cannot begin there either, padding covers it
                     fill.put_raw(name, offset, child.size, bit is not None, name)
         fill.pad_to_size(self.choose_size(node, fill), "")
         return fill
@@ -333,7 +333,7 @@ class _Rebuilder:
         return fill.least_size(node.size) if node is self.longer else node.size
 
     def make_builder(self, type_: Struct | Union, node: PlacedStruct, limit: int | None = None) -> Builder:
-        cap = max(self.pack, 1) if self.pack is not None else self.placing.cap(type_)
+        cap = max(self.pack, 1) if self.pack is not None else self.placing.align_cap(type_)
         return Builder(self.placing, cap, {one.name.casefold() for one in node.flat_members()}, limit)
 
     def make_type(self, type_: Struct | Union, fill: Builder, path: str) -> Struct | Union:

@@ -11,7 +11,7 @@ from typing import Final, Literal, NamedTuple
 
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import S7, LayoutRules
-from trcvtui.udt.st_write import join_arrays, rename_for_st, scl_name, scl_text, st_text, st_word
+from trcvtui.udt.st_write import join_arrays, rename_for_st, scl_name, scl_text, st_name, st_text
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,
@@ -97,7 +97,7 @@ class SwapCode(NamedTuple):
 
 def swap_code(sent: Layout, language: Language = "st") -> SwapCode:
     """Return the code that copies the variable `msg` to `wire` with the bytes of every number reversed."""
-    return _SwapWriter(sent.rules, language).swap(sent)
+    return _SwapWriter(sent.rules, language).write_code(sent)
 
 
 class _SwapPosition(NamedTuple):
@@ -119,10 +119,10 @@ class _SwapWriter:
         self.deepest = 0
         self._made: dict[int, Struct] = {}
 
-    def swap(self, sent: Layout) -> SwapCode:
+    def write_code(self, sent: Layout) -> SwapCode:
         plain = sent.type
         if self.language == "st":
-            sent = lay_out(rename_for_st(sent.type), self.rules, st_word(sent.name))
+            sent = lay_out(rename_for_st(sent.type), self.rules, st_name(sent.name))
         made = self.swap_type(sent.type)
         assert lay_out(made, self.rules).size == sent.size
         body = "\n".join(self.statements(sent.type, _SwapPosition(plain, "wire", "msg", "")))
@@ -147,7 +147,7 @@ class _SwapWriter:
                     self._made[id(type_)] = self.swap_struct(type_)
                 return self._made[id(type_)]
             case _:
-                row = self.number_row(type_)
+                row = self.number_type(type_)
                 return type_ if row is None or row.kind is ValueKind.BITS else ELEMENTARY[BITS[row.size]]
 
     def swap_struct(self, type_: Struct) -> Struct:
@@ -159,11 +159,11 @@ class _SwapWriter:
         name = f"{type_.name}_swapped" if type_.name else ""
         return Struct(name, members, base, type_.pack, type_.bit_fields)
 
-    def stored_row(self, type_: Type) -> Elementary | None:
+    def stored_type(self, type_: Type) -> Elementary | None:
         return self.rules.storage(type_) if isinstance(type_, Elementary | Subrange | Enumeration) else None
 
-    def number_row(self, type_: Type) -> Elementary | None:
-        row = self.stored_row(type_)
+    def number_type(self, type_: Type) -> Elementary | None:
+        row = self.stored_type(type_)
         if row is None or row.size not in BITS or row.code.endswith("s") or row.kind is ValueKind.ADDRESS:
             return None
         return row
@@ -176,13 +176,13 @@ class _SwapWriter:
             case StringType(wide=wide):
                 return not wide
             case _:
-                row = self.stored_row(type_)
+                row = self.stored_type(type_)
                 # The BCD digits of a DT have no byte order.
                 return row is not None and (row.size == 1 or (row.name, row.code) == ("DT", "8s"))
 
     def statements(self, type_: Type, at: _SwapPosition) -> Iterator[str]:
         _, to, of, path, _, indent = at
-        row = self.number_row(type_)
+        row = self.number_type(type_)
         if self.keeps_bytes(type_) and _has_type_name(type_):
             yield f"{indent}{self.variable_name(to)} := {self.variable_name(of)};"
         elif row is not None:

@@ -1,6 +1,6 @@
 """A Wireshark dissector in Lua, with a ProtoField for each member. It joins TCP segments to whole values.
 
-Rule: each STRUCT and each array element is written once, even if many members have its type.
+Rule: each STRUCT is written once, even if many members have its type. So is the element of an array.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def write_dissector(layout: Layout, port: int | None = None) -> str:
     structs = [writer.struct(type_, node) for type_, node in structs_of(layout.type, layout.root)]
     rules, name = layout.rules, one_line(layout.name)
     form = f"layout {rules.name}, {rules.byte_order}-endian, {layout.size} bytes"
-    begin = Template(_read_parts()["begin"].text).substitute(
+    begin = Template(_read_sections()["begin"].text).substitute(
         name=name,
         form=form,
         where=f"TCP port {port}" if port else '"Decode As" on a TCP port',
@@ -55,27 +55,27 @@ def write_dissector(layout: Layout, port: int | None = None) -> str:
         about=quote(f"{name} ({form})"),
     )
     add = f"add({port}, proto)" if port else "add_for_decode_as(proto)"
-    end = Template(_read_parts()["end"].text).substitute(
+    end = Template(_read_sections()["end"].text).substitute(
         root=root, register=f'DissectorTable.get("tcp.port"):{add}'
     )
-    readers = [part.text for reader, part in _read_parts().items() if reader in writer.readers]
+    readers = [part.text for reader, part in _read_sections().items() if reader in writer.readers]
     return "".join(
         [begin, *readers, *(f"{text}\n" for text in (*writer.enumerations.values(), *structs)), end]
     )
 
 
-class _LuaPart(NamedTuple):
+class _LuaSection(NamedTuple):
     text: str
     calls: list[str]
 
 
 @cache
-def _read_parts() -> dict[str, _LuaPart]:
+def _read_sections() -> dict[str, _LuaSection]:
     """Return the parts of `dissector.lua` by name, in the order in which they are written."""
     text = Path(__file__).with_name("dissector.lua").read_text(encoding="utf-8")
     _, *pieces = re.split(r"^--- (.+)\n", text, flags=re.MULTILINE)
     heads = [head.split() for head in pieces[::2]]
-    return {name: _LuaPart(text, calls) for (name, *calls), text in zip(heads, pieces[1::2], strict=True)}
+    return {name: _LuaSection(text, calls) for (name, *calls), text in zip(heads, pieces[1::2], strict=True)}
 
 
 def filter_name(name: str) -> str:
@@ -162,27 +162,27 @@ class _LuaWriter:
             case ValueKind.REAL:
                 return "float" if row.size == 4 else "double", "", ""
             case ValueKind.CHARACTER:
-                return "string", "", self.use("latin1" if row.size == 1 else "wide")
+                return "string", "", self.use_reader("latin1" if row.size == 1 else "wide")
             case _:
                 return "string", "", self.time_reader(row)
 
     def text_reader(self, text: StringType) -> str:
         name = ("headed" if self.rules.text.header else "ended") + ("_wide" if text.wide else "")
-        reader = f", {self.use('as_utf8')}" if text.utf8 else ""
-        return f"{self.use(name)}({self.rules.text.length(text)}{reader})"
+        reader = f", {self.use_reader('as_utf8')}" if text.utf8 else ""
+        return f"{self.use_reader(name)}({self.rules.text.length(text)}{reader})"
 
     def time_reader(self, row: Elementary) -> str:
         if row.code in OWN_FORM_READERS or row.name == "S5TIME":
-            return self.use(OWN_FORM_READERS.get(row.code, "s5time"))
-        epoch = f", {row.epoch_ns // DAY}" if row.kind in (ValueKind.DATE, ValueKind.DATE_AND_TIME) else ""
-        signed = str(row.code.islower()).lower()
-        return f"{self.use(CLOCKS[row.kind])}({quote(PREFIXES[row.name])}, {signed}, {row.unit_ns}{epoch})"
+            return self.use_reader(OWN_FORM_READERS.get(row.code, "s5time"))
+        day = f", {row.epoch_ns // DAY}" if row.kind in (ValueKind.DATE, ValueKind.DATE_AND_TIME) else ""
+        sign = str(row.code.islower()).lower()
+        return f"{self.use_reader(CLOCKS[row.kind])}({quote(PREFIXES[row.name])}, {sign}, {row.unit_ns}{day})"
 
-    def use(self, reader: str) -> str:
+    def use_reader(self, reader: str) -> str:
         if reader not in self.readers:
             self.readers.add(reader)
-            for needed in _read_parts()[reader].calls:
-                self.use(needed)
+            for needed in _read_sections()[reader].calls:
+                self.use_reader(needed)
         return reader
 
     def use_enumeration(self, type_: Enumeration, row: Elementary) -> str:

@@ -17,8 +17,8 @@ from trcvtui.udt.literals import (
     EXPECTED,
     date_and_time_text,
     date_ns,
+    format_duration,
     format_literal,
-    format_time,
     parse_date_and_time,
     parse_duration,
     parse_integer,
@@ -36,7 +36,7 @@ class ValueRefused(Exception):
 
 
 class Coding(NamedTuple):
-    """How one leaf is stored. `code` is for `struct`, without byte order. `to_value` None changes nothing.
+    """How a leaf is stored. `code` is for `struct`, without byte order. `to_value` is None for no change.
 
     `odd` describes odd bytes of the leaf, such as `16#05` for a BOOL. It returns "" if nothing is odd.
     """
@@ -94,11 +94,11 @@ def text_coding(type_: StringType, rules: LayoutRules) -> Coding:
     charset = "utf-8" if type_.utf8 else "latin-1"
     if type_.wide:
         charset = "utf-16-le" if rules.byte_order == "little" else "utf-16-be"
-    coding = (_headed_coding if rules.text.header else _ended_coding)(type_, rules, charset)
+    coding = (_header_text_coding if rules.text.header else _nul_text_coding)(type_, rules, charset)
     return coding if charset == "latin-1" else _mark_odd_codes(coding, rules, 2 if type_.utf8 else 4)
 
 
-def _headed_coding(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
+def _header_text_coding(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
     longest = rules.text.length(type_)
     lengths = struct.Struct(BYTE_ORDERS[rules.byte_order] + ("HH" if type_.wide else "BB"))
     unit = lengths.size // 2
@@ -122,7 +122,7 @@ def _headed_coding(type_: StringType, rules: LayoutRules, charset: str) -> Codin
     return Coding(f"{rules.text.size(type_)}s", to_value, to_raw, describe_odd)
 
 
-def _ended_coding(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
+def _nul_text_coding(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
     unit = 2 if type_.wide else 1
     longest = rules.text.length(type_)
 
@@ -204,7 +204,7 @@ def _packed_date_coding(
     read: Callable[[bytes], tuple[int | None, int]],
     bytes_of: Callable[[int], bytes | None],
 ) -> Coding:
-    """Return the coding of a date. `read` returns ns since 1970, or None for no date, and weekday."""
+    """Return the coding of a date. `read` returns ns since 1970 (None: no date) and the weekday."""
 
     def to_value(raw: bytes) -> Value:
         ns, _ = read(raw)
@@ -227,13 +227,13 @@ def _packed_date_coding(
     return Coding(f"{size}s", to_value, to_raw, describe_odd)
 
 
-def bcd_coding(_: LayoutRules) -> Coding:
+def bcd_date_coding(_: LayoutRules) -> Coding:
     """Return DATE_AND_TIME of 8 bytes: YY MM DD hh mm ss, milliseconds in 3 digits, day of the week."""
     expected = "DT from DT#1990-01-01-00:00:00 to DT#2089-12-31-23:59:59.999"
-    return _packed_date_coding(8, "DT#", expected, _parse_bcd, _format_bcd)
+    return _packed_date_coding(8, "DT#", expected, _parse_bcd_date, _format_bcd_date)
 
 
-def _parse_bcd(raw: bytes) -> tuple[int | None, int]:
+def _parse_bcd_date(raw: bytes) -> tuple[int | None, int]:
     digits = raw.hex()
     if not digits[:15].isdecimal():
         return None, 0
@@ -242,7 +242,7 @@ def _parse_bcd(raw: bytes) -> tuple[int | None, int]:
     return _moment_ns(year, month, day, hour, minute, second, int(digits[12:15]) * MS), raw[7] & 15
 
 
-def _format_bcd(ns: int) -> bytes | None:
+def _format_bcd_date(ns: int) -> bytes | None:
     year, month, day, hour, minute, second, rest = _split_moment(ns)
     if ns % MS or not FIRST_BCD_YEAR <= year <= LAST_BCD_YEAR:
         return None
@@ -271,7 +271,7 @@ S5_BASES_MS = (10, 100, 1000, 10_000)
 
 
 def s5time_coding(rules: LayoutRules) -> Coding:
-    """Return S5TIME of 2 bytes. Bits 0 to 11 are 3 BCD digits, 12 and 13 the time base, 14, 15 unused."""
+    """Return 2-byte S5TIME. Bits 0 to 11 are 3 BCD digits, 12 and 13 the time base, 14 and 15 unused."""
     order = BYTE_ORDERS[rules.byte_order]
 
     def to_value(raw: int) -> Value:
@@ -279,7 +279,7 @@ def s5time_coding(rules: LayoutRules) -> Coding:
         if ms is None:
             return f"16#{raw:04X}"
         # The word is not the usual one for this time: it follows in brackets, so that encode restores it.
-        return format_time(ms * MS, "S5T#") + ("" if _ms_to_s5_word(ms) == raw else f" (16#{raw:04X})")
+        return format_duration(ms * MS, "S5T#") + ("" if _ms_to_s5_word(ms) == raw else f" (16#{raw:04X})")
 
     def to_raw(value: object) -> int:
         word = parse_hex_text(value, 2)
@@ -313,7 +313,7 @@ def _s5_word_to_ms(raw: int) -> int | None:
 
 
 def _ms_to_s5_word(ms: int) -> int | None:
-    """Return the word with the smallest time base that is exact, or None if no base is."""
+    """Return the word with the smallest time base that is exact, or None if no base fits."""
     for number, base in enumerate(S5_BASES_MS):
         if ms % base == 0 and 0 <= ms <= 999 * base:
             return number << 12 | int(str(ms // base), 16)
@@ -348,7 +348,7 @@ def _bool_coding(row: Elementary, rules: LayoutRules) -> Coding:
     return Coding(row.code, None, to_raw, None if row.name in rules.bits else describe_odd)
 
 
-def _whole_coding(row: Elementary, _: LayoutRules | None = None) -> Coding:
+def _integer_coding(row: Elementary, _: LayoutRules | None = None) -> Coding:
     low, high = row.limits
 
     def to_raw(value: object) -> int:
@@ -403,7 +403,7 @@ def _date_coding(row: Elementary, rules: LayoutRules) -> Coding:
 
     def to_value(count: int) -> str:
         rest = count % a_day * row.unit_ns
-        return format_literal(row, count) + (f" (and {format_time(rest)})" if rest else "")
+        return format_literal(row, count) + (f" (and {format_duration(rest)})" if rest else "")
 
     return (
         _literal_coding(row, rules) if a_day == 1 else _count_coding(row, to_value, partial(_parse_day, row))
@@ -437,7 +437,7 @@ def _parse_day(row: Elementary, text: str) -> int | None:
 
 
 def _address_coding(row: Elementary, _: LayoutRules) -> Coding:
-    whole = _whole_coding(row)
+    whole = _integer_coding(row)
 
     def to_value(address: int) -> str:
         return f"16#{address:0{2 * row.size}X}"
@@ -446,7 +446,7 @@ def _address_coding(row: Elementary, _: LayoutRules) -> Coding:
 
 
 def _enumeration_coding(type_: Enumeration, row: Elementary) -> Coding:
-    whole = _whole_coding(row)
+    whole = _integer_coding(row)
     numbers = {name.casefold(): number for name, number in type_.values}
 
     def to_raw(value: object) -> object:
@@ -458,8 +458,8 @@ def _enumeration_coding(type_: Enumeration, row: Elementary) -> Coding:
 
 CODING_BY_KIND: dict[ValueKind, Callable[[Elementary, LayoutRules], Coding]] = {
     ValueKind.BOOL: _bool_coding,
-    ValueKind.INTEGER: _whole_coding,
-    ValueKind.BITS: _whole_coding,
+    ValueKind.INTEGER: _integer_coding,
+    ValueKind.BITS: _integer_coding,
     ValueKind.REAL: _real_coding,
     ValueKind.CHARACTER: _character_coding,
     ValueKind.DURATION: _literal_coding,
@@ -470,7 +470,7 @@ CODING_BY_KIND: dict[ValueKind, Callable[[Elementary, LayoutRules], Coding]] = {
 }
 # By name and `struct` code: under other layouts the same name may be a plain count.
 OWN_CODINGS: dict[tuple[str, str], Callable[[LayoutRules], Coding]] = {
-    ("DT", "8s"): bcd_coding,
+    ("DT", "8s"): bcd_date_coding,
     ("DTL", "12s"): dtl_coding,
     ("S5TIME", "H"): s5time_coding,
 }

@@ -13,16 +13,16 @@ from typing import NamedTuple
 
 from trcvtui.errors import UserError, mistake
 from trcvtui.udt.layout.layout_tree import (
-    Codec,
     Leaf,
+    LeafDecoder,
     Node,
     PlacedArray,
     PlacedLeaf,
-    codec_of,
+    decoder_of,
     find_node,
     leaves_of,
 )
-from trcvtui.udt.layout.placing import MOST_LEAVES, Placing
+from trcvtui.udt.layout.placing import MOST_LEAVES, Placer
 from trcvtui.udt.layout.rules import BYTE_ORDERS, DEFAULT_LAYOUT, LAYOUTS, LayoutRules, rules_for
 from trcvtui.udt.layout.value_text import stored_form
 from trcvtui.udt.types import Enumeration, StringType, Struct, Type, Union, ValueKind, all_parts, type_text
@@ -68,9 +68,9 @@ class Layout:
         return self.root.leaves
 
     @cached_property
-    def whole_codec(self) -> Codec | None:
+    def whole_decoder(self) -> LeafDecoder | None:
         """Return the codec of the whole layout, compiled once; None if leaves share bytes."""
-        return codec_of(self._leaves, BYTE_ORDERS[self.rules.byte_order])
+        return decoder_of(self._leaves, BYTE_ORDERS[self.rules.byte_order])
 
     @cached_property
     def _leaves(self) -> tuple[Leaf, ...]:
@@ -84,7 +84,7 @@ class Layout:
         return self._leaves[number]
 
     @cached_property
-    def _owners(self) -> array[int]:
+    def _leaf_by_byte(self) -> array[int]:
         # For each byte the number of the first leaf that covers it, -1 in a gap.
         owners = array("i", [-1]) * self.size
         for number in range(self.leaf_count - 1, -1, -1):
@@ -94,7 +94,7 @@ class Layout:
 
     def leaf_number_at(self, place: int) -> int | None:
         """Return the number of the first leaf that covers the byte at `place`."""
-        number = self._owners[place] if 0 <= place < self.size else -1
+        number = self._leaf_by_byte[place] if 0 <= place < self.size else -1
         return None if number < 0 else number
 
     def count_leaves_within(self, length: int) -> int:
@@ -128,7 +128,7 @@ class Layout:
 def lay_out(type_: Type, rules: LayoutRules, name: str = "") -> Layout:
     """Return the layout of a type; raise UserError if something in it has no layout or is too large."""
     name = _declared_spelling(type_, name) or type_text(type_)
-    return Layout(name, type_, rules, Placing(rules).place(type_, name))
+    return Layout(name, type_, rules, Placer(rules).place(type_, name))
 
 
 def _declared_spelling(type_: Type, name: str) -> str:

@@ -66,7 +66,7 @@ class PlacedStruct:
 
     def __init__(self, parts: Sequence[PlacedMember], size: int, align: int) -> None:
         self.names = tuple(part.name for part in parts)
-        self.steps = tuple(map(_quote_step, self.names))
+        self.steps = tuple(map(_quote_name, self.names))
         self.offsets = tuple(part.offset for part in parts)
         self.nodes = tuple(part.node for part in parts)
         self.bits = tuple(part.bit for part in parts)
@@ -116,7 +116,7 @@ class PlacedArray:
         self.leaves: int = element.leaves * self.count
         self.overlaps: bool = element.overlaps
 
-    def place(self, number: int) -> tuple[int, int]:
+    def element_place(self, number: int) -> tuple[int, int]:
         """Return the offset of element `number`, and its bit there. An element that is no bit has bit 0."""
         if not self.is_bits:
             return number * self.pitch, 0
@@ -124,7 +124,7 @@ class PlacedArray:
         return row * self.row_size + column // 8, column % 8
 
 
-def _quote_step(name: str) -> str:
+def _quote_name(name: str) -> str:
     return name if not name or re.fullmatch(_NAME, name) else '"' + name.replace('"', '""') + '"'
 
 
@@ -150,7 +150,7 @@ def leaves_of(node: Node, path: str = "", offset: int = 0, bit: int = 0) -> Iter
                 yield from leaves_of(child, prefix + step if step else path, offset + place, at)
     elif node.leaves:
         for number, index in enumerate(indices(node)):
-            place, at = node.place(number)
+            place, at = node.element_place(number)
             yield from leaves_of(node.element, path + index, offset + place, at)
 
 
@@ -212,7 +212,7 @@ Data = bytes | bytearray | memoryview
 LeafValues = tuple[Value | None, ...]
 
 
-class Codec:
+class LeafDecoder:
     """Reads bytes as values, in leaf order; raises struct.error if there are too few bytes."""
 
     def __init__(self, leaves: Sequence[Leaf], order: str) -> None:
@@ -237,7 +237,7 @@ class Codec:
         return tuple(values)
 
 
-def codec_of(leaves: Sequence[Leaf], order: str) -> Codec | None:
+def decoder_of(leaves: Sequence[Leaf], order: str) -> LeafDecoder | None:
     """Return the codec of the leaves, or None if a leaf is a bit or leaves share a byte.
 
     Bits share a byte, and members of a UNION share bytes. Such leaves are read one by one.
@@ -247,4 +247,4 @@ def codec_of(leaves: Sequence[Leaf], order: str) -> Codec | None:
         if leaf.bit is not None or leaf.offset < end:
             return None
         end = leaf.offset + leaf.size
-    return Codec(leaves, order)
+    return LeafDecoder(leaves, order)

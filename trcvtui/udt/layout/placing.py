@@ -26,11 +26,11 @@ from trcvtui.udt.types import (
     BitField,
     LeafType,
     Member,
+    RawType,
     StringType,
     Struct,
     Type,
     Union,
-    Unplaced,
     type_text,
 )
 
@@ -41,15 +41,15 @@ MOST_LEAVES = 131_072  # twice the bytes of DATA; bounds the list of leaves in m
 _N = TypeVar("_N", PlacedStruct, PlacedArray)
 
 
-class Span(NamedTuple):
+class PlacedParts(NamedTuple):
     """A candidate for a place in a STRUCT: size, alignment, and its known parts with their offsets."""
 
     size: int
     align: int
-    parts: tuple[tuple[int, Node | Span], ...] = ()
+    parts: tuple[tuple[int, Node | PlacedParts], ...] = ()
 
 
-class Placing:
+class Placer:
     """Places the types of one layout, and keeps the types that are placed so far."""
 
     def __init__(self, rules: LayoutRules) -> None:
@@ -78,7 +78,7 @@ class Placing:
                 return self.place_struct(type_, where)
             case Union():
                 return self.place_union(type_, where)
-            case Unplaced(name=name, why=why):
+            case RawType(name=name, why=why):
                 raise mistake(where, f"{name}, {why}", "a type that can be laid out")
         return self.place_leaf(type_, where)
 
@@ -97,10 +97,10 @@ class Placing:
 
     def place_array(self, type_: Array, where: str) -> PlacedArray:
         element = self.place(type_.element, where)
-        pitch, align = self.pitch(element)
+        pitch, align = self.pitch_and_align(element)
         return _check_size(PlacedArray(type_, element, pitch, align), where)
 
-    def pitch(self, element: Node | Span) -> tuple[int, int]:
+    def pitch_and_align(self, element: Node | PlacedParts) -> tuple[int, int]:
         """Return the distance between the elements of an ARRAY, and the alignment of the ARRAY."""
         pitch = round_up(element.size, min(element.align, self.rules.cap))
         return pitch, max(element.align, self.rules.array_floor)
@@ -129,10 +129,10 @@ class Placing:
         return _check_size(PlacedStruct(placed, round_up(end, align), align), where)
 
     def member_spots(
-        self, type_: Struct | Union, parts: Sequence[tuple[str, Type, Node | Span]]
+        self, type_: Struct | Union, parts: Sequence[tuple[str, Type, Node | PlacedParts]]
     ) -> tuple[list[tuple[int, int]], int, int]:
         """Return offset and bit of each part of a STRUCT, the end of the last part, the alignment."""
-        cap, rules = self.cap(type_), self.rules
+        cap, rules = self.align_cap(type_), self.rules
         spots: list[tuple[int, int]] = []
         end, align, bit = 0, rules.struct_floor if parts or type_.bit_fields else 1, 0
         for at, (_, inner, node) in enumerate(parts):
@@ -140,7 +140,7 @@ class Placing:
                 end, align = self.place_bit_fields(type_, at, end, align)
                 # A bit-field ends the byte that BITs share.
                 bit = 0 if any(one.at == at for one in type_.bit_fields) else bit
-            step = self.step(node, cap)
+            step = self.member_align(node, cap)
             align = max(align, step)
             is_bit = isinstance(node, PlacedLeaf) and node.is_bit
             if is_bit and 0 < bit < 8:  # the next bit of the same byte
@@ -149,7 +149,7 @@ class Placing:
                 continue
             offset = round_up(end, step)
             spots.append((offset, 0))
-            end = round_up(offset + node.size, self.end_floor(inner))
+            end = round_up(offset + node.size, self.end_multiple(inner))
             bit = int(is_bit)
         end, align = self.place_bit_fields(type_, len(parts), end, align)
         return spots, end, align
@@ -160,46 +160,46 @@ class Placing:
         A bit-field does not cross a bound of its type, except under any `#pragma pack`. A bit-field of
         width 0 moves to the next bound.
         """
-        cap, place = self.cap(type_), 8 * end
+        cap, place = self.align_cap(type_), 8 * end
         is_packed = cap < 8 or (type_.pack is not None and self.rules.takes_pack)
         for one in type_.bit_fields:
             if one.at != at:
                 continue
-            step = self.bits_step(one, cap)
+            step = self.bit_field_align(one, cap)
             unit, align = 8 * (one.size or step), max(align, step)
             if not one.width or (not is_packed and place // unit != (place + one.width - 1) // unit):
                 place = round_up(place, unit)
             place += one.width
         return round_up(place, 8) // 8, align
 
-    def bits_step(self, one: BitField, cap: int) -> int:
+    def bit_field_align(self, one: BitField, cap: int) -> int:
         """Return the alignment of a bit-field, or of an ARRAY without a length."""
         if one.element is None:
             return min(one.size, cap) if one.is_named else 1
-        return max(min(self.pitch(self.place(one.element, ""))[1], cap), self.rules.member_floor)
+        return max(min(self.pitch_and_align(self.place(one.element, ""))[1], cap), self.rules.member_floor)
 
     def place_union(self, type_: Struct | Union, where: str) -> PlacedStruct:
-        cap, parts = self.cap(type_), self.place_members(type_, where)
+        cap, parts = self.align_cap(type_), self.place_members(type_, where)
         align = self.rules.struct_floor if parts or type_.bit_fields else 1
         end = max((-(-one.width // 8) for one in type_.bit_fields), default=0)
-        align = max([align, *(self.bits_step(one, cap) for one in type_.bit_fields)])
+        align = max([align, *(self.bit_field_align(one, cap) for one in type_.bit_fields)])
         for _, inner, node in parts:
-            align = max(align, self.step(node, cap))
-            end = max(end, round_up(node.size, self.end_floor(inner)))
+            align = max(align, self.member_align(node, cap))
+            end = max(end, round_up(node.size, self.end_multiple(inner)))
         placed = [PlacedMember(name, 0, node) for name, _, node in parts]
         return _check_size(PlacedUnion(placed, round_up(end, align), align), where)
 
-    def cap(self, type_: Struct | Union) -> int:
+    def align_cap(self, type_: Struct | Union) -> int:
         """Return the largest alignment of members. It is the type's pack_mode if the layout applies it."""
         if type_.pack is None or not self.rules.takes_pack:
             return self.rules.cap
         return max(type_.pack, 1)
 
-    def step(self, node: Node | Span, cap: int) -> int:
+    def member_align(self, node: Node | PlacedParts, cap: int) -> int:
         """Return the alignment of a member in a STRUCT whose largest alignment is `cap`."""
         return max(min(node.align, cap), self.rules.member_floor)
 
-    def end_floor(self, type_: Type) -> int:
+    def end_multiple(self, type_: Type) -> int:
         """Return the multiple to which the end of a member of this type is rounded up."""
         if isinstance(type_, Array):
             return self.rules.array_floor
@@ -208,7 +208,7 @@ class Placing:
 
 def has_padded_end(type_: Struct | Union) -> bool:
     """Return whether a class of C++ has room behind its members, where a derived class may begin."""
-    placing = Placing(rules_for("c"))
+    placing = Placer(rules_for("c"))
     try:
         _, end, align = placing.member_spots(type_, placing.place_members(type_, ""))
     except UserError:
@@ -231,7 +231,7 @@ def _check_size(node: _N, where: str) -> _N:
 BYTE = ELEMENTARY["BYTE"]
 
 
-class Unreachable(Exception):
+class Unplaceable(Exception):
     """A place where the layout cannot put the member."""
 
     def __init__(self, path: str, why: str) -> None:
@@ -245,7 +245,7 @@ class Builder:
     `limit` is the largest alignment with which the STRUCT can still have its wanted size.
     """
 
-    def __init__(self, placing: Placing, cap: int, taken: set[str], limit: int | None = None) -> None:
+    def __init__(self, placing: Placer, cap: int, taken: set[str], limit: int | None = None) -> None:
         self.placing, self.cap, self.taken, self.limit = placing, cap, taken, limit
         self.rules = placing.rules
         self.members: list[Member] = []
@@ -257,25 +257,25 @@ class Builder:
     def put(self, name: str, type_: Type, offset: int, bit: int | None, path: str) -> None:
         """Put a member at an offset. If that is impossible, raise Unreachable and change nothing."""
         node = self.placing.place(type_, path)
-        step = self.placing.step(node, self.cap)
+        step = self.placing.member_align(node, self.cap)
         is_bit = isinstance(node, PlacedLeaf) and node.is_bit
         if is_bit and bit:
             if (self.bits, self.end) != (bit, offset + 1):
-                raise Unreachable(path, f"no bit comes right before bit {bit} of byte {offset}")
+                raise Unplaceable(path, f"no bit comes right before bit {bit} of byte {offset}")
             self._add(name, type_, self.end)
             self.bits += 1
             return
         if is_bit and 0 < self.bits < 8 and offset == self.end:
-            raise Unreachable(path, f"bit 0 of byte {offset} would become bit {self.bits} of the byte before")
+            raise Unplaceable(path, f"bit 0 of byte {offset} would become bit {self.bits} of the byte before")
         if offset % step:
             layout, what = self.rules.name, type_text(type_)
-            raise Unreachable(path, f"{layout} places {what} at multiples of {step}, not at byte {offset}")
+            raise Unplaceable(path, f"{layout} places {what} at multiples of {step}, not at byte {offset}")
         if self.limit is not None and step > self.limit:
             why = f"{type_text(type_)} makes the size of its STRUCT a multiple of {step}"
-            raise Unreachable(path, f"{why} under {self.rules.name}")
+            raise Unplaceable(path, f"{why} under {self.rules.name}")
         self._fill_to(offset, step, path)
         self.align = max(self.align, step)
-        self._add(name, type_, round_up(offset + node.size, self.placing.end_floor(type_)))
+        self._add(name, type_, round_up(offset + node.size, self.placing.end_multiple(type_)))
         self.bits = int(is_bit)
 
     def put_raw(self, name: str, offset: int, size: int, is_bit: bool, path: str) -> None:
@@ -295,25 +295,25 @@ class Builder:
         """Pad to the size; raise Unreachable when the type cannot have it."""
         if size % self.align:
             layout = self.rules.name
-            raise Unreachable(path, f"under {layout} its size is a multiple of {self.align}, not {size}")
+            raise Unplaceable(path, f"under {layout} its size is a multiple of {self.align}, not {size}")
         self._fill_to(size, self.align, path)
 
     def overlay(self, name: str, type_: Type, path: str) -> None:
         """Put a member of a UNION at offset 0."""
         node = self.placing.place(type_, path)
-        self.align = max(self.align, self.placing.step(node, self.cap))
-        self._add(name, type_, max(self.end, round_up(node.size, self.placing.end_floor(type_))))
+        self.align = max(self.align, self.placing.member_align(node, self.cap))
+        self._add(name, type_, max(self.end, round_up(node.size, self.placing.end_multiple(type_))))
 
     def pad_union(self, size: int, path: str) -> None:
         """Give a UNION its size with a padding member; raise Unreachable if it cannot have that size."""
         if self.end > size or size % self.align:
             why = f"a UNION of {size} bytes: under {self.rules.name} its size is a multiple of {self.align}"
-            raise Unreachable(path, why)
+            raise Unplaceable(path, why)
         if round_up(self.end, self.align) != size:
             pad = Array(((0, size - 1),), BYTE)
             self.overlay(self._pad_name(), pad, path)
         if round_up(self.end, self.align) != size:
-            raise Unreachable(path, f"under {self.rules.name} a UNION cannot have {size} bytes")
+            raise Unplaceable(path, f"under {self.rules.name} a UNION cannot have {size} bytes")
 
     def _fill_to(self, offset: int, step: int, path: str) -> None:
         kept = len(self.members), self.end, self.bits, self._pads, self.align
@@ -325,7 +325,7 @@ class Builder:
             del self.members[kept[0] :]
             _, self.end, self.bits, self._pads, self.align = kept
             why = f"it must be at byte {offset}, but under {self.rules.name} the bytes before it end at {end}"
-            raise Unreachable(path, why)
+            raise Unplaceable(path, why)
 
     def _pad_once(self, offset: int) -> bool:
         """Add one padding member before the offset, an ARRAY if an ARRAY can begin there, else a BYTE."""

@@ -27,7 +27,7 @@ _T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True)
-class TextForm:
+class StringForm:
     """How a STRING is stored. `extra` counts units beside the characters: bytes, or words in a WSTRING.
 
     With `header` the units are [longest][actual] before the characters, else NULs after them. `default` is
@@ -57,9 +57,9 @@ class TextForm:
 TEXT_FORMS = {
     form.name: form
     for form in (
-        TextForm("s7", header=True, extra=2, default=80, longest=254, longest_wide=254),
-        TextForm("cstr", header=False, extra=2, default=80, longest=1 << 22, longest_wide=1 << 21),
-        TextForm("nul", header=False, extra=1, default=80, longest=1 << 22, longest_wide=1 << 21),
+        StringForm("s7", header=True, extra=2, default=80, longest=254, longest_wide=254),
+        StringForm("cstr", header=False, extra=2, default=80, longest=1 << 22, longest_wide=1 << 21),
+        StringForm("nul", header=False, extra=1, default=80, longest=1 << 22, longest_wide=1 << 21),
     )
 }
 
@@ -85,14 +85,14 @@ class LayoutRules:
     string_even: bool = False
     takes_pack: bool = False
     byte_order: str = "little"
-    text: TextForm = TEXT_FORMS["s7"]
+    text: StringForm = TEXT_FORMS["s7"]
     bits: frozenset[str] = frozenset({"BIT"})
     rows: tuple[Elementary, ...] = ()
     unverified: frozenset[str] = frozenset()
     pointer_size: int = 8
     text_forms: tuple[str, ...] = ("nul",)
 
-    def row(self, type_: Elementary) -> Elementary:
+    def own_type(self, type_: Elementary) -> Elementary:
         for row in self.rows:
             if row.name == type_.name:
                 return row
@@ -104,11 +104,11 @@ class LayoutRules:
         """Return the elementary type in which this layout stores the values of a type."""
         match type_:
             case Elementary():
-                return self.row(type_)
+                return self.own_type(type_)
             case Subrange(base=base) | Enumeration(base=base):
-                return self.row(base)
+                return self.own_type(base)
             case Pointer():
-                return self.row(ADDRESS)
+                return self.own_type(ADDRESS)
 
 
 # Baosky's manual prints one example, {DINT, DINT, CHAR} = 12 bytes. All its readings below but `packed` fit

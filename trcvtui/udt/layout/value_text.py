@@ -38,7 +38,7 @@ def stored_form(type_: LeafType, rules: LayoutRules) -> tuple[object, ...]:
     return row.name, row.code, row.unit_ns, row.epoch_ns
 
 
-def form_text(type_: LeafType, rules: LayoutRules) -> str:
+def stored_form_text(type_: LeafType, rules: LayoutRules) -> str:
     """Return the stored form in words, such as `TIME in ms with sign`."""
     if isinstance(type_, StringType):
         word = "WSTRING" if type_.wide else "STRING"
@@ -47,10 +47,10 @@ def form_text(type_: LeafType, rules: LayoutRules) -> str:
     row = rules.storage(type_)
     if row.code.endswith("s"):
         return f"{row.name} of {row.size} bytes, digit by digit"
-    return row.name + _count_text(row)
+    return row.name + _unit_text(row)
 
 
-def _count_text(row: Elementary) -> str:
+def _unit_text(row: Elementary) -> str:
     if row.unit_ns not in UNIT_NAMES:
         return f" of {row.size} bytes"
     unit = UNIT_NAMES[row.unit_ns]
@@ -68,11 +68,11 @@ def value_text(leaf: Leaf, value: Value | None, raw: bytes = b"") -> str:
     """Return the text of a leaf's value, with a mark if the leaf's own bytes `raw` are odd."""
     if value is None:
         return NO_DATA
-    text, mark = _plain_text(leaf.type, leaf.size, value), mark_text(leaf, raw)
+    text, mark = _plain_text(leaf.type, leaf.size, value), odd_text(leaf, raw)
     return f"{text} ({mark})" if mark else text
 
 
-def mark_text(leaf: Leaf, raw: bytes) -> str:
+def odd_text(leaf: Leaf, raw: bytes) -> str:
     """Return what is odd in the leaf's own bytes, such as `no NUL`, or ""."""
     return leaf.coding.odd(raw) if leaf.coding.odd is not None and len(raw) == leaf.size else ""
 

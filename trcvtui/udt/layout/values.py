@@ -20,8 +20,8 @@ from trcvtui.udt.types import StringType
 
 def decode(layout: Layout, data: Data) -> LeafValues:
     """Return the values of all leaves, None for each that is not complete."""
-    if layout.whole_codec is not None and len(data) >= layout.size:
-        return layout.whole_codec.read(data)
+    if layout.whole_decoder is not None and len(data) >= layout.size:
+        return layout.whole_decoder.read(data)
     return decode_leaves(layout, data, 0, layout.leaf_count)
 
 
@@ -50,7 +50,7 @@ def _write_overlapping(layout: Layout, data: bytearray, parts: Sequence[tuple[Le
         needed = _needed_mask(layout, leaf, part) if isinstance(leaf.type, StringType) else own
         free = bytes(ours & ~theirs for ours, theirs in zip(own, taken[place], strict=True))
         # The free bits first, then those it needs, then all; each as given and in an equivalent form.
-        for mask, form in (*product((free, needed), (part, _equivalent(layout, leaf, part))), (own, part)):
+        for mask, form in (*product((free, needed), (part, _equal_bytes(layout, leaf, part))), (own, part)):
             written = bytes(b & ~m | f & m for b, f, m in zip(data[place], form, mask, strict=True))
             if _is_same_value(decode_leaf(layout, leaf, written), value):
                 break
@@ -58,8 +58,8 @@ def _write_overlapping(layout: Layout, data: bytearray, parts: Sequence[tuple[Le
         taken[place] = bytes(ours | theirs for ours, theirs in zip(needed, taken[place], strict=True))
 
 
-def _equivalent(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
-    """Return other bytes of the same value. TRUE becomes 16#FF, a full text a length beyond its field."""
+def _equal_bytes(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
+    """Return other bytes of this value. TRUE becomes 16#FF, a full text gets a length beyond its field."""
     if not isinstance(leaf.type, StringType):
         return b"\xff" * len(part) if any(part) and leaf.coding.code == "?" else part
     if not layout.rules.text.header:
@@ -128,7 +128,7 @@ def write_leaf(layout: Layout, data: bytearray, number: int, value: object) -> N
 def encode_leaf(layout: Layout, leaf: Leaf, value: object) -> bytes:
     """Return the bytes of a JSON value, or of a text such as `16#FF`, `T#5s`, `TRUE`.
 
-    For a bit return the byte that contains the bit, with all other bits 0.
+    For a bit, return the byte that contains the bit, with all other bits 0.
     """
     try:
         raw = leaf.coding.to_raw(value)

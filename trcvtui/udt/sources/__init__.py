@@ -20,7 +20,7 @@ from trcvtui.udt.layout.rules import CODESYS, S7
 from trcvtui.udt.other_files import HEAD_BYTES, refuse_other_file
 from trcvtui.udt.sources.st import VARIABLES_NOTE, read_spec, read_st
 from trcvtui.udt.sources.st_cursor import SourceDialect
-from trcvtui.udt.type_set import NO_TYPES, TypeSet, build_type, join_files
+from trcvtui.udt.type_set import NO_TYPES, TypeSet, build_type, join_declarations
 from trcvtui.udt.types import Type
 
 SourcePath = str | os.PathLike[str]
@@ -48,7 +48,7 @@ class TypeFormat(NamedTuple):
     needs: str = ""
     sender: str = ""
 
-    def declarations(self, content: Any, name: str) -> Declarations:
+    def read_declarations(self, content: Any, name: str) -> Declarations:
         read = self.read(content) if self.root else self.read(content, name)
         sender = SenderLayout(self.sender, self.name.split()[0])
         return read if read.sender.layout else read._replace(sender=sender)
@@ -134,12 +134,12 @@ def complete_type_path(typed: str, base: SourcePath) -> list[str]:
 
 
 def parse_source(text: str, name: str, extension: str = "") -> Declarations:
-    """Return what a text declares as a file with this extension. Messages call the file `name`."""
+    """Return what a text declares if read as a file with this extension. Messages call the file `name`."""
     rows = [row for row in FORMATS.values() if extension.lower() in row.extensions]
     if not extension:
         found = (name for sign, name in _FORMAT_SIGNS.items() if re.search(sign, text))
         rows = [FORMATS[next(found, "IEC text")]]
-    return parse_xml_source(text, name) if rows[0].root else rows[0].declarations(text, name)
+    return parse_xml_source(text, name) if rows[0].root else rows[0].read_declarations(text, name)
 
 
 def parse_xml_source(text: str, name: str) -> Declarations:
@@ -151,7 +151,7 @@ def parse_xml_source(text: str, name: str) -> Declarations:
     if root.name not in rows:
         *others, last = (f"<{name}> ({rows[name].name})" for name in sorted(rows, key=str.casefold))
         raise mistake(root.where, f"<{root.name[:40]}>", f"{', '.join(others)} or {last}")
-    return rows[root.name].declarations(root, name)
+    return rows[root.name].read_declarations(root, name)
 
 
 def read_files(
@@ -168,7 +168,7 @@ def read_files(
             with collect_problems(problems):
                 read = parse_file(str(path), contents[path]) if path in contents else declarations_in(path)
                 files.append(qualify_variables(read, path, paths))
-    return join_files(files, ", ".join(map(str, paths)) or NO_TYPES.where, constants, has_system_types)
+    return join_declarations(files, ", ".join(map(str, paths)) or NO_TYPES.where, constants, has_system_types)
 
 
 def qualify_variables(read: Declarations, path: SourcePath, paths: Iterable[SourcePath]) -> Declarations:
@@ -200,7 +200,7 @@ def parse_type(text: str, types: TypeSet = NO_TYPES, where: str = "type") -> Typ
 
 
 def decode_text(data: bytes) -> str:
-    """Decode any file by byte order mark, else XML declaration, else as UTF-8, else as Windows-1252."""
+    """Decode by byte order mark, XML declaration, as UTF-8, else as Windows-1252. This never fails."""
     for mark, codec in BYTE_ORDER_MARKS:
         if data.startswith(mark):
             return data[len(mark) :].decode(codec, "replace")
@@ -217,17 +217,17 @@ def decode_text(data: bytes) -> str:
 
 def declarations_in(path: SourcePath) -> Declarations:
     """Return what a file declares; raise UserError if it cannot be read at all."""
-    extension = _check_extension(str(path))
+    extension = _known_extension(str(path))
     return declarations_of(content_of(path), str(path), extension)
 
 
 @lru_cache(maxsize=16)  # usually one file of a project is new, and the others unchanged
 def parse_file(path: str, content: bytes) -> Declarations:
     """Return what a file with this content declares; raise UserError as `declarations_in` does."""
-    return declarations_of(content, path, _check_extension(path))
+    return declarations_of(content, path, _known_extension(path))
 
 
-def _check_extension(path: str) -> str:
+def _known_extension(path: str) -> str:
     extension = os.path.splitext(path)[1]
     if extension.lower() not in ["", *extensions()]:
         with suppress(OSError, ValueError):  # an unreadable file: report its suffix

@@ -20,7 +20,7 @@ from trcvtui.udt import ast
 from trcvtui.udt.ast import CPP_NOTE
 from trcvtui.udt.constants import LARGEST_NUMBER, LONGEST_FORMULA, divide
 from trcvtui.udt.sources.c_source import KEYWORDS, LONG_SIZE, OTHER_HEADERS, CSource
-from trcvtui.udt.sources.cpp_source import CPP_MARKS, blank_texts, match_end
+from trcvtui.udt.sources.cpp_source import CPP_MARKS, blank_quoted, match_end
 from trcvtui.udt.types import ELEMENTARY, Pointer
 
 PLC_TYPES = "plctypes.h"  # B&R: it defines INT, UINT and BOOL as in IEC 61131-3
@@ -29,10 +29,10 @@ PLC_TYPES = "plctypes.h"  # B&R: it defines INT, UINT and BOOL as in IEC 61131-3
 def read_c_header(text: str, name: str) -> ast.Declarations:
     """Return what a C header declares; raise UserError if pycparser is not installed."""
     require("pycparser.c_parser", "c", name, "a C header, but no pycparser")
-    source = CSource(text, name, lambda one, own: Macros(own).value(one), OTHER_HEADERS.get())
+    source = CSource(text, name, lambda one, own: Macros(own).evaluate_text(one), OTHER_HEADERS.get())
     reader = _HeaderReader(source)
     for node in parse_header(source):
-        reader.read_outer(node)
+        reader.read_declaration(node)
     return ast.Declarations(
         tuple(reader.types),
         tuple(source.problems),
@@ -48,10 +48,10 @@ class _HeaderReader:
         self.source = source
         self.types: list[ast.Declaration] = []
         self.tags: dict[str, str] = {}
-        self.aliases: dict[str, ast.Reference] = {}
+        self.aliases: dict[str, ast.TypeName] = {}
         self.long_size = LONG_SIZE.get()
         macros = Macros(source)
-        numbers = ((name, macros.macro(name)) for name in source.numbers if name not in source.given)
+        numbers = ((name, macros.number_of(name)) for name in source.numbers if name not in source.given)
         known: dict[str, int | None] = {name: value for name, value in numbers if value is not None}
         self.constants = ChainMap(known)  # those of a class first; None: only the name is known
         self.scope: ChainMap[str, ast.Spec] = ChainMap()  # the types declared in a class
@@ -68,13 +68,13 @@ class _HeaderReader:
 
     # -- declarations ------------------------------------------------------------------------------------
 
-    def read_outer(self, node: Any) -> None:
+    def read_declaration(self, node: Any) -> None:
         kind = type(node).__name__
         if isinstance(node, ast.Declaration):
             self.types.append(node)
             self.classes[node.name] = {}, {}
         elif kind == "Typedef":
-            self.typedef(node)
+            self.read_typedef(node)
         elif kind == "Decl":
             inner = node.type
             while type(inner).__name__ in ("ArrayDecl", "PtrDecl", "TypeDecl"):
@@ -85,7 +85,7 @@ class _HeaderReader:
             if node.name and value is not None:
                 self.constants[node.name] = value
 
-    def typedef(self, node: Any) -> None:
+    def read_typedef(self, node: Any) -> None:
         inner = node.type.type if type(node.type).__name__ == "TypeDecl" else None
         tag = getattr(inner, "name", None) if type(inner).__name__ in ("Struct", "Union", "Enum") else None
         if tag and _is_definition(inner):
@@ -93,9 +93,9 @@ class _HeaderReader:
         elif tag == node.name:
             return  # typedef struct T T;
         spec = self.declare(node.name, node, lambda: self.spec(node.type, 0), tag or "")
-        if isinstance(spec, ast.Reference) and spec.name.upper() in ELEMENTARY:
+        if isinstance(spec, ast.TypeName) and spec.name.upper() in ELEMENTARY:
             self.aliases[node.name] = spec
-        if node.name.upper() in ELEMENTARY and isinstance(spec, ast.Reference):
+        if node.name.upper() in ELEMENTARY and isinstance(spec, ast.TypeName):
             self.types.pop()  # `typedef unsigned short UINT;` only defines an elementary type
 
     def read_tagged(self, node: Any, variable: str) -> None:
@@ -142,7 +142,7 @@ class _HeaderReader:
             return self.read_named_type(node)
         if not _is_definition(node):
             name = self.tags.get(node.name, node.name)
-            return self.scope.get(node.name, ast.Reference(name, self.where(node)))
+            return self.scope.get(node.name, ast.TypeName(name, self.where(node)))
         spec = self.enum(node) if kind == "Enum" else self.struct(node, depth)
         if node.name and depth and self.source.cpp.is_cpp:
             self.scope[node.name] = spec
@@ -162,18 +162,18 @@ class _HeaderReader:
         if name in LONG_TYPES and self.long_size is not None:
             self.notes[f"long is taken as {self.long_size} bytes"] = None
             word = "int" if self.long_size == 4 else "long long"
-            return ast.Reference(C_TYPES[name.replace("long", word)], self.where(node))
+            return ast.TypeName(C_TYPES[name.replace("long", word)], self.where(node))
         is_plc = name.isupper() and any(include.endswith(PLC_TYPES) for include in self.source.includes)
         if name in AMBIGUOUS_TYPES and not is_plc:
             raise mistake(self.where(node), f"'{' '.join(node.names)}'", AMBIGUOUS_TYPES[name])
         if name in FOUR_BYTE_TYPES:
             self.notes["int is taken as 4 bytes"] = None
-        return ast.Reference(C_TYPES.get(name, name), self.where(node))
+        return ast.TypeName(C_TYPES.get(name, name), self.where(node))
 
     def struct(self, node: Any, depth: int) -> ast.StructSpec:
         members, count = list[ast.MemberSpec](), len(self.problems)
         is_union, cpp = type(node).__name__ == "Union", self.source.cpp
-        outer, brace = (self.constants, self.scope), self.brace(node)
+        outer, brace = (self.constants, self.scope), self.brace_place(node)
         base = self.base_class(node, brace)
         if cpp.is_cpp:  # names declared in a class are known in it and in classes derived from it
             constants, types = self.classes[base.name] if base else ({}, {})
@@ -186,7 +186,7 @@ class _HeaderReader:
                     members += self.member(member, at, depth + 1, is_last)
         self.inside = self.constants.maps[0], self.scope.maps[0]
         self.constants, self.scope = outer
-        pack, by_pragma = self.source.pack(brace), self.source.pragma_packing(brace)
+        pack, by_pragma = self.source.packing_of(brace), self.source.pragma_packing(brace)
         tails = [one for one in members if one.width == ast.NO_LENGTH]
         has_bits = any(one.width is not None for one in members)
         has_members = base or any(one.name and one not in tails for one in members)
@@ -210,7 +210,7 @@ class _HeaderReader:
             self.notes[note] = None
         return ast.StructSpec(tuple(members), base, pack, is_union, base is not None)
 
-    def base_class(self, node: Any, brace: int) -> ast.Reference | None:
+    def base_class(self, node: Any, brace: int) -> ast.TypeName | None:
         """Return the base class, which this header must declare."""
         parent = self.source.cpp.parents.get(brace)
         if parent is None:
@@ -218,9 +218,9 @@ class _HeaderReader:
         name = self.tags.get(parent, parent)
         if parent in self.scope or name not in self.classes:
             raise mistake(self.where(node), f"base class '{parent}'{CPP_NOTE}", "a class of this header")
-        return ast.Reference(name, self.where(node))
+        return ast.TypeName(name, self.where(node))
 
-    def brace(self, node: Any) -> int:
+    def brace_place(self, node: Any) -> int:
         """Return the place of the brace that a definition opens."""
         return self.source.text.find("{", self.place(node))
 
@@ -275,7 +275,7 @@ class _HeaderReader:
         if len(bounds) > ast.MOST_DIMENSIONS:
             raise mistake(where, f"{len(bounds)} dimensions", f"at most {ast.MOST_DIMENSIONS}")
         element = self.spec(node, depth + 1)
-        if isinstance(element, ast.Reference) and element.name == "CHAR":
+        if isinstance(element, ast.TypeName) and element.name == "CHAR":
             self.notes["char[] is read as ARRAY OF CHAR: a text ends with its NUL"] = None
         return ast.ArraySpec(tuple(bounds), element)
 
@@ -295,7 +295,7 @@ class _HeaderReader:
         return length - 1
 
     def enum(self, node: Any) -> ast.EnumSpec:
-        base, is_scoped = self.source.cpp.bases.get(self.brace(node), ("", False))
+        base, is_scoped = self.source.cpp.bases.get(self.brace_place(node), ("", False))
         if not base:
             self.notes["an enum is taken as 4 bytes"] = None
         values: list[tuple[str, ast.Number | None]] = []
@@ -310,7 +310,7 @@ class _HeaderReader:
         if not base and (min(known) < -(1 << 31) or max(known) >= 1 << (31 if min(known) < 0 else 32)):
             raise mistake(self.where(node), "an enum of more than 32 bits", "values that 4 bytes hold")
         name = self.read_named_type(SimpleNamespace(names=base.split() or ["int"], coord=node.coord))
-        if not isinstance(name, ast.Reference):
+        if not isinstance(name, ast.TypeName):
             raise mistake(self.where(node), f"an enum of '{base}'", "an integer type")
         return ast.EnumSpec(name, tuple(values), is_scoped)
 
@@ -354,7 +354,7 @@ AMBIGUOUS_TYPES = {
         ("size_t", "ssize_t", "ptrdiff_t", "intptr_t", "uintptr_t", "time_t"), "a type of fixed size"
     ),
     **dict.fromkeys(("wchar_t", "double long", "void", "int128"), "a type of fixed size, such as uint16_t"),
-    **dict.fromkeys(("INT", "UINT", "BOOL"), "its typedef here: PLCs and Windows differ in its size"),
+    **dict.fromkeys(("INT", "UINT", "BOOL"), "its typedef in this header: PLCs and Windows differ in size"),
 }
 LANGUAGE_TYPES = ("char", "short", "int", "long", "float", "double", "void", "_Bool")
 # Types that unread system headers declare, as they are no keywords of C.
@@ -448,7 +448,7 @@ def parse_header(source: CSource) -> Iterator[Any]:
     """Yield the outer declarations of a header as nodes, an unreadable one as a bad `Declaration`."""
     types = {found.group(1) for found in _FOREIGN_TYPE.finditer(source.text)} - KEYWORDS
     types |= NAMED_TYPES
-    for begin, end in _split_statements(blank_texts(source.text)):
+    for begin, end in _split_statements(blank_quoted(source.text)):
         text = source.text[begin:end]
         if not _DECLARATION.search(text):
             continue
@@ -456,8 +456,8 @@ def parse_header(source: CSource) -> Iterator[Any]:
         try:
             if not _is_shallow(text):  # pycparser is recursive
                 raise mistake(source.where(begin), "brackets nested deeper", f"at most {DEEPEST} levels")
-            nodes = _parse_part(text, used, source, begin)
-            source.check_moves(begin, end)
+            nodes = _parse_statement(text, used, source, begin)
+            source.raise_move_problems(begin, end)
         except UserError as failed:
             name = _find_declared_name(text)
             if name is None:
@@ -468,7 +468,7 @@ def parse_header(source: CSource) -> Iterator[Any]:
         yield from nodes
 
 
-def _parse_part(text: str, types: list[str], source: CSource, begin: int) -> list[Any]:
+def _parse_statement(text: str, types: list[str], source: CSource, begin: int) -> list[Any]:
     """Return the nodes of a part of a header; raise UserError."""
     from pycparser.c_parser import CParser, ParseError  # type: ignore[import-untyped]
 
@@ -541,7 +541,7 @@ class Macros:
         self.known: dict[str, int | None] = {}
         self.depth = 0
 
-    def value(self, text: str) -> int | None:
+    def evaluate_text(self, text: str) -> int | None:
         """Return the value of an expression, None if it has none."""
         if re.fullmatch(r"\d{1,18}", text) and not text.startswith("0"):
             return int(text)
@@ -549,19 +549,21 @@ class Macros:
             return None
         types = sorted(NAMED_TYPES & set(_WORD.findall(text)))
         try:
-            nodes = _parse_part(f"enum {{ x = ({text}) }};", types, self.source, 0)
+            nodes = _parse_statement(f"enum {{ x = ({text}) }};", types, self.source, 0)
             return (
-                evaluate(nodes[0].type.values.enumerators[0].value, self.macro) if len(nodes) == 1 else None
+                evaluate(nodes[0].type.values.enumerators[0].value, self.number_of)
+                if len(nodes) == 1
+                else None
             )
         except (UserError, AttributeError):  # not an expression
             return None
 
-    def macro(self, name: str) -> int | None:
+    def number_of(self, name: str) -> int | None:
         """Return the number of a macro, None if it has none or refers to itself."""
         if name not in self.known:
             self.known[name] = None  # for a macro that refers to itself
             if name in self.source.numbers and self.depth < DEEPEST:
                 self.depth += 1
-                self.known[name] = self.value(self.source.numbers[name])
+                self.known[name] = self.evaluate_text(self.source.numbers[name])
                 self.depth -= 1
         return self.known[name]

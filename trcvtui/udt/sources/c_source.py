@@ -13,7 +13,7 @@ from contextvars import ContextVar
 from typing import Any
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.udt.sources.cpp_source import CppSource, blank_match, blank_texts, brace_pairs
+from trcvtui.udt.sources.cpp_source import CppSource, blank_match, blank_quoted, brace_pairs
 
 PRAGMA_PACKS = {"0": None, "1": 1, "2": 2, "4": 4, "8": 8, "16": 8}  # no type has an alignment above 8
 LONGEST_MACRO_TEXT = 200
@@ -106,7 +106,7 @@ class CSource:
         """Return the place of a line and column, at most the end of the text."""
         return min(self.starts[min(max(line, 1), len(self.starts)) - 1] + max(column, 1) - 1, len(self.text))
 
-    def pack(self, brace: int) -> int | None:
+    def packing_of(self, brace: int) -> int | None:
         """Return the packing of the STRUCT that a brace opens."""
         return 1 if brace in self.braces else self.pragma_packing(brace)
 
@@ -114,7 +114,7 @@ class CSource:
         line = bisect_right(self.starts, offset)
         return self.packs[bisect_right(self.packs, line, key=lambda row: row[0]) - 1][1]
 
-    def check_moves(self, begin: int, end: int) -> None:
+    def raise_move_problems(self, begin: int, end: int) -> None:
         """Raise UserError if something between two places moves members in an unknown way."""
         first, last = self.line_and_column(begin)[0], self.line_and_column(end)[0]
         moved = [problem for line, problem in self.moved if first <= line <= last]
@@ -124,7 +124,7 @@ class CSource:
     def add_problem(self, line: int, found: str, expected: str) -> None:
         self.problems.append(Problem(f"{self.name}:{line}", found, expected))
 
-    def _refuse_move(self, line: int, found: str, expected: str) -> None:
+    def _add_move_problem(self, line: int, found: str, expected: str) -> None:
         self.moved.append((line, Problem(f"{self.name}:{line}", found, expected)))
 
     # -- comments and lines ------------------------------------------------------------------------------
@@ -170,7 +170,7 @@ class CSource:
             line = re.sub(r"#(?=\s*pragma)", "@", line.replace("_Pragma", "_Pragma_beside_a_declaration"))
             ready.append(line)
             ready.extend([""] * (at - first - line.count("\n")))
-            bare = blank_texts(line)
+            bare = blank_quoted(line)
             self._depth = max(0, self._depth + bare.count("{") - bare.count("}"))
         if self._conditions:
             self.add_problem(len(lines), "the end of the file", "#endif")
@@ -293,7 +293,7 @@ class CSource:
         names = [word for word in more if _WORD.fullmatch(word) and action != "set"]
         numbers = [PRAGMA_PACKS.get(word, -1) for word in more if word[:1].isdigit() and action != "pop"]
         if self._depth > 0:
-            self._refuse_move(line, f"'#pragma {rest[:60]}' inside a structure", "it outside")
+            self._add_move_problem(line, f"'#pragma {rest[:60]}' inside a structure", "it outside")
         now = self.packs[-1][1]
         if len(names) > 1 or len(numbers) > 1 or len(more) > len(names) + len(numbers) or -1 in numbers:
             self.add_problem(
@@ -325,7 +325,7 @@ class CSource:
             if names - HARMLESS:
                 line, _ = self.line_and_column(found.start())
                 shown = " ".join(found.group().split())[:60]
-                self._refuse_move(line, f"'{shown}'", "only the attribute packed, on a struct or union")
+                self._add_move_problem(line, f"'{shown}'", "only the attribute packed, on a struct or union")
             return blank_match(found)
 
         return _ATTRIBUTE.sub(blank_attribute, text)

@@ -86,7 +86,7 @@ class CppSource:
         self.bases: dict[int, tuple[str, bool]] = {}
         self._edits: dict[int, str] = {}
         self.has_types = "_Atomic" not in text
-        bare = blank_texts(self.text)
+        bare = blank_quoted(self.text)
         pairs, ends = brace_pairs(bare), list[int]()
         for found in _CLASS.finditer(bare):
             end = pairs.get(found.end() - 1, 0)
@@ -143,7 +143,7 @@ class CppSource:
                 self._blank_range(start + at, start + found.end())
                 at = found.end()
             else:
-                self._convert_data(text, start + at)
+                self._convert_member(text, start + at)
                 at += len(text)
             at = match_end(r"\s*", flat, at)
 
@@ -163,7 +163,7 @@ class CppSource:
         is_plain = _PARAMETERS.match(given) and not name.isupper()
         return is_plain or bool(found["body"] or found["after"])
 
-    def _convert_data(self, text: str, at: int) -> None:
+    def _convert_member(self, text: str, at: int) -> None:
         if re.search(r"\b(?:operator|virtual|template)\b", text):
             return
         if _SIZELESS_DECLARATION.fullmatch(text):
@@ -185,7 +185,7 @@ class CppSource:
                 self._blank_range(at + found.start(), at + found.end())
 
 
-def blank_texts(text: str) -> str:
+def blank_quoted(text: str) -> str:
     return _QUOTED_TEXT.sub(lambda found: "\0" * len(found[0]), text)
 
 

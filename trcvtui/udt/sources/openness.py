@@ -13,7 +13,7 @@ from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.resolve import references
 from trcvtui.udt.sources.st import OPTIMISED_NOTE, read_spec
 from trcvtui.udt.sources.xml_source import Element, next_depth
-from trcvtui.udt.types import BUILTIN_TYPES, ELEMENTARY, Unplaced
+from trcvtui.udt.types import BUILTIN_TYPES, ELEMENTARY, RawType
 
 TYPE_ELEMENT, DATA_BLOCK_ELEMENT = "SW.Types.PlcStruct", "SW.Blocks.GlobalDB"
 UNSTORED_SECTIONS = ("Temp", "Constant", "Return")
@@ -68,11 +68,11 @@ def _members(element: Element, depth: int, problems: list[Problem], copies: Copi
 
 def _type(text: str, member: Element, depth: int, problems: list[Problem], copies: Copies) -> ast.Spec:
     """Return the type that ST text names; the members of a STRUCT in it are child elements."""
-    # An ARRAY OF STRUCT is read with INT as its element, then `_nest` puts the STRUCT there.
+    # An ARRAY OF STRUCT is read with INT as its element, then `_wrap` puts the STRUCT there.
     is_struct = re.search(r"(?i)(?<![\w\"])struct\s*$", text)
     spec = read_spec(text[: is_struct.start()] + "INT" if is_struct else text, member.where, first_line=0)
     if is_struct:
-        return _nest(
+        return _wrap(
             spec, ast.StructSpec(tuple(_members(member, next_depth(depth, member), problems, copies)))
         )
     named = next(references(spec), None)
@@ -100,11 +100,11 @@ def _keep_copy(name: str, own: Element, depth: int, copies: Copies) -> None:
 
 
 def _instance_member(member: ast.MemberSpec) -> ast.MemberSpec:
-    """Return an in-out parameter as instances have it. Elementary types except DT, DTL are by value."""
-    row = ELEMENTARY.get(member.spec.name.upper()) if isinstance(member.spec, ast.Reference) else None
+    """Return an in-out parameter of an instance: by value if elementary, no DT or DTL, else a pointer."""
+    row = ELEMENTARY.get(member.spec.name.upper()) if isinstance(member.spec, ast.TypeName) else None
     is_value = row is not None and row.name not in ("DT", "DTL")
-    return member if is_value else member._replace(spec=Unplaced(member.name, BY_POINTER_NOTE))
+    return member if is_value else member._replace(spec=RawType(member.name, BY_POINTER_NOTE))
 
 
-def _nest(spec: ast.Spec, struct: ast.StructSpec) -> ast.Spec:
-    return spec._replace(element=_nest(spec.element, struct)) if isinstance(spec, ast.ArraySpec) else struct
+def _wrap(spec: ast.Spec, struct: ast.StructSpec) -> ast.Spec:
+    return spec._replace(element=_wrap(spec.element, struct)) if isinstance(spec, ast.ArraySpec) else struct

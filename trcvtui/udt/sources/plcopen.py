@@ -1,7 +1,7 @@
 """PLCopen TC6 XML with the CODESYS additions, and TwinCAT files. Both contain the ST text of types.
 
 `dataType/baseType/...` is read by local names in every version of the schema. A `dataType` counts at any
-place: CODESYS writes some into `addData` of a resource. A type's ST text is read instead, if any.
+place: CODESYS writes some into `addData` of a resource. If a type has ST text, it is read instead.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def read_plcopen(root: Element) -> ast.Declarations:
 
 def _declarations(element: Element) -> Iterator[ast.Declaration]:
     name = element.require("name")
-    plain = _plain_text(element)
+    plain = _st_text_element(element)
     if plain is not None:
         read = read_element_text(plain)
         if read.types or read.problems:
@@ -88,7 +88,7 @@ def _declarations(element: Element) -> Iterator[ast.Declaration]:
             if read.problems:
                 yield ast.Declaration(name, None, plain.where, read.problems)
             return
-    walk = _TypeWalk()
+    walk = _TypeReader()
     spec: ast.Spec | None = None
     with collect_problems(walk.problems):
         spec = walk.struct(element, 0) if element.name == "union" else walk.base(element, 0)
@@ -105,7 +105,7 @@ def _vendor_parts(element: Element, kind: str) -> Iterator[Element]:
             yield from data.children
 
 
-def _plain_text(element: Element) -> Element | None:
+def _st_text_element(element: Element) -> Element | None:
     """Return the element with the ST text of a type, None without one."""
     for plain in _vendor_parts(element, "interfaceasplaintext"):
         text = plain.find("xhtml") or plain
@@ -114,11 +114,11 @@ def _plain_text(element: Element) -> Element | None:
     return None
 
 
-def _read_extends(element: Element) -> ast.Reference | None:
+def _read_extends(element: Element) -> ast.TypeName | None:
     for inheritance in _vendor_parts(element, "datatypeinheritance"):
         base = inheritance.find("Extends")
         if base is not None and base.text.strip():
-            return ast.Reference(base.text.strip(), base.where)
+            return ast.TypeName(base.text.strip(), base.where)
     return None
 
 
@@ -134,7 +134,7 @@ def _read_pack(element: Element) -> int | None:
 
 
 def _constants(list_: Element) -> ast.Declarations:
-    plain = _plain_text(list_)
+    plain = _st_text_element(list_)
     if plain is not None:
         return qualify_constants(read_element_text(plain), list_.get("name"))
     found: list[ast.Constant] = []
@@ -146,7 +146,7 @@ def _constants(list_: Element) -> ast.Declarations:
     return qualify_constants(ast.Declarations((), (), tuple(found)), list_.get("name"))
 
 
-class _TypeWalk:
+class _TypeReader:
     """The walk through one type, and its problems."""
 
     def __init__(self) -> None:
@@ -233,23 +233,23 @@ def _value(value: Element) -> ast.Number | None:
     return _number(text, value.where) if text else None
 
 
-def _reference(element: Element) -> ast.Reference:
+def _reference(element: Element) -> ast.TypeName:
     """Return a type by its name: `<derived name="T"/>`, or `<INT/>`."""
     name = element.require("name") if element.name == "derived" else element.name
-    return ast.Reference(name, element.where)
+    return ast.TypeName(name, element.where)
 
 
-SPECS: dict[str, Callable[[_TypeWalk, Element, int], ast.Spec]] = {
-    "struct": _TypeWalk.struct,
-    "union": _TypeWalk.struct,
-    "array": _TypeWalk.array,
-    "enum": _TypeWalk.enum,
-    "subrangeSigned": _TypeWalk.range,
-    "subrangeUnsigned": _TypeWalk.range,
-    "pointer": _TypeWalk.pointer,
-    "derived": _TypeWalk.derived,
-    "string": _TypeWalk.string,
-    "wstring": _TypeWalk.string,
-    "STRING": _TypeWalk.string,
-    "WSTRING": _TypeWalk.string,
+SPECS: dict[str, Callable[[_TypeReader, Element, int], ast.Spec]] = {
+    "struct": _TypeReader.struct,
+    "union": _TypeReader.struct,
+    "array": _TypeReader.array,
+    "enum": _TypeReader.enum,
+    "subrangeSigned": _TypeReader.range,
+    "subrangeUnsigned": _TypeReader.range,
+    "pointer": _TypeReader.pointer,
+    "derived": _TypeReader.derived,
+    "string": _TypeReader.string,
+    "wstring": _TypeReader.string,
+    "STRING": _TypeReader.string,
+    "WSTRING": _TypeReader.string,
 }

@@ -72,23 +72,23 @@ class Parser(SpecParser):
     def file(self) -> ast.Declarations:
         """Return all declarations up to the end of the text."""
         if self.sees("VAR", *OPENERS):
-            self.parse_bare()
+            self.parse_bare_struct()
         while not self.at_end():
             if self.accept("TYPE"):
                 self.parse_type_block()
             elif self.sees("DATA_BLOCK") and self.end_of_block() is not None:
-                self.data_block()
+                self.parse_data_block()
             elif self.accept("NAMESPACE"):
                 with collect_problems(self.problems):
                     self.expect_qualified_name("the name of a namespace")
             elif self.sees("USING"):
                 self.skip_to(";", *RESTART_WORDS)
             elif self.end_of_block() is not None or self.sees(*OTHER_BLOCKS):
-                self.other_block()
+                self.skip_other_block()
             elif self.dialect.has_objects:
                 self.advance()
             elif not self.accept(";") and not self.accept("END_NAMESPACE"):
-                self.note(self.refusal("'TYPE'"))
+                self.add_problems(self.refusal("'TYPE'"))
                 self.advance()
                 self.skip_to(*RESTART_WORDS)
                 self.accept("END_TYPE")
@@ -101,12 +101,12 @@ class Parser(SpecParser):
             # Another block begins with its keyword and a name; a type of that name has `:` or EXTENDS.
             is_other = self.sees(*OTHER_BLOCKS) and self.tokens[self.at + 1].upper not in (":", "EXTENDS")
             if self.block_ends() or is_other:
-                self.note(self.refusal("'END_TYPE'"))
+                self.add_problems(self.refusal("'END_TYPE'"))
                 return
             if declaration := self.declaration():
                 self.types.append(declaration)
 
-    def parse_bare(self) -> None:
+    def parse_bare_struct(self) -> None:
         """Read a bare STRUCT ... END_STRUCT, as copied from an editor, or VAR with nothing after it."""
         is_variables = self.sees("VAR")
         declaration = self.declaration(os.path.splitext(os.path.basename(self.source.name))[0])
@@ -117,14 +117,14 @@ class Parser(SpecParser):
             self.types.append(declaration._replace(notes=notes, is_data=is_variables))
             self.accept("END_TYPE")
 
-    def data_block(self) -> None:
+    def parse_data_block(self) -> None:
         """Read a data block as a type with its name. Skip an instance of an FB, which declares nothing."""
         end = self.end_of_block()
         assert end is not None
         self.advance()
         declaration = self.declaration(is_block=True)
         self.at = self.since = end + 1
-        of = declaration.spec.name if declaration and isinstance(declaration.spec, ast.Reference) else ""
+        of = declaration.spec.name if declaration and isinstance(declaration.spec, ast.TypeName) else ""
         if declaration and of not in self.function_blocks and not re.fullmatch("(?i)S?FB[0-9]+", of):
             self.types.append(declaration._replace(is_data=True))
             self.layout = S7.name
@@ -151,7 +151,7 @@ class Parser(SpecParser):
             elif not (self.accept(";") or self.sees("BEGIN", "END_DATA_BLOCK")):
                 raise self.refusal("'BEGIN'")
         except UserError as refused:
-            self.note(refused)
+            self.add_problems(refused)
             self.skip_statement()
             if self.sees(*CLOSERS):
                 self.advance()
@@ -171,7 +171,7 @@ class Parser(SpecParser):
             self.accept(":")
         return self.parse_with_pragmas(base)
 
-    def parse_with_pragmas(self, base: ast.Reference | None) -> ast.Spec:
+    def parse_with_pragmas(self, base: ast.TypeName | None) -> ast.Spec:
         """Return the type at the cursor, changed by the pragmas before it."""
         pragmas = self.pragmas_between(self.since, self.at)
         first = self.token
@@ -179,7 +179,7 @@ class Parser(SpecParser):
         if base is not None and not isinstance(spec, ast.StructSpec):
             raise self.refusal("STRUCT or UNION after EXTENDS", first)
         if isinstance(spec, ast.StructSpec):
-            spec = spec._replace(base=base, pack=self.pack(pragmas, first))
+            spec = spec._replace(base=base, pack=self.pack_mode(pragmas, first))
         access = [found[1].upper() for text in pragmas if (found := re.search(_OPTIMISED_ACCESS, text))]
         if access:
             self.layout = S7.name
@@ -187,12 +187,12 @@ class Parser(SpecParser):
             self.notes.append(OPTIMISED_NOTE)
         return spec
 
-    def extends(self) -> ast.Reference | None:
+    def extends(self) -> ast.TypeName | None:
         """Return the name after EXTENDS, None without EXTENDS."""
         if not self.accept("EXTENDS"):
             return None
         token, name = self.expect_qualified_name("a type")
-        return ast.Reference(name, self.where(token))
+        return ast.TypeName(name, self.where(token))
 
     def skip_header(self, is_block: bool) -> None:
         """Skip the colon, or the header lines of a TIA source or a data block."""
@@ -213,7 +213,7 @@ class Parser(SpecParser):
         if not (self.sees("STRUCT") or is_block):
             raise self.refusal("'STRUCT'")
 
-    def pack(self, pragmas: list[str], token: StToken) -> int | None:
+    def pack_mode(self, pragmas: list[str], token: StToken) -> int | None:
         """Return the pack_mode among the pragmas of a type; raise UserError if no compiler accepts it."""
         found = next((mode for text in pragmas if (mode := re.search(_PACK_MODE, text))), None)
         if found is None:
@@ -233,12 +233,12 @@ class Parser(SpecParser):
     def end_word(self) -> str:
         return "END_VAR" if self.sees(*VARIABLE_BLOCKS) else f"END_{self.token.upper}"
 
-    def other_block(self) -> None:
+    def skip_other_block(self) -> None:
         """Skip a block that declares no types, but keep its constants."""
         end = self.end_of_block()
         self.others[self.token.upper] = None
         if end is None:
-            self.note(self.refusal(f"'{self.end_word()}' after it"))
+            self.add_problems(self.refusal(f"'{self.end_word()}' after it"))
             self.advance()
             self.skip_to(*RESTART_WORDS)
             return
@@ -247,10 +247,10 @@ class Parser(SpecParser):
             self.advance()
         if is_variables and self.accept("CONSTANT"):
             while self.at < end:
-                self.constant(end)
+                self.parse_constant(end)
         self.at = self.since = end + 1
 
-    def constant(self, end: int) -> None:
+    def parse_constant(self, end: int) -> None:
         """Keep `MAX : INT := 5;` if the value is a whole number or a formula. Skip everything else."""
         with suppress(UserError):  # TRUE, 'text' and 1.5 are constants too, but cannot be bounds
             names = self.expect_names("the name of a constant", "the name of a constant")

@@ -220,12 +220,12 @@ class Cursor:
 
     def expect_name(self, what: str) -> StToken:
         """Return the name at the cursor and skip it, or raise UserError that `what` is expected."""
-        if not self.is_name() or (self.token.upper in RESERVED_WORDS and not self.is_member_type()):
+        if not self.is_name() or (self.token.upper in RESERVED_WORDS and not self.is_keyword_member()):
             raise self.refusal(what)
         return self.advance()
 
     def expect_names(self, first: str, more: str) -> list[StToken]:
-        """Return one or more names between commas. Raise UserError that `first` or `more` is expected."""
+        """Return one or more comma-separated names. Raise UserError that `first` or `more` is expected."""
         names = [self.expect_name(first)]
         while self.accept(","):
             names.append(self.expect_name(more))
@@ -253,13 +253,13 @@ class Cursor:
         has_number = token.upper in NAMED_BY_NUMBER and self.token.shape is Shape.NUMBER
         return token, token.name + self.advance().text if has_number else token.name
 
-    def is_member_type(self) -> bool:
+    def is_keyword_member(self) -> bool:
         """Return whether this is a member called Type or Array. No block or type begins with `TYPE :`."""
         return self.sees("TYPE", "ARRAY") and self.tokens[self.at + 1].upper in (":", ",")
 
     def block_ends(self) -> bool:
         """Return whether the block of declarations is surely over."""
-        return self.at_end() or (self.sees(*BLOCK_ENDS) and not self.is_member_type())
+        return self.at_end() or (self.sees(*BLOCK_ENDS) and not self.is_keyword_member())
 
     def number(self) -> Number:
         """Return the number at the cursor, a formula unless it is a literal, and skip it."""
@@ -310,7 +310,7 @@ class Cursor:
         """Return the UserError for an unexpected token (default: the one at the cursor)."""
         return self.source.refusal(token or self.token, expected)
 
-    def note(self, refused: UserError) -> None:
+    def add_problems(self, refused: UserError) -> None:
         self.problems.extend(refused.problems)
 
     def skip_to(self, *texts: str) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from trcvtui.errors import UserError
 from trcvtui.udt import ast
 from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, MEMBER_ENDS, Cursor, Shape, Source, SourceDialect
-from trcvtui.udt.types import ELEMENTARY, FB_INSTANCE, WHOLE_KINDS, Pointer, StringType, Unplaced, ValueKind
+from trcvtui.udt.types import ELEMENTARY, FB_INSTANCE, WHOLE_KINDS, Pointer, RawType, StringType, ValueKind
 
 STRUCT_QUALIFIERS = ("OVERLAP", "PERSISTENT", "RETAIN", "NON_RETAIN")
 OVERLAP_NOTE = "OVERLAP: its relative addresses are ignored, and the members placed one after another"
@@ -62,7 +62,7 @@ class SpecParser(Cursor):
             try:
                 members.extend(self.member(f"END_{word}"))
             except UserError as refused:
-                self.note(refused)
+                self.add_problems(refused)
                 self.skip_statement()
                 self.nested = nested  # the mistake may be deeper inside
         return ast.StructSpec(tuple(members), is_union=word == "UNION")
@@ -86,7 +86,7 @@ class SpecParser(Cursor):
         return [text for _, text in pragmas[start:stop]]
 
     def skip_member_rest(self, spec: ast.Spec, end: str) -> None:
-        """Skip initial value and semicolon. Only END_STRUCT and `end` make the semicolon optional."""
+        """Skip initial value and semicolon. The latter may be missing after END_STRUCT or before `end`."""
         if self.accept(":="):
             self.skip_initial_value()
         elif isinstance(spec, ast.StructSpec):
@@ -125,7 +125,7 @@ class SpecParser(Cursor):
             raise self.refusal(f"a number from {low} upwards", token)
         return low, high
 
-    def text(self) -> ast.Spec:
+    def text_type(self) -> ast.Spec:
         """Return STRING or WSTRING, with the length `[n]` or `(n)` if there is one."""
         wide = self.advance().upper == "WSTRING"
         closer = {"[": "]", "(": ")"}.get(self.token.upper)
@@ -149,7 +149,7 @@ class SpecParser(Cursor):
     def parse_named_type(self) -> ast.Spec:
         """Return a type by name; with brackets a subrange, an enumeration or an FB instance."""
         first, name = self.expect_qualified_name("a type")
-        reference = ast.Reference(name, self.where(first))
+        reference = ast.TypeName(name, self.where(first))
         if not self.sees("("):
             return reference
         row = ELEMENTARY.get(name.upper())
@@ -157,7 +157,7 @@ class SpecParser(Cursor):
             return self.subrange(reference)
         if row is None and not (self.nested == 1 and self.has_values()):
             self.skip_brackets()
-            return Unplaced(name, FB_INSTANCE)
+            return RawType(name, FB_INSTANCE)
         if self.has_values():
             if row is not None and row.kind not in WHOLE_KINDS:  # AX: named values of a REAL, a STRING
                 self.skip_brackets()
@@ -191,8 +191,8 @@ class SpecParser(Cursor):
                 return
         raise self.refusal("')'")
 
-    def subrange(self, base: ast.Reference) -> ast.Spec:
-        """Return a subrange, as `INT(0..10)`. A REAL gives only the base, as its limits are not whole."""
+    def subrange(self, base: ast.TypeName) -> ast.Spec:
+        """Return `INT(0..10)`. For a REAL return only the base, since its limits are not whole numbers."""
         row = ELEMENTARY.get(base.name.upper())
         if row is not None and row.kind is ValueKind.REAL:
             self.skip_brackets()
@@ -208,9 +208,9 @@ class SpecParser(Cursor):
         values = self.enumerators()
         if self.is_name() and not self.sees(*MEMBER_ENDS):
             token, base = self.expect_qualified_name("a type")
-            return ast.EnumSpec(ast.Reference(base, self.where(token)), values)
+            return ast.EnumSpec(ast.TypeName(base, self.where(token)), values)
         own = self.dialect.enum_base
-        return ast.EnumSpec(ast.Reference(own, self.where(first)) if own else None, values)
+        return ast.EnumSpec(ast.TypeName(own, self.where(first)) if own else None, values)
 
     def enumerators(self) -> tuple[tuple[str, ast.Number | None], ...]:
         """Return names and numbers of an enumeration; a comma is allowed after the last."""
@@ -267,8 +267,8 @@ SPEC_RULES: dict[str, Callable[[SpecParser], ast.Spec]] = {
     "UNION": SpecParser.struct,
     "VAR": SpecParser.variables,
     "ARRAY": SpecParser.array,
-    "STRING": SpecParser.text,
-    "WSTRING": SpecParser.text,
+    "STRING": SpecParser.text_type,
+    "WSTRING": SpecParser.text_type,
     "POINTER": SpecParser.pointer,
     "REFERENCE": SpecParser.pointer,
     "REF_TO": SpecParser.pointer,

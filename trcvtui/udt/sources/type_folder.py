@@ -18,9 +18,9 @@ from typing import Any, Final
 from trcvtui.errors import Problem, UserError, collect_problems, mistake
 from trcvtui.udt.ast import Declaration, Declarations, strip_places
 from trcvtui.udt.constants import plain_name
-from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
+from trcvtui.udt.resolve import KNOWN_TYPE, expected_constant, unknown_name
 from trcvtui.udt.sources import content_of, declarations_in, decode_text, qualify_variables, type_files_in
-from trcvtui.udt.type_set import TypeSet, join_files
+from trcvtui.udt.type_set import TypeSet, join_declarations
 
 MOST_FILES: Final = 5000  # files, and folders
 MOST_BYTES: Final = 64 * 1024 * 1024
@@ -87,7 +87,7 @@ class TypeFolder:
             raise UserError(self.problems[:MOST_NAMES_SHOWN])
         return found
 
-    def find_declaring(self, name: str, kind: str) -> dict[str, Declarations]:
+    def find_declaring_files(self, name: str, kind: str) -> dict[str, Declarations]:
         """Return the files with a good declaration of a name, else the files with a bad one."""
         last = plain_name(name).casefold().rpartition(".")[2]
         spelled = re.sub("^(udt|db)([0-9])", r"\1[ \\t]*\2", re.escape(last))
@@ -135,17 +135,17 @@ def find_types(
     """Return the types of files, the types in folders that `names` need, and notes on the used folders."""
     found_in: dict[str, dict[str, dict[str, Declarations]]] = {}
     sought: set[tuple[str, str]] = set()
-    types = join_files(files, where, constants)
+    types = join_declarations(files, where, constants)
     while new := set(_find_missing(types, names)) - sought:
         sought |= new
         for name, kind in sorted(new):
             is_found = False
             for folder in folders:  # all given folders; the files beside FILE only if these have none
-                if (folder.is_whole or not is_found) and (found := folder.find_declaring(name, kind)):
+                if (folder.is_whole or not is_found) and (found := folder.find_declaring_files(name, kind)):
                     is_found = True
                     found_in.setdefault(folder.place, {})[name] = found
                     files = _drop_repeated([*files, *found.values()])
-        types = join_files(files, where, constants)
+        types = join_declarations(files, where, constants)
     return types, [_describe_found(names, place, found) for place, found in found_in.items()]
 
 
@@ -157,7 +157,7 @@ def _find_missing(types: TypeSet, names: Iterable[str]) -> Iterator[tuple[str, s
             yield name, TYPE_OR_DATA
         for problem in types.broken.get(name.casefold(), ()):
             lacked = unknown_name(problem)
-            if problem.found == f"'{lacked}'" and problem.expected in (KNOWN_TYPE, unknown_constant(lacked)):
+            if problem.found == f"'{lacked}'" and problem.expected in (KNOWN_TYPE, expected_constant(lacked)):
                 yield lacked, TYPE if problem.expected == KNOWN_TYPE else CONSTANT
 
 

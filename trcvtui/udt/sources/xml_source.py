@@ -111,8 +111,8 @@ class _TreeBuilder:
         parser.buffer_text = False  # else the place of a text would be its end
         parser.StartElementHandler = self.start
         parser.EndElementHandler = self.end
-        parser.CharacterDataHandler = self.characters
-        parser.StartDoctypeDeclHandler = self.doctype
+        parser.CharacterDataHandler = self.add_text
+        parser.StartDoctypeDeclHandler = self.refuse_doctype
 
     def place(self) -> tuple[int, int]:
         return self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1
@@ -137,13 +137,13 @@ class _TreeBuilder:
     def end(self, _name: str) -> None:
         self.path.pop()
 
-    def characters(self, text: str) -> None:
+    def add_text(self, text: str) -> None:
         element = self.path[-1]
         if not element.pieces:
             element.text_line = self.parser.CurrentLineNumber
         element.pieces.append(text)
 
-    def doctype(self, name: str, system: str | None, public: str | None, declares: int) -> None:
+    def refuse_doctype(self, name: str, system: str | None, public: str | None, declares: int) -> None:
         # With an external DTD the parser silently drops entities that it does not know.
         if declares or system or public:
             raise self.refusal(f"<!DOCTYPE {name[:40]} ...>", "XML without a DTD or entity declarations")

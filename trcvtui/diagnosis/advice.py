@@ -428,11 +428,8 @@ def describe_cause(cause: Cause, block: str) -> str:
 def _format_sizes(cause: Cause, block: str) -> str:
     row = block_row(block)
     if cause.have is not None and cause.need is not None:
-        if (
-            cause.value is None
-            and (cause.pin or cause.why is CauseKind.PARAMETER)
-            and cause.have < cause.need
-        ):
+        is_small = cause.why is CauseKind.PARAMETER and cause.have < cause.need  # a variable, a ComBuffer
+        if cause.value is None and (cause.pin or is_small):
             return f": {cause.have} of {count(cause.need, 'byte')}"
         if cause.pin:
             whole = f" ({count(cause.have, 'byte')})" if cause.value != cause.have else ""

@@ -238,7 +238,7 @@ SECTIONS: Final[dict[str, Sequence[Row]]] = {
         ("`hold` · `go`", "Screen: holds or resumes the scans."),
         (
             "`run 5` · `run T#200ms`",
-            "Lets 5 scans pass; lets scans pass for 200 ms. At the prompt, enter `hold` first.",
+            "Lets scans pass: 5 scans, or those of 200 ms. At the prompt, enter `hold` first.",
         ),
         (
             "`trigger TRCV_C_1 STATUS=80C5` · `trigger TRCV_C_1 EN_R rises` · `trigger rx.speed > 100`",

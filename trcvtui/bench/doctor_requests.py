@@ -153,7 +153,7 @@ def _port(end: str) -> str:
 
 
 def answer_command(command: AskDoctor, seen: DoctorSnapshot, project: Project) -> tuple[str, str]:
-    """Return an error text or "", and as text the findings on an instance, a CONNECT or all of them."""
+    """Return an error text or "", and a text with the findings on an instance, on a CONNECT, or all."""
     if seen.trouble:
         return seen.trouble, ""
     some = findings_of(command.name, seen.findings, project)

@@ -66,7 +66,7 @@ class DataTarget(Struct, frozen=True):
                 pass
         name = f"{self.decl.name}{'+' + str(self.offset) if self.is_raw else ''}"
         found = f"'{name}{'.' * bool(self.path) + self.path}', which is not a single value"
-        raise words.error(found, "the path of one value, or hex and bytes")
+        raise words.error(found, "the path of one value, or bytes such as: hex 01 02")
 
 
 def base_name(word: str) -> str:

@@ -11,7 +11,7 @@ from trcvtui.plc.ledger import A_HOLE, A_PACKET
 
 
 class StreamMessage(NamedTuple):
-    """One message at its positions. With `by_pauses`, it may be several messages between two pauses."""
+    """One message at its positions; if `by_pauses`, bytes between two pauses: one or more messages."""
 
     name: str
     positions: range

@@ -216,7 +216,7 @@ MOST_GAPS: Final = 200
 
 
 def find_lamp(pin: str) -> str:
-    """Return which lamp a pin is, under any name: done, error or busy. Return "" for no lamp."""
+    """Return done, error or busy if the pin shows this, whatever the pin's name; "" if it shows none."""
     shows = outcome_field(pin)
     return shows if shows in LAMP_FIELDS else ""
 

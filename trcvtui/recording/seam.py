@@ -42,7 +42,7 @@ class Seam(Protocol):
         """Return a function for a kernel call; its arguments are a handle and values, which are kept."""
 
     def handle_ledger_note(self, note: LedgerNote) -> None:
-        """Take what has just been written into the ledger."""
+        """Keep the note if a replay cannot make it again. The bench writes it just after this call."""
 
     def note_call(
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes

@@ -1,7 +1,7 @@
 """What-if: a recorded run, the same run with other parameters, their first difference, and their results.
 
 Rule 1: partners repeat their recorded acts at the recorded times (replay/partners.py).
-Rule 2: only keys that are declared replayable may change. For other keys a recording has no answer.
+Rule 2: only keys that are declared replayable may change. A recording cannot show the effect of others.
 Rule 3: commands act in their recorded scans. Commands that write a held pin are left out and counted.
 Rule 4: with another interval both runs advance by time, and the recorded run is a scan ahead.
 """

@@ -59,7 +59,7 @@ TURN_CONDITIONS: Final = (Condition.CONNECTED, Condition.RECEIVING, Condition.RE
 
 
 class StatusPattern:
-    """The STATUS of one instance, scan by scan, as a pattern: its first and its newest runs."""
+    """The STATUS of one instance as a pattern: its first and its newest runs of equal scans."""
 
     def __init__(self, of_the_wire: frozenset[int] = frozenset()) -> None:
         self._of_the_wire = of_the_wire

@@ -1,4 +1,4 @@
-"""How a connection is set up: from socket to the first partner (TCON), one call at a time.
+"""How a connection is set up (TCON), step by step: from creating its socket to the first partner.
 
 Every failure names its SetUpStage: each vendor has a code for each stage. This module knows no codes.
 """

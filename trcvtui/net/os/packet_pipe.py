@@ -24,10 +24,7 @@ _MOST_CHUNKS: Final = 4  # read ahead by a thread
 
 
 class PacketPipe:
-    """A descriptor of packets. `waits` gets the ns for which the running `read` has found nothing.
-
-    `whole` gets the bytes that were read, or b"" at the end. It returns the bytes to use now, or None.
-    """
+    """A descriptor of packets. `report_wait` gets for how many ns the running `read` found nothing."""
 
     def __init__(
         self,

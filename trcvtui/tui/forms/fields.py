@@ -49,7 +49,7 @@ class ProjectPart(NamedTuple):
 
 
 def list_parts(view_model: ViewModel, peer_first: bool) -> list[ProjectPart]:
-    """Return the parts of the selected instance and the selected peer, the most often changed ones first."""
+    """Return the parts of the selected instance and the selected peer. Often changed kinds come first."""
     instance = view_model.project.instance(view_model.selected)
     own = list(_parts_of(instance)) if instance is not None else []
     peer = view_model.peer_snapshot

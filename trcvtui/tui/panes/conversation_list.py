@@ -1,4 +1,4 @@
-"""Pane 7 of a line: conversations of a capture or tap, a row for each direction, and keys of a tap."""
+"""Pane 7 of a line: conversations of a capture or tap, a row per direction; keys intervene in a tap."""
 
 from __future__ import annotations
 

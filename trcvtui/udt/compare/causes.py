@@ -51,7 +51,7 @@ class FitCause(NamedTuple):
         words = _CAUSE_TEXTS.get(self.kind or "", "").format(
             count, member=one_line(self.member), theirs=one_line(self.theirs)
         )
-        return f"{words} and {more} behind" if self.kind == HEADER and self.back else words
+        return f"{words} and {more} at the end" if self.kind == HEADER and self.back else words
 
     def can_fit(self, size: int, framed: bool, lengths: Collection[int]) -> bool:
         """Return whether a message of one of these lengths can hold a type of this size with this cause."""
@@ -70,7 +70,7 @@ def _bytes_text(number: int) -> str:
 
 _CAUSE_TEXTS: Final = {
     HEADER: "{} in front",
-    TRAILER: "{} behind",
+    TRAILER: "{} at the end",
     BYTE_TOO_MANY: "one byte too long",
     BYTE_TOO_FEW: "one byte too short",
     WORD_SWAP: "words exchanged (CDAB)",

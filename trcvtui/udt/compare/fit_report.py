@@ -62,7 +62,7 @@ def fit_text(fits: Sequence[Fit], title: str) -> str:
 
 
 def reading_title(found: Fit) -> str:
-    """Return the first profile with the cause, and how many other profiles mean the same."""
+    """Return the first profile, the cause if there is one, and the number of equal profiles."""
     more = len(found.profiles) - 1
     return found.name + (f" (and {more} equal)" if more else "")
 

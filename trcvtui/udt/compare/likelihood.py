@@ -173,7 +173,7 @@ def _evidence(found: _Likelihood, raw: bytes) -> LeafEvidence:
 
 
 def _judge_number(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder, judge: _Judge) -> LeafEvidence:
-    """Return the evidence of a number. Its field `order` is 0 if the number is round in any byte order."""
+    """Return the evidence of a number. Its `order` is 0 if it is round in at least one byte order."""
     likely, why = judge(leaf, row, raw, order)
     points = _to_points(likely, raw)
     ways = {raw, raw[::-1], exchange_in_pairs(raw), exchange_words(raw)}

@@ -387,7 +387,7 @@ def _character_coding(row: Elementary, rules: LayoutRules) -> Coding:
 
     def to_raw(value: object) -> int:
         if not isinstance(value, str) or len(value) != 1 or ord(value) > highest:
-            raise ValueRefused(f"{row.name}, one character from code 0 to {highest}")
+            raise ValueRefused(f"{row.name}, one character with a code from 0 to {highest}")
         return ord(value)
 
     coding = Coding(row.code, chr, to_raw)

@@ -200,7 +200,8 @@ class _HeaderReader:
             and any(map(self.is_unpacked, parts)),
         }
         for why in [why for why, holds in wrong.items() if holds and count == len(self.problems)][:1]:
-            raise mistake(self.where(node), f"a class {why}", "plain members, packed by one #pragma pack")
+            expected = "plain members; to pack them, one #pragma pack"
+            raise mistake(self.where(node), f"a class {why}", expected)
         for one in tails:
             self.notes[f"{one.name}[] is not a member: its elements come after the bytes of the type"] = None
         bits = [one.name for one in members if one.width is not None and one.name and one not in tails]

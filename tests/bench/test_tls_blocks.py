@@ -102,7 +102,7 @@ class Desk:
         """Return the ERRORs of a handshake or of a connection that do not name the call and the partner."""
         edges = [line.event for line in self.bench.runtime.ledger if isinstance(line.event, StatusEdge)]
         told = [edge for edge in edges if edge.outputs.error and edge.cause.call == "session"]
-        return [edge for edge in told if not (edge.cause.underlying_call and edge.cause.peer)]
+        return [edge for edge in told if not (edge.cause.kernel_call and edge.cause.peer)]
 
     def status(self) -> str:
         return f"{self.bench.runtime.outputs('X').status:04X}"

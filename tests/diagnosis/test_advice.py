@@ -307,11 +307,13 @@ def test_what_kept_a_connection_from_being_built_is_forgotten_when_it_is_built()
     index = StreamIndex()
     statistics = LinkStatistics(index)
     fault = Fault("description", "wrong TSAP")
-    index.add_lines([(2, 20, ConnectionChanged("C1", 0, EventKind.ATTEMPT_FAILED, fault=fault, detail="x"))])
+    index.dispatch_events(
+        [(2, 20, ConnectionChanged("C1", 0, EventKind.ATTEMPT_FAILED, fault=fault, detail="x"))]
+    )
     attempt = statistics.facts("X", "C1").attempt
     assert attempt is not None
     assert (attempt.at.scan, attempt.cause.call, attempt.cause.detail) == (2, "description", "x")
-    index.add_lines([(102, 1020, ConnectionChanged("C1", 0, EventKind.CONNECTING))])
+    index.dispatch_events([(102, 1020, ConnectionChanged("C1", 0, EventKind.CONNECTING))])
     facts = statistics.facts("X", "C1")
     assert (facts.attempt, facts.failures) == (None, ())
 

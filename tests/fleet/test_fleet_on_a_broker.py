@@ -78,7 +78,7 @@ class OneLine:
         """Return whether the reader knows that what comes from now on is new."""
         self.turn()
         agents = self.reader.fleet.agents.values()
-        return self.reader.is_complete and bool(agents) and all(agent.has_begun for agent in agents)
+        return self.reader.has_caught_up and bool(agents) and all(agent.has_begun for agent in agents)
 
     def is_alone(self) -> bool:
         self.turn()

@@ -237,10 +237,10 @@ def test_agents_are_asked_for_a_few_at_a_time() -> None:
     broker.tell(ConnAck(), *(broker.message(f"s/a{n}/state", ONLINE) for n in range(20)))
     assert len(broker.asked) == MOST_PENDING_AGENTS
     assert broker.asked[0] == ("s/a0/+/figures", "s/a0/+/+/status", "s/a0/+/+/event", "s/a0/+/+/recent")
-    assert not broker.reader.is_complete
+    assert not broker.reader.has_caught_up
     broker.take_subscriptions()
     assert [topics[0] for topics in broker.asked] == [f"s/a{n}/+/figures" for n in range(20)]
-    assert broker.reader.is_complete
+    assert broker.reader.has_caught_up
 
 
 @pytest.mark.parametrize(
@@ -335,9 +335,9 @@ def test_what_a_turn_has_no_time_for_waits_for_the_next_one() -> None:
     broker.take_subscriptions()
     broker.waiting += lines
     broker.reader.advance(0, NOW, -1)
-    assert broker.names == ["L0"] and not broker.reader.is_complete
+    assert broker.names == ["L0"] and not broker.reader.has_caught_up
     broker.tell()
-    assert broker.names == ["L0", "L1", "L2"] and broker.reader.is_complete
+    assert broker.names == ["L0", "L1", "L2"] and broker.reader.has_caught_up
 
 
 texts = st.text(max_size=30)

@@ -130,10 +130,12 @@ def test_the_same_two_ends_that_meet_again_begin_a_new_stream() -> None:
     plc, peer = "127.0.0.1:2000", "127.0.0.1:5000"
     for incarnation in (1, 2):
         if incarnation == 1:
-            index.add_lines([(1, 0, ConnectionChanged("C1", incarnation, EventKind.CONNECTED, plc, peer))])
-        index.add_lines([(2, 0, PeerSent("P1", 2 * incarnation, peer, plc, 0, 10))])
-        index.add_lines([(2, 0, PeerSent("P1", 2 * incarnation + 1, peer, plc, 10, 10))])
-    index.add_lines([(3, 0, ConnectionChanged("C1", 2, EventKind.CONNECTED, plc, peer))])
+            index.dispatch_events(
+                [(1, 0, ConnectionChanged("C1", incarnation, EventKind.CONNECTED, plc, peer))]
+            )
+        index.dispatch_events([(2, 0, PeerSent("P1", 2 * incarnation, peer, plc, 0, 10))])
+        index.dispatch_events([(2, 0, PeerSent("P1", 2 * incarnation + 1, peer, plc, 10, 10))])
+    index.dispatch_events([(3, 0, ConnectionChanged("C1", 2, EventKind.CONNECTED, plc, peer))])
     for incarnation, numbers in ((1, [2, 3]), (2, [4, 5])):
         found = index.find_messages_within(("C1", incarnation), 5, 10, 100)
         assert [span.number for span in found] == numbers

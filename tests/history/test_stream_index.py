@@ -19,7 +19,7 @@ PLC, PEER = "127.0.0.1:2000", "127.0.0.1:51322"
 def told(*events: Event, scan: int = 40) -> StreamIndex:
     index = StreamIndex(kept_messages=KEPT, kept_recvs=KEPT)
     for number, event in enumerate(events):
-        index.add_lines([(scan + number, 0, event)])
+        index.dispatch_events([(scan + number, 0, event)])
     return index
 
 
@@ -49,7 +49,7 @@ def test_a_byte_of_data_knows_job_recv_and_message() -> None:
     ledger = told(
         connected(), started(1, 0), sent(1, 0, 10), taken(1, 0, 10), sent(2, 10, 14), taken(2, 10, 14)
     )
-    ledger.add_lines([(50, 0, ended(1, 0, 24))])
+    ledger.dispatch_events([(50, 0, ended(1, 0, 24))])
     origin = ledger.find_origin("TRCV_C_1", of_job=False, byte=12)
     assert origin is not None and origin.recv is not None and origin.message is not None
     assert (origin.job.number, origin.recv.number, origin.recv.scan) == (1, 2, 45)
@@ -77,9 +77,9 @@ def in_turns() -> StreamIndex:
     """Return two jobs that read in turns: X has bytes 0-3 and 8-11, Y has 4-7; each message has three."""
     x, y = "TRCV_C_1", "TRCV_C_2"
     ledger = told(connected(), *(sent(n + 1, 3 * n, 3) for n in range(4)), started(1, 0, 8))
-    ledger.add_lines([(50, 0, ReceiveStarted(y, 1, "C1", 1, 0, 4, False))])
+    ledger.dispatch_events([(50, 0, ReceiveStarted(y, 1, "C1", 1, 0, 4, False))])
     for recv, (offset, instance) in enumerate(((0, x), (4, y), (8, x)), 1):
-        ledger.add_lines([(50 + recv, 0, taken(recv, offset, 4, instance=instance))])
+        ledger.dispatch_events([(50 + recv, 0, taken(recv, offset, 4, instance=instance))])
     return ledger
 
 
@@ -87,8 +87,8 @@ def in_turns() -> StreamIndex:
 def test_jobs_that_read_in_turns_know_their_own_bytes(of_job: bool) -> None:
     ledger = in_turns()
     if not of_job:
-        ledger.add_lines([(60, 0, ended(1, 0, 8))])
-        ledger.add_lines([(60, 0, ReceiveEnded("TRCV_C_2", 1, "C1", 1, 4, 4, True, ""))])
+        ledger.dispatch_events([(60, 0, ended(1, 0, 8))])
+        ledger.dispatch_events([(60, 0, ReceiveEnded("TRCV_C_2", 1, "C1", 1, 4, 4, True, ""))])
     found = [ledger.find_origin("TRCV_C_1", of_job, byte) for byte in range(8)]
     recvs = [origin.recv.number for origin in found if origin is not None and origin.recv is not None]
     assert recvs == [1, 1, 1, 1, 3, 3, 3, 3]
@@ -106,7 +106,7 @@ def test_jobs_that_read_in_turns_know_their_own_bytes(of_job: bool) -> None:
 def test_a_job_that_was_cut_very_often_costs_no_more_memory() -> None:
     ledger = told(connected(), started(1, 0, 10_000))
     for n in range(2 * KEPT):
-        ledger.add_lines([(n, 0, taken(n, 2 * n, 1, instance="TRCV_C_1"))])
+        ledger.dispatch_events([(n, 0, taken(n, 2 * n, 1, instance="TRCV_C_1"))])
     assert len(ledger._readings["TRCV_C_1"].reads) == KEPT
     assert ledger.find_origin("TRCV_C_1", of_job=True, byte=5) is not None
 
@@ -114,8 +114,8 @@ def test_a_job_that_was_cut_very_often_costs_no_more_memory() -> None:
 def test_what_is_remembered_is_bounded() -> None:
     ledger = told(connected())
     for n in range(3 * KEPT):
-        ledger.add_lines([(n, 0, taken(n, n, 1))])
-        ledger.add_lines([(n, 0, PeerSent("P1", n, f"10.0.0.1:{n}", PLC, 0, 1))])
+        ledger.dispatch_events([(n, 0, taken(n, n, 1))])
+        ledger.dispatch_events([(n, 0, PeerSent("P1", n, f"10.0.0.1:{n}", PLC, 0, 1))])
     assert len(ledger._readings["TRCV_C_1"].reads) == KEPT
     assert len(ledger._sent) == KEPT_STREAMS
 
@@ -129,7 +129,7 @@ def test_frames_that_agree_with_messages_need_no_word() -> None:
 def test_shifted_frames_are_named_with_their_shift() -> None:
     ledger = told(connected(), started(1, 0), sent(1, 0, 5), sent(2, 5, 24), sent(3, 29, 24))
     for job in (1, 2):
-        ledger.add_lines([(50, 0, ended(job, 24 * (job - 1), 24))])
+        ledger.dispatch_events([(50, 0, ended(job, 24 * (job - 1), 24))])
     assert list_frame_notes(receiving(have=0), ledger) == [
         "P1's message 3 begins at byte 5 of DATA: frames and messages are shifted"
     ]
@@ -161,6 +161,6 @@ def test_it_knows_from_when_to_when_a_connect_had_lost_its_partner() -> None:
         (7, kinds.LISTENING, ""), (9, kinds.CONNECTED, ""), (12, kinds.RESET, ""),
         (14, kinds.LISTENING, "UDP"), (20, kinds.DISCONNECTED, ""),
     ):  # fmt: skip
-        index.add_lines([(t_ns, t_ns, ConnectionChanged("C1", 1, what, detail=detail))])
+        index.dispatch_events([(t_ns, t_ns, ConnectionChanged("C1", 1, what, detail=detail))])
     assert index.list_down_times("C1") == [(5, 9), (12, 14), (20, MAX_SCAN)]
     assert index.list_down_times("C2") == []

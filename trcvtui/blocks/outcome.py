@@ -78,7 +78,7 @@ class Cause(Struct, frozen=True):
     is_expected: bool = False  # EN_R before the first connection: it receives once that is up
 
     @property
-    def underlying_call(self) -> str:
+    def kernel_call(self) -> str:
         """Return the kernel call of this cause, named as in a `fault` command, or "" if there is none."""
         if self.call == "resolve" and not self.errno:  # `@NAME` of the bench
             return ""

@@ -88,7 +88,7 @@ def matches(pattern: TracePattern, trace: Sequence[ScanRun]) -> bool:
     """Return whether the pattern describes the whole trace, scan by scan."""
     length = sum(count for _, count in trace)
     everywhere = (1 << length) - 1
-    places = {atom.scan: _scan_bits(atom.scan, trace) for atom in pattern.atoms if atom.scan is not None}
+    places = {atom.scan: _mask_places(atom.scan, trace) for atom in pattern.atoms if atom.scan is not None}
     reached = 1  # bit n: the atoms so far can have used up exactly n scans
     for atom in pattern.atoms:
         here = everywhere if atom.scan is None else places[atom.scan]
@@ -102,7 +102,7 @@ def matches(pattern: TracePattern, trace: Sequence[ScanRun]) -> bool:
     return bool(reached >> length & 1)
 
 
-def _scan_bits(scan: Scan, trace: Sequence[ScanRun]) -> int:
+def _mask_places(scan: Scan, trace: Sequence[ScanRun]) -> int:
     """Return a number in which bit n is set if scan n of the trace is equal to `scan`."""
     # Base 2 is read in linear time; the last scan is the highest bit.
     return int("".join([("1" if each == scan else "0") * count for each, count in reversed(trace)]) or "0", 2)

@@ -41,7 +41,7 @@ MOST_FRAMES: Final = 8
 MOST_MESSAGES: Final = 256  # of which the bytes are examined
 
 
-class MessageSizes(NamedTuple):
+class SizeStatistics(NamedTuple):
     """The sizes of messages: the usual size, its share, the number of different sizes."""
 
     usual: int
@@ -64,21 +64,21 @@ def select_whole_messages(line: LineFacts) -> tuple[LineMessage, ...]:
     return found
 
 
-def measure_sizes(messages: Sequence[LineMessage]) -> MessageSizes:
+def measure_sizes(messages: Sequence[LineMessage]) -> SizeStatistics:
     """Return the sizes of messages; a multiple of a frequent size counts as several of that size."""
     counted = Counter(one.size for one in messages)
     if not counted:
-        return MessageSizes(0, 0.0, 0, 0)
+        return SizeStatistics(0, 0.0, 0, 0)
     base = min((size for size, often in counted.items() if often * 3 >= len(messages)), default=0)
     usual, often = counted.most_common(1)[0]
     if base and len(messages) >= 5 and usual % base == 0:
         multiples = sum(n for size, n in counted.items() if size % base == 0)
         if multiples * 10 >= len(messages) * 9 and len(counted) > 1:  # TCP joined some of them
-            return MessageSizes(base, multiples / len(messages), len(counted), len(messages))
-    return MessageSizes(usual, often / len(messages), len(counted), len(messages))
+            return SizeStatistics(base, multiples / len(messages), len(counted), len(messages))
+    return SizeStatistics(usual, often / len(messages), len(counted), len(messages))
 
 
-def _receiver_of_kind(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | None:
+def _check_kind(line: LineFacts, receiver: Receiver | None, kind: str) -> Receiver | None:
     if receiver is None or not receiver.need or receiver.is_whole or receiver.is_secure:
         return None
     if (
@@ -96,7 +96,7 @@ def _first_frame_byte(line: LineFacts) -> int:
     return 0 if line.has_begin else line.messages[0].at
 
 
-def _has_right_frames(line: LineFacts, need: int) -> bool:
+def _fits_frames(line: LineFacts, need: int) -> bool:
     found = select_whole_messages(line)
     start = _first_frame_byte(line) if line.has_begin else found[0].at
     hits = [(one.at + one.size - start) % need == 0 for one in found]
@@ -111,9 +111,11 @@ def _has_right_frames(line: LineFacts, need: int) -> bool:
     )  # each frame in pieces
 
 
-def _find_static_mismatch(line: LineFacts, receiver: Receiver | None) -> tuple[Receiver, MessageSizes] | None:
-    found = _receiver_of_kind(line, receiver, STATIC)
-    if found is None or not line.messages or _has_right_frames(line, found.need):
+def _find_static_mismatch(
+    line: LineFacts, receiver: Receiver | None
+) -> tuple[Receiver, SizeStatistics] | None:
+    found = _check_kind(line, receiver, STATIC)
+    if found is None or not line.messages or _fits_frames(line, found.need):
         return None
     return found, measure_sizes(select_whole_messages(line))
 
@@ -132,7 +134,7 @@ def _len_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     return (*mends, *offer_frame_reset(receiver)) if more[0].set else mends
 
 
-def _type_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
+def _compare_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
     """If LEN `size` would leave members unwritten, return the remedy to compare type and messages."""
     left = find_unwritten_members(receiver, size)
     if left is None:
@@ -151,7 +153,7 @@ def _offer_len(receiver: Receiver, size: int, line: LineFacts) -> RemedyOffer:
     has_members = make_data_layout(receiver) is not None
     # The meaning of further bytes is not known, so a type with members cannot be tried with them.
     cured = None if has_members and size > receiver.room else receiver._replace(need=size, room=room)
-    return RemedyOffer(_len_remedies(receiver, size), cured, _type_remedies(receiver, size))
+    return RemedyOffer(_len_remedies(receiver, size), cured, _compare_remedies(receiver, size))
 
 
 def _room_remedies(receiver: Receiver, size: int) -> tuple[Remedy, ...]:
@@ -220,7 +222,7 @@ def _judge_frame_long(line: LineFacts, receiver: Receiver | None) -> Finding | N
             return replace(members, evidence=(text, more, *members.evidence))
         offer = _offer_len(wanted, sizes.usual, line)
         return finding_to_plc(wanted, sure, (text, more), _segment(line.messages[0]), offer)
-    room = _receiver_of_kind(line, receiver, AD_HOC)
+    room = _check_kind(line, receiver, AD_HOC)
     if room is None:
         return None
     sizes = measure_sizes(select_whole_messages(line))
@@ -295,7 +297,7 @@ def _judge_shifted(line: LineFacts, receiver: Receiver | None) -> Finding | None
 
 
 def _judge_adhoc_splits(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    wanted = _receiver_of_kind(line, receiver, AD_HOC)
+    wanted = _check_kind(line, receiver, AD_HOC)
     messages = select_whole_messages(line)
     if wanted is None or len(messages) < FEW_MESSAGES:
         return None
@@ -338,10 +340,10 @@ def _judge_merged(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     if (
         line.protocol == "udp"
         or len(line.to_plc.writes) < 4
-        or _receiver_of_kind(line, receiver, STATIC) is not None
+        or _check_kind(line, receiver, STATIC) is not None
     ):
         return None
-    known = _receiver_of_kind(line, receiver, AD_HOC)
+    known = _check_kind(line, receiver, AD_HOC)
     if (receiver is not None and known is None) or speaks_session(line):
         return None
     writes = line.to_plc.writes
@@ -356,13 +358,13 @@ def _judge_merged(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     share = amount / len(writes)
     sure = 0.92 if known is not None else 0.7
     of_type = known is not None and known.type is not None and base % known.need == 0 and base > known.need
-    if known is not None and of_type and _has_recurring_pieces(line, known.need):
+    if known is not None and of_type and _pieces_begin_alike(line, known.need):
         base, often, amount, share, others = known.need, 0, len(writes), 1.0, 0  # each write holds several
         several = counted
-    elif len(counted) >= 3 and 4 <= (beat := gcd(*counted)) < base and _has_recurring_pieces(line, beat):
+    elif len(counted) >= 3 and 4 <= (beat := gcd(*counted)) < base and _pieces_begin_alike(line, beat):
         several = {size: n for size, n in counted.items() if size > beat}
         base, often, amount, share, others = beat, 0, sum(several.values()), 1.0, 0
-    elif known is not None and not several and _has_recurring_pieces(line, base):
+    elif known is not None and not several and _pieces_begin_alike(line, base):
         return _judge_merged_in_scan(writes, known, base)
     elif base < 4 or often < 2 or amount < FEW_MESSAGES or share < 0.08 or others * 8 > len(writes):
         return None
@@ -425,7 +427,7 @@ def speaks_session(line: LineFacts, receiver: Receiver | None = None) -> bool:
     return has_call or sum(map(len, ways)) >= FEW_MESSAGES
 
 
-def _has_recurring_pieces(line: LineFacts, beat: int) -> bool:
+def _pieces_begin_alike(line: LineFacts, beat: int) -> bool:
     """Return whether all pieces of `beat` bytes begin alike and are not all equal."""
     content = line.to_plc.content
     parts = [content[at : at + beat] for at in range(0, len(content) - beat + 1, beat)]
@@ -457,7 +459,7 @@ def _has_repeated_begin(line: LineFacts, base: int) -> bool:
 
 
 def _judge_datagram_size(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    wanted = _receiver_of_kind(line, receiver, DATAGRAM)
+    wanted = _check_kind(line, receiver, DATAGRAM)
     if wanted is None:
         return None
     large = [one for one in line.to_plc.writes if one.size > wanted.need]
@@ -469,7 +471,7 @@ def _judge_datagram_size(line: LineFacts, receiver: Receiver | None) -> Finding 
     return finding_to_plc(wanted, 0.95, (text,), large[0], _offer_len(wanted, most, line))
 
 
-def _judge_framing(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+def _judge_frame_marks(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     if receiver is None or receiver.marks == (b"", b"") or len(line.messages) < FEW_MESSAGES:
         return None
     content = bytes(line.to_plc.content)
@@ -498,7 +500,7 @@ def _frames(line: LineFacts, receiver: Receiver) -> list[bytes]:
     content, need = bytes(line.to_plc.content), receiver.need
     found = select_whole_messages(line) or line.messages
     sizes = measure_sizes(found)
-    if line.protocol == "tcp" and not receiver.adhoc and _has_right_frames(line, need):
+    if line.protocol == "tcp" and not receiver.adhoc and _fits_frames(line, need):
         start = _first_frame_byte(line) if line.has_begin else found[0].at
         parts = [content[at : at + need] for at in range(start, len(content) - need + 1, need)]
     else:
@@ -513,7 +515,7 @@ def _frames(line: LineFacts, receiver: Receiver) -> list[bytes]:
     return parts[::step][-MOST_FRAMES:]
 
 
-def _can_read(line: LineFacts, receiver: Receiver) -> bool:
+def _has_plain_bytes(line: LineFacts, receiver: Receiver) -> bool:
     """Return whether the bytes of messages are known and reach DATA as they are: no TLS, no ISO-on-TCP."""
     if receiver.is_whole or receiver.is_secure or not line.messages or line.to_plc.cut:
         return False
@@ -530,9 +532,14 @@ _READING_CACHE: Final[dict[tuple[object, ...], Finding | None]] = {}
 MOST_CACHED_READINGS: Final = 256
 
 
-def _judge_reading(line: LineFacts, receiver: Receiver | None) -> Finding | None:
+def _judge_other_reading(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     """If the bytes make sense in another reading than the PLC's, return a finding with its `cause`."""
-    if receiver is None or receiver.type is None or receiver.rules is None or not _can_read(line, receiver):
+    if (
+        receiver is None
+        or receiver.type is None
+        or receiver.rules is None
+        or not _has_plain_bytes(line, receiver)
+    ):
         return None
     frames = _frames(line, receiver)
     if not frames or len(frames[0]) > 4096 or (len(frames) < 2 and not _is_lone_message(line, receiver)):
@@ -548,7 +555,7 @@ def _judge_reading(line: LineFacts, receiver: Receiver | None) -> Finding | None
 
 def _judge_text(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     """Judge whether text comes where numbers are declared."""
-    if receiver is None or not _can_read(line, receiver) or not has_only_numbers(receiver):
+    if receiver is None or not _has_plain_bytes(line, receiver) or not has_only_numbers(receiver):
         return None
     messages = _contents(line)
     found = find_text(messages)
@@ -560,7 +567,7 @@ def _judge_text(line: LineFacts, receiver: Receiver | None) -> Finding | None:
 
 
 def _judge_encoding(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-    if receiver is None or not _can_read(line, receiver):
+    if receiver is None or not _has_plain_bytes(line, receiver):
         return None
     said = describe_utf_8_bytes(_contents(line), receiver.need)
     if not said:
@@ -571,7 +578,7 @@ def _judge_encoding(line: LineFacts, receiver: Receiver | None) -> Finding | Non
 def _judge_header(line: LineFacts, receiver: Receiver | None) -> Finding | None:
     if (found := _make_reading_judge("header")(line, receiver)) is not None:
         return found
-    if receiver is None or not _can_read(line, receiver):
+    if receiver is None or not _has_plain_bytes(line, receiver):
         return None
     said = describe_sent_strings(receiver, _contents(line))
     at = _segment(line.messages[0])
@@ -580,7 +587,7 @@ def _judge_header(line: LineFacts, receiver: Receiver | None) -> Finding | None:
 
 def _make_reading_judge(cause: str) -> Callable[[LineFacts, Receiver | None], Finding | None]:
     def judge(line: LineFacts, receiver: Receiver | None) -> Finding | None:
-        found = _judge_reading(line, receiver)
+        found = _judge_other_reading(line, receiver)
         return found if found is not None and found.cause == cause else None
 
     return judge
@@ -603,7 +610,7 @@ def _judge_unwritten(line: LineFacts, receiver: Receiver | None) -> Finding | No
     if left is None or speaks_session(line) or (receiver.adhoc and not left.is_cut):
         return None
     text = f"frames of {size} bytes never write {left.names} of {receiver.type_name}"
-    offer = RemedyOffer(_type_remedies(receiver, size))
+    offer = RemedyOffer(_compare_remedies(receiver, size))
     return finding_to_plc(receiver, 0.85, (text,), _segment(line.messages[0]), offer, not left.is_cut)
 
 
@@ -662,7 +669,7 @@ FRAME_RULES: Final = (
     CauseRule("adhoc-splits", _judge_adhoc_splits, (*_OTHER, "frame-long", "encoding"), ("text",)),
     CauseRule("merged", _judge_merged, (*_OTHER, "closes-each-message", "encoding"), ("flood",)),
     CauseRule("datagram-size", _judge_datagram_size, ("encoding",), ("text",)),
-    CauseRule("framing", _judge_framing, (), ("line-errors",)),
+    CauseRule("framing", _judge_frame_marks, (), ("line-errors",)),
     CauseRule("members-unwritten", _judge_unwritten, _DATA_CAUSES),
     CauseRule("odd-values", _judge_odd_values, _DATA_CAUSES),
 )

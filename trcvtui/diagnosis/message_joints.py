@@ -37,7 +37,7 @@ class MessageLength(NamedTuple):
         return number + self.more if len(message) >= end else 0
 
     @property
-    def is_usual(self) -> bool:
+    def counts_all_or_rest(self) -> bool:
         """Return whether the length counts all bytes of the message, or the bytes after the length."""
         return self.more in (0, self.at + self.width)
 
@@ -49,9 +49,9 @@ def find_length_field(messages: Sequence[bytes]) -> MessageLength | None:
         return None
     places = sorted(
         _find_lengths(messages[:MOST_MESSAGES], min(lengths)),
-        key=lambda one: (not one.is_usual, one.at % one.width, -one.width, one.at),
+        key=lambda one: (not one.counts_all_or_rest, one.at % one.width, -one.width, one.at),
     )
-    return next((one for one in places if one.is_usual or len(lengths) > 2), None)
+    return next((one for one in places if one.counts_all_or_rest or len(lengths) > 2), None)
 
 
 def _find_lengths(messages: Sequence[bytes], shortest: int) -> Iterator[MessageLength]:
@@ -110,7 +110,7 @@ def _joined_by_length(parts: Sequence[bytes]) -> Iterator[Joints]:
     """Yield the lengths that lead from message to message through each write."""
     shortest = min(parts, key=len)
     for place in _find_lengths([shortest], len(shortest)):
-        numbers = tuple([count_messages(place, part) for part in parts]) if place.is_usual else (0,)
+        numbers = tuple([count_messages(place, part) for part in parts]) if place.counts_all_or_rest else (0,)
         if all(numbers) and (place.width > 1 or len(set(map(len, parts))) > 2):
             head = place.at + place.width
             mend = f"two jobs: LEN {head} for the head, then as many bytes as the head says"
@@ -155,6 +155,6 @@ def _has_length_in_head(wholes: Sequence[bytes], head: int) -> bool:
     """Return whether a head has the length of the message or of its body, in two bytes or more."""
     lengths = {len(whole) for whole in wholes}
     return any(
-        place.is_usual and place.at + place.width <= head and (place.width > 1 or len(lengths) > 2)
+        place.counts_all_or_rest and place.at + place.width <= head and (place.width > 1 or len(lengths) > 2)
         for place in _find_lengths(wholes[:MOST_MESSAGES], head)
     )

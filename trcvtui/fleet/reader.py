@@ -64,7 +64,7 @@ class FleetReader:
         self._settling: deque[tuple[int, FleetAgent]] = deque()
 
     @property
-    def is_complete(self) -> bool:
+    def has_caught_up(self) -> bool:
         """Return whether all subscriptions were made and answered, and no message is unread."""
         return self.is_up and not (self._to_ask or self._underway or self._is_behind)
 
@@ -80,13 +80,13 @@ class FleetReader:
         if self._connection.dropped > self._dropped:
             self.refused += self._connection.dropped - self._dropped
             self._dropped = self._connection.dropped
-            self._report(TOO_MANY_TEXT, now)
+            self._show_refusal(TOO_MANY_TEXT, now)
         while self._settling and now >= self._settling[0][0] and not self._is_behind:
             self._settling.popleft()[1].count_from_one()
         if self._miss_at is not None and now >= self._miss_at and not self._is_behind:
             self._miss_at = None
             self.fleet.mark_offline_agents(wall)
-        if now >= self._again_at and self.is_complete:
+        if now >= self._again_at and self.has_caught_up:
             self._again_at = now + LACK_CHECK_NS
             for agent in self.fleet.agents.values():
                 if any(line.lacks_messages for line in agent.lines.values()):
@@ -100,7 +100,7 @@ class FleetReader:
                     self._handle_message(news, wall)
                 except UserError as refused:
                     self.refused += 1
-                    self._report(refused.lines()[0], now)
+                    self._show_refusal(refused.lines()[0], now)
             case ConnAck():
                 self.is_up, self.why = True, ""
                 self._miss_at = now + RETURN_TIMEOUT_NS
@@ -113,7 +113,7 @@ class FleetReader:
             case SubAck(number) if number in self._underway:
                 self._settling.append((now + SETTLE_NS, self._underway.pop(number)))
             case SubscribeRefusal(why):
-                self._report(why, now)
+                self._show_refusal(why, now)
 
     def _handle_message(self, came: IncomingMessage, wall: float) -> None:
         topic = parse_topic(came.topic)
@@ -125,7 +125,7 @@ class FleetReader:
         if isinstance(message, StateMessage) and topic[:2] not in self._requests:
             self._queue_agent(self.fleet.agents[topic[:2]])
 
-    def _report(self, line: str, now: int) -> None:
+    def _show_refusal(self, line: str, now: int) -> None:
         if now >= self._told_at + REPORT_PAUSE_NS:
             self.last_refusal, self._told_at = line, now
 

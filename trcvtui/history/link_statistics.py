@@ -86,7 +86,7 @@ class LinkStatistics:
         self._has_datagrams = False
         self._busy_since: dict[str, ScanStamp] = {}  # since when each instance is busy
         index.ends[False].append(self._handle_job_end)
-        index.add_listeners(
+        index.subscribe(
             {ConnectionChanged: self._on_link, StatusEdge: self._on_edge, BenchNote: self._on_note}
         )
 
@@ -132,7 +132,7 @@ class LinkStatistics:
                 link.datagrams, link.down_since = _DatagramCounts(at), None
                 if not self._has_datagrams:
                     self._has_datagrams = True
-                    self._index.add_listeners({BytesReceived: self._count_datagram})
+                    self._index.subscribe({BytesReceived: self._count_datagram})
         elif event.what is EventKind.CONNECTING:
             link.down_since = link.down_since or at
             link.forget_setup_failures()
@@ -255,7 +255,7 @@ def past_facts(
     shown = [k for k in kept if k.seq <= line.seq or (following is None or k.scan < following.scan)]
     index = StreamIndex()
     statistics = LinkStatistics(index)
-    index.add_lines((known.scan, known.t_ns, known.event) for known in shown)
+    index.dispatch_events((known.scan, known.t_ns, known.event) for known in shown)
     last = shown[-1] if shown and shown[-1].seq > line.seq else line
     return statistics.facts(edge.instance, connect), ScanStamp(last.scan, last.t_ns)
 

@@ -185,7 +185,7 @@ class MessageRows(NewestRows):
         index = reader.index
         index.ends[True].append(self._handle_job_end)
         index.ends[False].append(self._handle_job_end)
-        index.add_listeners({
+        index.subscribe({
             FrameEnded: self._handle_frame_end,
             SendStarted: self._handle_send_start,
             BytesSent: self._handle_bytes_sent,
@@ -210,7 +210,9 @@ class MessageRows(NewestRows):
         instance, number, connect, _, _, size, done, reason = event
         if not done and not size:
             return
-        reads = self._streams.index.done_reads(instance) if done else self._streams.index.cut_reads(instance)
+        reads = (
+            self._streams.index.done_reads(instance) if done else self._streams.index.undone_reads(instance)
+        )
         is_known = bool(reads) and sum([recv.size for recv in reads]) >= size
         pieces = find_first_pieces(reads, size) if is_known else []
         have = self._count_before_hole(connect, reads, size) if self._streams.index.has_holes else size

@@ -161,7 +161,7 @@ class ReceivedStreams:
         self.streams: defaultdict[str, ReceivedStream] = defaultdict(ReceivedStream)
         self._bench = bench
         self._arrivals: dict[str, int] = {}
-        self.index.add_listeners({
+        self.index.subscribe({
             BytesReceived: self._handle_received,
             BytesDropped: self._handle_dropped,
             BytesBuffered: self._handle_arrived,
@@ -190,7 +190,7 @@ class ReceivedStreams:
 
     def _handle_received(self, seq: int, scan: int, t_ns: int, event: BytesReceived) -> None:
         stream = self._get_stream(event.connection)
-        stream.recvs.append(self.index.get_running_read(event.instance))
+        stream.recvs.append(self.index.get_newest_recv(event.instance))
         stream.cut = event if event.cut else None
 
     def _handle_job_end(self, seq: int, scan: int, t_ns: int, event: ReceiveEnded) -> None:

@@ -1,6 +1,6 @@
 """Finds the message, recv call, job and scan of a byte in a received stream. All readers share one index.
 
-The index gets each line of the ledger before the other listeners (`add_listeners`).
+The index gets each line of the ledger before the other listeners (`subscribe`).
 For each line the index notes only the fields. Records are made when they are requested.
 Rule 1: what the ledger lacks (lines skipped, a partner that is no peer here) is left out, not guessed.
 Rule 2: two ends can connect again later. The peer's stream then begins with byte 0 again.
@@ -199,14 +199,14 @@ class StreamIndex:
         }
         self.ends: dict[bool, list[Listener]] = {True: [], False: []}  # called with ReceiveEnded, by DONE
 
-    def add_listeners(self, listeners: Mapping[type, Listener]) -> None:
+    def subscribe(self, listeners: Mapping[type, Listener]) -> None:
         """From now on call each listener with the events of its type, after the index has read them."""
         for kind, listener in listeners.items():
             self.listeners.setdefault(kind, []).append(listener)
 
     # -- from the ledger --------------------------------------------------------------------------------
 
-    def add_lines(self, stamped: Iterable[StampedEvent]) -> None:
+    def dispatch_events(self, stamped: Iterable[StampedEvent]) -> None:
         listeners = self.listeners
         for scan, t_ns, event in stamped:
             for listener in listeners.get(type(event), ()):
@@ -377,11 +377,11 @@ class StreamIndex:
         """Return begin and end, in ns, of each time a CONNECT was down; end MAX_SCAN: it is still down."""
         return [*self._down.get(connect, ())]
 
-    def cut_reads(self, instance: str) -> list[RecvSpan]:
+    def undone_reads(self, instance: str) -> list[RecvSpan]:
         """Return the recv calls of the newest job without DONE; none if not all of them are known."""
         return self._readings[instance].cut
 
-    def get_running_read(self, instance: str) -> RecvSpan:
+    def get_newest_recv(self, instance: str) -> RecvSpan:
         """Return the newest recv call of the running job."""
         return self._readings[instance].reads[-1]
 
@@ -442,7 +442,7 @@ class StreamIndex:
     def list_message_starts(self, instance: str, of_job: bool) -> frozenset[int]:
         return frozenset(span.position for span in self.list_messages(instance, of_job) if span.begins)
 
-    def list_holes(self, instance: str, of_job: bool) -> tuple[range, ...]:
+    def list_missing(self, instance: str, of_job: bool) -> tuple[range, ...]:
         """Return the bytes of DATA, or of the running job, that a capture lacks."""
         return tuple(
             [range(span.position, span.stop) for span in self._spans(instance, of_job) if span.peer == A_HOLE]

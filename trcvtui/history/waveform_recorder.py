@@ -94,7 +94,7 @@ class WaveformRecorder:
         }
         self._downloads: dict[str, PinChange] = {}  # downloaded in a scan, and not called in it so far
         self._downloaded_in = 0
-        reader.index.add_listeners(
+        reader.index.subscribe(
             {StatusEdge: self._on_edge, InputEdge: self._on_edge, BenchNote: self._on_note}
         )
         reader.on_loss.append(self._handle_loss)

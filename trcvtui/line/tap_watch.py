@@ -58,12 +58,12 @@ class TapPlan(LivePlan):
         taps, path = (*known.values(), *others), Path(f"tap to {to}") if loaded is None else loaded.path
         self.lines = {r.name: known[r.name].connect if r.name in known else r.name for r in routes}
 
-        def make_named_plan(found: Sequence[Conversation]) -> ShadowPlan:
+        def make_tap_plan(found: Sequence[Conversation]) -> ShadowPlan:
             plan = plan_of(found) if watched is None else plan_for_project(found, watched, None)
             return plan._replace(project=replace(plan.project, taps=taps, path=path))
 
         near = [given.address if given is not None and calls else b"" for calls in self.calls]
-        return make_named_plan, [
+        return make_tap_plan, [
             self._expected_talk(-n, *each) for n, each in enumerate(zip(routes, near, strict=True), 1)
         ]
 
@@ -158,7 +158,7 @@ class TapWatch(LiveWatch):
     def _start_player(self) -> CapturePlayer:
         player = super()._start_player()
         player.talks = player.talks or ConversationFigures()
-        player.shadows.bench.on_tap = self._intervene if self._order is not None else None
+        player.shadows.bench.on_tap = self._order_tap if self._order is not None else None
         return player
 
     def _apply_note(self, ns: int, note: TapNote, tap: str, first: bytes) -> None:
@@ -205,7 +205,7 @@ class TapWatch(LiveWatch):
             self.player.shadows.forbid_skipping()
         return wrong
 
-    def _intervene(self, command: words.TapAct) -> str:
+    def _order_tap(self, command: words.TapAct) -> str:
         names = [route.name for route in self._plan.routes]
         if command.tap not in names or self._order is None:
             return f"tap {command.tap} does not run"

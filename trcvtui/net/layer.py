@@ -105,7 +105,7 @@ class LayerSession(Protocol):
         """Return whether the session has bytes it has not looked at; a feed of no bytes then reads them."""
 
     @property
-    def is_costly(self) -> bool:
+    def next_is_costly(self) -> bool:
         """Return whether the next step is a handshake step that takes much time."""
 
     @property
@@ -116,7 +116,7 @@ class LayerSession(Protocol):
         """Note the end of the partner's bytes."""
 
     @property
-    def unfinished_number(self) -> int:
+    def open_message(self) -> int:
         """Return the number of the unfinished message. Return 0 if there is none, or no time limit."""
 
     def time_out(self, why: str) -> None:

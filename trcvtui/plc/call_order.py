@@ -47,7 +47,7 @@ class CallOrder:
         self.awake = set(self._places)
         self._order: list[int] = []  # the places of the CONNECTs in `_ordered`
         self._ordered: set[str] = set()
-        self._awake_since = set(self._places)  # which CONNECTs have been awake since `take_touched`
+        self._awake_since = set(self._places)  # which CONNECTs have been awake since `take_awakened`
 
     def wake_all(self) -> None:
         """Wake every instance: `call` calls each one the next time that this instance is due."""
@@ -86,8 +86,8 @@ class CallOrder:
     def call_positions(self, connect: str) -> Sequence[int]:
         return self._places[connect]
 
-    def take_touched(self) -> set[str]:
-        """Return the CONNECTs on which anything may have changed since `take_touched` was called last."""
+    def take_awakened(self) -> set[str]:
+        """Return the CONNECTs on which anything may have changed since `take_awakened` was called last."""
         awake, self._awake_since = self._awake_since, set(self.awake)
         return awake
 

@@ -9,7 +9,7 @@ from trcvtui.blocks.block import Block, ConnectBinding, StoppedBlock, new_block
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import NOT_CALLED, Cause, CauseKind, Outcome
 from trcvtui.blocks.pins import Inputs, PinValue
-from trcvtui.blocks.serial.com_buffer import SerialBinding
+from trcvtui.blocks.serial.com_buffer import BufferBinding
 from trcvtui.blocks.serial.receiving import FrameReceiveJob
 from trcvtui.blocks.table import block_row
 from trcvtui.blocks.udp.datagram_jobs import UdpBinding
@@ -28,7 +28,7 @@ class Instance:
     def __init__(
         self,
         decl: InstanceDecl,
-        bound: ConnectBinding | UdpBinding | SerialBinding,
+        bound: ConnectBinding | UdpBinding | BufferBinding,
         note: Callable[[InputEdge], None],
     ) -> None:
         self.name = decl.name
@@ -110,7 +110,7 @@ class Instance:
             return False
         if self._fading or self._blinking:
             self._advance_pulses()
-        if self._stream is not None and self._stream.update_inputs(self._block.job):
+        if self._stream is not None and self._stream.prepare_inputs(self._block.job):
             self._frozen = None
         if self._frozen is None:
             self._frozen = self._freeze()
@@ -178,7 +178,7 @@ class Instance:
             self.since_scan = self._env.scan
             return True
         # Frames may come scan after scan: each is an edge, though its pins may equal those of the last one.
-        is_frame = now.done and isinstance(self._bound, SerialBinding)
+        is_frame = now.done and isinstance(self._bound, BufferBinding)
         return is_frame or (now is not before and now != before)
 
     def stop(self) -> bool:
@@ -228,7 +228,7 @@ class Instance:
 
     def framer(self) -> FramerSnapshot | None:
         job, bound = self._block.job, self._bound
-        if not isinstance(job, FrameReceiveJob) or not isinstance(bound, SerialBinding):
+        if not isinstance(job, FrameReceiveJob) or not isinstance(bound, BufferBinding):
             return None
         return framer_snapshot(self.block_name, bound, job, self.inputs)
 

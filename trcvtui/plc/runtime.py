@@ -18,7 +18,7 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.data_area import NO_TEXT_LENS, DataArea, ElementKind, LeastTextLens
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.pins import PinValue
-from trcvtui.blocks.serial.com_buffer import LineRecording, SerialBinding
+from trcvtui.blocks.serial.com_buffer import BufferBinding, LineRecording
 from trcvtui.blocks.table import block_row
 from trcvtui.blocks.udp.datagram_jobs import UdpBinding
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, RemoteAddress, UdpConfig
@@ -152,7 +152,7 @@ class Runtime:
         self._lines.attach(instance, self._connections, self._project.rules)
         return instance
 
-    def _make_binding(self, decl: InstanceDecl) -> ConnectBinding | UdpBinding | SerialBinding:
+    def _make_binding(self, decl: InstanceDecl) -> ConnectBinding | UdpBinding | BufferBinding:
         task = self._project.task(decl.task)
         data = self._data[decl.data] if decl.data is not None else None
         priority = task.priority if task else 1
@@ -602,7 +602,7 @@ class Runtime:
         return connection_snapshot(self._ports.get(name) or self._connections[name], self._env.now)
 
     def _renew_snapshots(self) -> None:
-        awake = self._call_order.take_touched() | set(self._resources.unsettled)
+        awake = self._call_order.take_awakened() | set(self._resources.unsettled)
         for instance in self._call_order.instances_on(awake):
             self._instance_snapshots[instance.name] = instance.snapshot()
             if instance.data is not None:

@@ -143,7 +143,7 @@ class BufferDrain:
         self._size = 0  # of what REQ sends in this call
         self._ready = False
 
-    def update_inputs(self, job: Job) -> bool:
+    def prepare_inputs(self, job: Job) -> bool:
         """Put the next bytes into DATA if this call may send; return whether the inputs change."""
         was_asked, self._size = bool(self._size), 0
         self.follow_connection()
@@ -219,7 +219,7 @@ class BufferFeed:
         """Return whether the next call may differ although the outcome is stable."""
         return self.is_held
 
-    def update_inputs(self, job: Job) -> bool:
+    def prepare_inputs(self, job: Job) -> bool:
         """Decide whether the TRCV_C is held in this call; return whether the decision changed."""
         before, room = self.is_held, self._data.size if self._data is not None else 0
         is_full = self._holds and self._buffer.count > 0 and self._buffer.free < room

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment, SerialNote
 from trcvtui.blocks.rules import VendorRules
-from trcvtui.blocks.serial.com_buffer import COM_BUFFER_SIZE, ComBuffer, LineRecording, SerialBinding
+from trcvtui.blocks.serial.com_buffer import COM_BUFFER_SIZE, BufferBinding, ComBuffer, LineRecording
 from trcvtui.blocks.table import block_row
 from trcvtui.net.connection.connection import Connection
 from trcvtui.net.serial_line import TCP_URL_PREFIXES, SerialPortFactory
@@ -95,12 +95,12 @@ class SerialLines:
 
     def binding(
         self, env: Environment, decl: InstanceDecl, data: Mapping[str, DataArea], priority: int
-    ) -> SerialBinding:
+    ) -> BufferBinding:
         if block_row(decl.block).writes_tx_buffer:
             self._decls[decl.connect] = replace(self._decls[decl.connect], is_written=True)
         areas = [data[name] if name else None for name in (decl.data, *decl.pointers)]
         bound, prefix, suffix = (*areas, None, None)[:3]
-        return SerialBinding(env, self._buffers[decl.connect], bound, prefix, suffix, decl.name, priority)
+        return BufferBinding(env, self._buffers[decl.connect], bound, prefix, suffix, decl.name, priority)
 
     def attach(self, instance: Instance, connections: Mapping[str, Connection], rules: VendorRules) -> None:
         """Let an instance serve the ComBuffer that names it: a TRCV_C feeds it, a TSEND_C empties it."""

@@ -10,7 +10,7 @@ from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.framing import FrameSummary, FrameTally, Framing
 from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.pins import PinValue
-from trcvtui.blocks.serial.com_buffer import SerialBinding
+from trcvtui.blocks.serial.com_buffer import BufferBinding
 from trcvtui.blocks.serial.receiving import MILLISECOND_NS, FrameReceiveJob, string_bytes
 from trcvtui.blocks.table import block_row as block_row
 from trcvtui.blocks.table import com_buffer_pins as com_buffer_pins
@@ -235,7 +235,7 @@ def data_snapshot(data: DataArea) -> DataSummary:
 
 
 def framer_snapshot(
-    block: str, bound: SerialBinding, job: FrameReceiveJob, inputs: Mapping[str, PinValue]
+    block: str, bound: BufferBinding, job: FrameReceiveJob, inputs: Mapping[str, PinValue]
 ) -> FramerSnapshot:
     is_text = "SizeReceiveData" not in inputs
     if is_text:

@@ -166,7 +166,7 @@ class RunNotes:
             self.lost += missed
             self._index.forget_streams()
             self._statistics.forget_all(self._seq, ledger.scan, ledger.t_ns)
-        self._index.add_lines(news)
+        self._index.dispatch_events(news)
         for scan, t_ns, event in news:
             self._add_event(ScanStamp(scan, t_ns), event)
         for name in self._receiving:

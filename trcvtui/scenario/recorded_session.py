@@ -195,9 +195,9 @@ class RecordedSession:
         self.commands = 0
         self.marked_at = 0
         self._catch_up = reader.catch_up
-        reader.index.add_listeners({BenchNote: self._handle_note})
+        reader.index.subscribe({BenchNote: self._handle_note})
         if bench.kernel_name == SIM_KERNEL:
-            reader.index.add_listeners({StatusEdge: self._expect_frame})
+            reader.index.subscribe({StatusEdge: self._expect_frame})
         reader.on_loss.append(self._note_gap)
         for name in waves.records:
             self._begin_trace(name)

@@ -71,7 +71,7 @@ def cause_record(cause: Cause, block: str) -> dict[str, object]:
     """Return a cause as an object of JSON; a part that the cause does not have is null."""
     return {
         "text": _explain(cause, block),
-        "call": cause.underlying_call or None,
+        "call": cause.kernel_call or None,
         "errno": cause.errno or None,
         "peer": cause.peer or None,
         "injected": cause.injected,
@@ -186,7 +186,9 @@ class ScenarioRunner:
                 self._scan()
             failure = self._stage.failure or self._find_internal_error(step)
             errors = self._errors.list_newest() if failure is not None else ()
-            self._taken.append(StepResult(step, self._stage.elapsed_ns, failure, errors, self._stage.answer))
+            self._taken.append(
+                StepResult(step, self._stage.scans_end_ns, failure, errors, self._stage.answer)
+            )
             if self._stage.is_over:
                 break
         return Verdict(

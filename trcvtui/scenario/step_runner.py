@@ -58,11 +58,11 @@ class Trace:
 
     def add(self, scan: Scan) -> None:
         scan = self._known.setdefault(scan, scan)
-        if not _extend_run(self._since, scan):
+        if not _lengthen_run(self._since, scan):
             self._since.append((scan, 1))
             if len(self._since) > MOST_NEWEST_RUNS:
                 self._lost += self._since.popleft()[1]
-        if not self._is_cut and not _extend_run(self._first, scan):
+        if not self._is_cut and not _lengthen_run(self._first, scan):
             self._is_cut = len(self._first) == MOST_FIRST_RUNS
             if not self._is_cut:
                 self._first.append((scan, 1))
@@ -86,7 +86,7 @@ class Trace:
         return (format_trace(self._first) if self._first else "") + " ..." * self._is_cut
 
 
-def _extend_run(runs: deque[ScanRun] | list[ScanRun], scan: Scan) -> bool:
+def _lengthen_run(runs: deque[ScanRun] | list[ScanRun], scan: Scan) -> bool:
     if not runs or runs[-1][0] != scan:
         return False
     runs[-1] = (scan, runs[-1][1] + 1)
@@ -122,8 +122,8 @@ class StepRunner:
             case words.RunScans(scans):
                 yield from repeat(None, scans)
             case words.RunFor(ns):
-                end = self.elapsed_ns + ns
-                while self.elapsed_ns + self.bench.runtime.interval_ns <= end:
+                end = self.scans_end_ns + ns
+                while self.scans_end_ns + self.bench.runtime.interval_ns <= end:
                     yield
             case words.Wait(condition, within_ns):
                 yield from self._wait_for(step, condition, within_ns)
@@ -146,7 +146,7 @@ class StepRunner:
             self.traces[edge.instance].add((edge.outputs.status, edge.outputs.error))
 
     @property
-    def elapsed_ns(self) -> int:
+    def scans_end_ns(self) -> int:
         """Return the end of the last scan's interval, in virtual time; on a live bench in real time."""
         runtime = self.bench.runtime
         return self.bench.now + runtime.interval_ns if runtime.scans else 0

@@ -344,7 +344,7 @@ class BenchApp(TerminalApp):
         if self.lab is not None or self.scenarios is not None or self.last_words:
             return
         self._lab = self._lab or Lab(self.view_model)
-        self._lab.choose_source()
+        self._lab.choose_initial()
         self.lab = LabScreen(self.view_model, self._lab, self._send_line)
         self.push_screen(self.lab, self._handle_lab_closed)
         if line.split()[1:]:

@@ -59,7 +59,7 @@ def make_copy_source(
         name, job, content = declared.name, "", view_model.data
     edges = tuple(view_model.history.list_edges(view_model.selected))
     is_of_now = past is None and not of_peer  # only then the holes belong to these bytes
-    holes = view_model.stream_index.list_holes(view_model.selected, of_job) if is_of_now else ()
+    holes = view_model.stream_index.list_missing(view_model.selected, of_job) if is_of_now else ()
     lacks = sum(map(len, holes))  # of a capture
     size = count(len(content), "byte") + f" ({lacks} not captured, shown as 00)" * bool(lacks)
     title = "" if not content and past is None else f"{job}, {size}" if job else f"{size} of {name}"

@@ -248,7 +248,7 @@ def test_bytes_of_two_connections_are_never_one_frame() -> None:
     recorder = LineRecorder()
     for number in range(6):
         recorder.add(CODES[number] + CODES[0][: number % 3], number * 10**9)
-        recorder.end_connection()
+        recorder.mark_connection_end()
     best = advise_framings(recorder.make_recording("tcp", 10**10, 10**7)).proposals[0]
     assert best.title == "prefix 02 (STX), suffix 0D 0A (CR LF)"
     assert (best.frames, best.broken, best.left) == (6, 4, 2)

@@ -345,10 +345,10 @@ def looked_at(data: bytes, job: bytes, jobs_done: int) -> LabBytes:
 def test_the_lab_opens_on_data_that_a_job_has_written_or_that_was_chosen() -> None:
     for data, job, done in ((bytes(8), b"\1", 1), (b"\0\1", b"\1", 0), (bytes(8), b"", 0)):
         found = looked_at(data, job, done)
-        assert (found.choose_source(), found.source) == ("", DATA)
+        assert (found.choose_initial(), found.source) == ("", DATA)
     chosen = looked_at(bytes(8), b"\1", 0)
     chosen.is_chosen = True
-    assert (chosen.choose_source(), chosen.source) == ("", DATA)
+    assert (chosen.choose_initial(), chosen.source) == ("", DATA)
 
 
 # -- a partner outside the bench -----------------------------------------------------------------------

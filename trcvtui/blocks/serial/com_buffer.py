@@ -81,16 +81,16 @@ class LineRecorder:
         self._is_new = False
         self._size += len(payload)
         while self._size > MOST_RECORDED_BYTES or len(self._chunks) > MOST_RECORDED_CHUNKS:
-            self._drop_oldest()
+            self._drop_oldest_part()
 
-    def end_connection(self) -> None:
+    def mark_connection_end(self) -> None:
         """Note that the next bytes are of another connection."""
         self._is_new = True
 
     def make_recording(self, source: str, until: int, tick: int) -> LineRecording:
         return LineRecording(source, tuple(self._chunks), until, tick, self._dropped)
 
-    def _drop_oldest(self) -> None:
+    def _drop_oldest_part(self) -> None:
         """Drop the oldest chunk. If there is only one chunk, drop only its oldest bytes."""
         if len(self._chunks) == 1:
             (last,) = self._chunks
@@ -166,7 +166,7 @@ class ComBuffer:
 
     def mark_connection_end(self, reason: str) -> None:
         """Mark the end of a connection after the last byte."""
-        self.recorded.end_connection()
+        self.recorded.mark_connection_end()
         if not self._ends or self._ends[-1] != (self.tail, reason):  # marked once
             self._ends.append((self.tail, reason))
 
@@ -203,7 +203,7 @@ class ComBuffer:
         self._write(BufferBytesLost(self.name, self.tail, size, reason, position))
 
 
-class SerialBinding(Struct, frozen=True):
+class BufferBinding(Struct, frozen=True):
     """In `data`, `prefix` and `suffix`, None means that the pointer is 0. `priority` is the task's."""
 
     env: Environment

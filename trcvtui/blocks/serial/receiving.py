@@ -14,7 +14,7 @@ from trcvtui.blocks.environment import FrameEnded, NoiseDropped, PartialFrameDro
 from trcvtui.blocks.framing import NO_FRAMES, Frame, FrameEnding, Framer, FrameSummary, Framing, summary_of
 from trcvtui.blocks.outcome import Cause, CauseKind, Lamp, Outcome
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.serial.com_buffer import SerialBinding
+from trcvtui.blocks.serial.com_buffer import BufferBinding
 
 # Rule: Error, RxTimeout and the length stay until the next frame begins.
 
@@ -35,7 +35,7 @@ class FrameReceiveJob:
 
     def __init__(
         self,
-        bound: SerialBinding,
+        bound: BufferBinding,
         deliver: Callable[[bytes], None],
         conditions: Mapping[FrameEnding, Condition] = FRAME_CONDITIONS,
     ) -> None:
@@ -161,7 +161,7 @@ MILLISECOND_NS = 1_000_000
 
 
 class ReceiveData(JobBlock):
-    def __init__(self, bound: SerialBinding) -> None:
+    def __init__(self, bound: BufferBinding) -> None:
         self.job = FrameReceiveJob(bound, self._deliver)
         self._data, self._prefix, self._suffix = bound.data, bound.prefix, bound.suffix
 
@@ -228,7 +228,7 @@ STRING_CONDITIONS: Final = {
 class ReceiveString(JobBlock):
     longest = 80
 
-    def __init__(self, bound: SerialBinding) -> None:
+    def __init__(self, bound: BufferBinding) -> None:
         self.job = FrameReceiveJob(bound, self._deliver, STRING_CONDITIONS)
         self._data, self._prefix, self._suffix = bound.data, bound.prefix, bound.suffix
 
@@ -266,7 +266,7 @@ BYTE_TAKEN_CAUSE: Final = Cause(CauseKind.BYTES, "a byte was taken", have=1, nee
 class ReceiveByte(JoblessBlock):
     """One ReceiveByte instance. The output ReceivedByte keeps its value until the next byte."""
 
-    def __init__(self, bound: SerialBinding) -> None:
+    def __init__(self, bound: BufferBinding) -> None:
         super().__init__()
         self._buffer = bound.buffer
         self._empty = Outcome(Condition.BUFFER_EMPTY, NO_BYTE_CAUSE)

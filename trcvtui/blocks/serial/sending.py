@@ -8,7 +8,7 @@ from trcvtui.blocks.block import JoblessBlock, NoJob
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, CauseKind, Outcome
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.serial.com_buffer import SerialBinding
+from trcvtui.blocks.serial.com_buffer import BufferBinding
 from trcvtui.blocks.serial.receiving import string_bytes
 
 # Rule: a block sends as often as the program calls it, so each has EN, as its box has in FBD and LD. Bytes
@@ -20,7 +20,7 @@ EN_IS_0: Final = Cause(CauseKind.INPUT, "EN is 0", pin="EN", value=0)
 class SendBlock(NoJob):
     """The base of the three send blocks. Of `need` bytes, `have` bytes are in the ComBuffer."""
 
-    def __init__(self, bound: SerialBinding) -> None:
+    def __init__(self, bound: BufferBinding) -> None:
         self._env = bound.env
         self._buffer = bound.buffer
         self._data = bound.data
@@ -117,7 +117,7 @@ EMPTIED_OUTCOME: Final = Outcome(Condition.BUFFER_EMPTY, Cause(CauseKind.INPUT, 
 class ClearComBuffer(JoblessBlock):
     """One ClearComBuffer instance; it has no outputs."""
 
-    def __init__(self, bound: SerialBinding) -> None:
+    def __init__(self, bound: BufferBinding) -> None:
         super().__init__()
         self._buffer = bound.buffer
 

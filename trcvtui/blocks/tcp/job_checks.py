@@ -44,7 +44,7 @@ def acquire(
     connect: str,
 ) -> Outcome | None:
     """Check DATA, LEN, CONNECT, then a buffer; return what is wrong. None: claim and buffer are taken."""
-    unfit = _find_length_misfit(env, data, request)  # 80A4, 80A5 come before 80C3 and 80A7
+    unfit = _find_data_misfit(env, data, request)  # 80A4, 80A5 come before 80C3 and 80A7
     if unfit is not None:
         return unfit
     other = request.rival or direction.try_take(claim)
@@ -56,7 +56,7 @@ def acquire(
 
 def can_start(env: Environment, data: DataArea | None, request: JobRequest) -> bool:
     """Return whether DATA, LEN and `rival` let the requested job start. The buffers are not checked."""
-    return request.rival is None and _find_length_misfit(env, data, request) is None
+    return request.rival is None and _find_data_misfit(env, data, request) is None
 
 
 def reserve(
@@ -68,7 +68,7 @@ def reserve(
     return direction.try_take(claim) is None
 
 
-def _find_length_misfit(env: Environment, data: DataArea | None, request: JobRequest) -> Outcome | None:
+def _find_data_misfit(env: Environment, data: DataArea | None, request: JobRequest) -> Outcome | None:
     area, length = env.rules.area, request.length
     limit = env.rules.max_len if request.most is None else request.most
     if data is None:

@@ -194,7 +194,7 @@ def _check_structure(connect: DescribedConnect) -> FlawAnswer | None:
     return Flaw.STRUCTURE, "", f"{name}: these instructions take {', '.join(connect.structures)} only"
 
 
-def _check_length(connect: DescribedConnect) -> FlawAnswer | None:
+def _check_size(connect: DescribedConnect) -> FlawAnswer | None:
     structure, size = connect.description.structure, len(connect.description.data)
     if structure.size - structure.spare <= size <= structure.size:
         return None
@@ -208,7 +208,7 @@ def _check_identity(connect: DescribedConnect) -> FlawAnswer | None:
     return Flaw.ID, name, f"{name} is {connect.meaning.identity}, expected 1 to {MOST_ID}"
 
 
-def _check_configured(connect: DescribedConnect) -> FlawAnswer | None:
+def _refuse_configured(connect: DescribedConnect) -> FlawAnswer | None:
     if connect.meaning.protocol is not Transport.CONFIGURED:
         return None
     return Flaw.ID, "ID", f"no configured connection has the ID {connect.meaning.identity}"
@@ -252,12 +252,12 @@ def _check_udp_port(connect: DescribedConnect) -> FlawAnswer | None:
 def _check_tsap(connect: DescribedConnect) -> FlawAnswer | None:
     if connect.meaning.protocol is not Transport.ISO:
         return None
-    return _test_tsap(connect) or (
-        check_narrow_tsap(connect.meaning.local_tsap) if connect.narrow_tsaps else None
+    return _check_common_tsap(connect) or (
+        check_s7_1200_tsap(connect.meaning.local_tsap) if connect.narrow_tsaps else None
     )
 
 
-def _test_tsap(connect: DescribedConnect) -> FlawAnswer | None:
+def _check_common_tsap(connect: DescribedConnect) -> FlawAnswer | None:
     local = connect.meaning.local_tsap
     if connect.description.structure.name == "TCON_Param":
         return _check_param_tsap(connect)
@@ -269,18 +269,18 @@ def _test_tsap(connect: DescribedConnect) -> FlawAnswer | None:
         return Flaw.TSAP, "LocalTSelector", "the local T-selector is empty"
     if len(local) < TSAP_SIZES.start and not connect.meaning.is_active:
         return Flaw.TSAP, "LocalTSelector", "the local T-selector has 1 byte; a passive end needs 2 or more"
-    if len(local) == 2 and local[0] not in _tsap_first_bytes(connect):
+    if len(local) == 2 and local[0] not in _allowed_first_bytes(connect):
         return Flaw.TSAP, "LocalTSelector", f"two bytes have to begin with E0, not with {local[0]:02X}"
     if local.startswith(b"SIMATIC-"):
         return Flaw.TSAP, "LocalTSelector", "SIMATIC- is reserved for the system"
     return None
 
 
-def _tsap_first_bytes(connect: DescribedConnect) -> bytes:
+def _allowed_first_bytes(connect: DescribedConnect) -> bytes:
     return TSAP_FIRST_BYTES if connect.narrow_tsaps else TSAP_FIRST_BYTES[:1]
 
 
-def check_narrow_tsap(local: bytes) -> DescriptionFlaw | None:
+def check_s7_1200_tsap(local: bytes) -> DescriptionFlaw | None:
     """Return a flaw of the local T-selector that only an S7-1200 reports (S7-1200 System Manual)."""
     text = ""
     if len(local) >= 2 and local[0] in TSAP_FIRST_BYTES and local[1] > 1:
@@ -299,7 +299,7 @@ def _selector_length(description: Description, name: str) -> int:
 def _check_param_tsap(connect: DescribedConnect) -> FlawAnswer | None:
     local = connect.meaning.local_tsap
     if not connect.meaning.is_active and (
-        len(local) < TSAP_SIZES.start or local[0] not in _tsap_first_bytes(connect)
+        len(local) < TSAP_SIZES.start or local[0] not in _allowed_first_bytes(connect)
     ):
         return Flaw.TSAP, "local_tsap_id", f"{local.hex(' ')}, expected two bytes or more that begin with E0"
     return None
@@ -340,7 +340,7 @@ def _allowed_param_lengths(spec: LinkSpec) -> list[tuple[str, tuple[int, ...]]]:
     return lengths
 
 
-def _check_ports(connect: DescribedConnect) -> FlawAnswer | None:
+def _check_tcp_ports(connect: DescribedConnect) -> FlawAnswer | None:
     spec = connect.meaning
     if spec.protocol is not Transport.TCP:
         return None
@@ -367,14 +367,14 @@ def _check_remote(connect: DescribedConnect) -> FlawAnswer | None:
     return None
 
 
-def _check_local_port(connect: DescribedConnect) -> FlawAnswer | None:
+def _check_reserved_port(connect: DescribedConnect) -> FlawAnswer | None:
     port = connect.meaning.local_port
     if port in RESERVED_PORTS or port >= FIRST_DYNAMIC_PORT:
         return Flaw.PORT_RESERVED, "LocalPort", f"port {port} is reserved for the system; use 2000 to 5000"
     return None
 
 
-def _check_name(connect: DescribedConnect) -> FlawAnswer | None:
+def _check_remote_name(connect: DescribedConnect) -> FlawAnswer | None:
     if connect.description.structure.field("RemoteQDN") is None:
         return None
     name = connect.meaning.remote_name
@@ -412,9 +412,9 @@ def _check_secure(connect: DescribedConnect) -> FlawAnswer | None:
 
 
 _CHECKS: Final[tuple[Callable[[DescribedConnect], FlawAnswer | None], ...]] = (
-    _check_structure, _check_length, _check_identity, _check_configured, _check_interface, _check_secure_type,
-    _check_type, _check_tsap, _check_udp_active, _check_param_lengths, _check_udp_port, _check_ports,
-    _check_remote, _check_local_port, _check_name, _check_secure,
+    _check_structure, _check_size, _check_identity, _refuse_configured, _check_interface, _check_secure_type,
+    _check_type, _check_tsap, _check_udp_active, _check_param_lengths, _check_udp_port, _check_tcp_ports,
+    _check_remote, _check_reserved_port, _check_remote_name, _check_secure,
 )  # fmt: skip
 
 

@@ -325,7 +325,7 @@ class IsoSettings(Struct, frozen=True):
 class IsoSession:
     """One end. The passive end waits for a CR, and then for `accept_for` or `refuse`."""
 
-    is_costly = False  # a handshake of two TPDUs needs no calculation
+    next_is_costly = False  # a handshake of two TPDUs needs no calculation
     partner_is_done = False  # class 0 ends with its stream (RFC 905 6.7, implicit variant)
 
     def __init__(self, settings: IsoSettings, is_active: bool) -> None:
@@ -390,7 +390,7 @@ class IsoSession:
         return self._reader.stopped_short and self.wants_more
 
     @property
-    def unfinished_number(self) -> int:
+    def open_message(self) -> int:
         return self._finished + 1 if self._has_begun or self._reader.held_bytes else 0
 
     def time_out(self, why: str) -> None:

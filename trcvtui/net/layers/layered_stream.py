@@ -83,7 +83,7 @@ class LayeredStream:
         if self.party.units_left <= 0:
             self.party.note_waiting(str(self.peer))
             return False
-        if self.session.is_costly and not self.party.work.may_handshake():
+        if self.session.next_is_costly and not self.party.work.may_handshake():
             self.party.note_waiting(str(self.peer), EventKind.HANDSHAKES_WAIT)
             return False
         return True
@@ -110,7 +110,7 @@ class LayeredStream:
             return session.feed(data, max(1, party.units_left))
 
         party.spend(
-            party.work.run_handshake_step(party, str(self.peer), feed) if session.is_costly else feed()
+            party.work.run_handshake_step(party, str(self.peer), feed) if session.next_is_costly else feed()
         )
         if session.partner_is_done:  # its close_notify is answered at once (RFC 5246 7.2.1)
             self.is_over = True
@@ -150,7 +150,7 @@ class LayeredStream:
     def limit_message_time(self, now: int) -> None:
         """End the session if a message does not end in time (Rule 2)."""
         session = self.session
-        number = session.unfinished_number if session.is_up and session.wants_more else 0
+        number = session.open_message if session.is_up and session.wants_more else 0
         if not number or number != self._unfinished or self.is_held_back:  # held back: the delay is our own
             self._unfinished, self._begun = number, now
         elif now - self._begun >= MESSAGE_LIMIT_NS:
@@ -359,7 +359,7 @@ class SharedListener:
             self._any_member().ready.append(fault)
             return
         session = self._any_member().settings.make_session(is_active=False)
-        self._party.spend(BEGIN_TLS_UNITS if session.is_costly else 0)
+        self._party.spend(BEGIN_TLS_UNITS if session.next_is_costly else 0)
         newest = LayeredStream(self._kernel, got.handle, got.peer, session, now, self._party)
         self._make_room()
         self.clients.append(newest)
@@ -376,7 +376,7 @@ class SharedListener:
     def _advance(self, client: LayeredStream, now: int) -> None:
         session = client.session
         # A client that left before its first bytes were read costs no handshake (the attack: connect and go).
-        if session.is_costly and not client.has_spoken and self._kernel.loss(client.handle) is not None:
+        if session.next_is_costly and not client.has_spoken and self._kernel.loss(client.handle) is not None:
             client.read_last_bytes()
         else:
             client.pump()

@@ -100,7 +100,7 @@ _LIBRARY_ERRORS: Final = (ssl.SSLError, OSError, ValueError)
 class TlsSession:
     """One end. `ended` is the reason of a failure. `partner_is_done` means that close_notify has come."""
 
-    unfinished_number = 0  # no time limit: a record is no message, and an incomplete one is bounded in size
+    open_message = 0  # no time limit: a record is no message, and an incomplete one is bounded in size
 
     def __init__(self, credentials: Credentials, is_active: bool) -> None:
         self.ended: SessionEnd | None = None
@@ -168,7 +168,7 @@ class TlsSession:
         return self._stopped_short and len(self._plain) < MOST_HELD_BYTES and self.wants_more
 
     @property
-    def is_costly(self) -> bool:
+    def next_is_costly(self) -> bool:
         return not self.is_up  # signatures and key exchange: ms, while a record takes us
 
     def note_partner_end(self) -> None:

@@ -485,7 +485,7 @@ class SimKernel:
 
     def probe(self, handle: Handle) -> Fault | None:
         socket = self._sockets.get(handle)
-        return _make_fault("shutdown", "EBADF" if socket is None else socket.probe())
+        return _make_fault("shutdown", "EBADF" if socket is None else socket.probe_shutdown())
 
     def abort(self, handle: Handle) -> Fault | None:
         return self._free("abort", handle)

@@ -466,7 +466,7 @@ class SimSocket:
             return LOOPBACK
         return remote if self._wire.owns_address(remote) else self._wire.addresses[0]
 
-    def probe(self) -> str:
+    def probe_shutdown(self) -> str:
         return "ENOTCONN" if self.stream is None or self.stream.phase is StreamPhase.OVER else ""
 
     def shutdown(self, both: bool) -> str:

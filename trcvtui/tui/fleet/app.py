@@ -98,7 +98,7 @@ class FleetHeader(WordLine):
             pieces.append(HeaderWord(f"{count(reader.refused, 'message')} refused", "warn", 12))
         if not reader.is_up:
             pieces.append(HeaderWord(" BROKER AWAY ", "stop", 0))
-        elif not reader.is_complete:
+        elif not reader.has_caught_up:
             pieces.append(HeaderWord("reading …", "busy", 2))
         return pieces
 

@@ -118,7 +118,7 @@ class LabBytes:
         self.typed = b""
         self._last: JobSpan | None = None
 
-    def choose_source(self) -> str:
+    def choose_initial(self) -> str:
         """Choose DATA, or the job if DATA was never written. Keep the user's choice. Return a remark."""
         if self.is_chosen or self.source not in (DATA, JOB):
             return ""
@@ -188,7 +188,7 @@ class LabBytes:
             case _:
                 return f"typed hex, {size}"
 
-    def _has_messages(self) -> bool:
+    def _uses_messages(self) -> bool:
         return self.source not in (LAST_JOB, HEX) and bool(self.messages())
 
     def _chosen_message(self) -> StreamMessage | None:
@@ -216,7 +216,7 @@ class LabBytes:
         While DATA or the running job is shown, return the received messages, if their ends are known.
         """
         known = [] if self._doubt() else [message.content for message in self.messages()]
-        if known and self._has_messages():
+        if known and self._uses_messages():
             return known[-MOST_MESSAGES:], True
         content = self.content
         return [content] if content else [], self.source == HEX or content in known
@@ -224,14 +224,14 @@ class LabBytes:
     @property
     def evidence_name(self) -> str:
         doubt, messages = self._doubt(), self.messages()
-        if doubt or not self._has_messages():
+        if doubt or not self._uses_messages():
             return self.name + doubt * (self.source != MESSAGE or bool(messages))
         by_pauses = " by pauses" * messages[-1].by_pauses
         return count(min(MOST_MESSAGES, len(messages)), "message") + by_pauses
 
     # -- choosing -----------------------------------------------------------------------------------
 
-    def step(self, messages: int) -> None:
+    def step_messages(self, messages: int) -> None:
         self.source, self.is_chosen = MESSAGE, True
         self.back = max(0, min(self.back - messages, max(0, len(self.messages()) - 1)))
 
@@ -265,11 +265,11 @@ class Lab:
         self.type: Type | None = None
         self.choose_type("")
 
-    def choose_source(self) -> None:
+    def choose_initial(self) -> None:
         """Choose the bytes to show when the lab opens."""
         if self.news == self._remark:
             self.news = ""  # DATA may have been written since the remark
-        self._remark = self.bytes.choose_source()
+        self._remark = self.bytes.choose_initial()
         self.news = self._remark or self.news
 
     # -- types --------------------------------------------------------------------------------------
@@ -304,10 +304,10 @@ class Lab:
         name = name or next(iter(names), "")
         self.type_name, self.type = name, self._find_type(name) if name else None
         if self._is_guess:
-            self.profiles[THEIRS] = self._guess_profile()
+            self.profiles[THEIRS] = self._guess_theirs()
         self._clear_results()
 
-    def _guess_profile(self) -> Profile:
+    def _guess_theirs(self) -> Profile:
         """Return the sender's likely profile: by the type's source, else a common layout unlike ours."""
         ours, sender = self.profiles[OURS], self.files.types.sender_layout(self.type_name).layout
         if sender not in ("", ours.layout):
@@ -336,7 +336,7 @@ class Lab:
 
     def reload_if_changed(self) -> bool:
         """Read changed files again; return whether types or the error line have changed."""
-        before, trouble = self.size_text, self.files.trouble
+        before, trouble = self.our_size_text, self.files.trouble
         if not self.files.reload_if_changed():
             if self.files.trouble == trouble:
                 return False
@@ -353,8 +353,10 @@ class Lab:
 
     def _report_changed_types(self, before: str) -> None:
         self._choose_type_again()
-        self.news = f"{self.files.name} has changed: {plain(self.type_name)} now {self.size_text or 'gone'}"
-        if before and before != self.size_text:
+        self.news = (
+            f"{self.files.name} has changed: {plain(self.type_name)} now {self.our_size_text or 'gone'}"
+        )
+        if before and before != self.our_size_text:
             self.news += f", before {before}"
         declared = self._view_model.declaration
         if self.opened is None and declared is not None:
@@ -411,7 +413,7 @@ class Lab:
         return profile.rules
 
     @property
-    def size_text(self) -> str:
+    def our_size_text(self) -> str:
         ours = self.layout(OURS)
         return f"{ours.size} B" if ours else ""
 

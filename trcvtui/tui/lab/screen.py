@@ -284,7 +284,7 @@ class LabScreen(SideScreen[None]):
         self._apply_change(self.lab.exchange_profiles)
 
     def action_message(self, step: int) -> None:
-        self._apply_change(lambda: self.lab.bytes.step(step))
+        self._apply_change(lambda: self.lab.bytes.step_messages(step))
 
     def _apply_change(self, change: Callable[[], None]) -> None:
         self._trouble = self._message = ""

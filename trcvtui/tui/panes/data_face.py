@@ -181,7 +181,7 @@ class DataFace(ReceivedFace):
 
     def _starts_and_holes(self, of_job: bool) -> tuple[frozenset[int], tuple[range, ...]]:
         index, selected = self._view_model.stream_index, self._view_model.selected
-        return index.list_message_starts(selected, of_job), index.list_holes(selected, of_job)
+        return index.list_message_starts(selected, of_job), index.list_missing(selected, of_job)
 
     def _show_origin(self) -> None:
         lack = self.explain_lack() if self._view_model.instance is not None else ""

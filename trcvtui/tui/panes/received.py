@@ -123,16 +123,16 @@ class ReceivedPane(Vertical):
     def action_done(self, is_forward: bool) -> None:
         """Go to the next or the previous DONE; from the present, go to the newest DONE."""
         self._open_past()
-        self._search_from(self.stream.window.end + 1, is_forward and self.stream.cursor is not None)
+        self._search_stream(self.stream.window.end + 1, is_forward and self.stream.cursor is not None)
 
     def action_dropped(self) -> None:
         if not self.is_past:
             self.action_past()
             self.stream.cursor = None
         self.past.seeks_drop = True
-        self._search_from(END_POSITION, False, dropped=True)
+        self._search_stream(END_POSITION, False, dropped=True)
 
-    def _search_from(self, end: int, is_forward: bool, **what: Any) -> None:
+    def _search_stream(self, end: int, is_forward: bool, **what: Any) -> None:
         """Search the stream from the cursor. Without a cursor, search from position `end`."""
         here = self.stream.cursor
         self.stream.search(here if here is not None else end, is_forward, **what)
@@ -164,15 +164,15 @@ class ReceivedPane(Vertical):
         if self.is_table:
             await self.table.open_filter()
         else:
-            self._set_searching(True)
+            self._mark_searching(True)
             await self._find.open()
 
     def end_search(self) -> None:
         if self.face.is_searching:
-            self._set_searching(False)
+            self._mark_searching(False)
             self.action_end_find()
 
-    def _set_searching(self, is_searched: bool) -> None:
+    def _mark_searching(self, is_searched: bool) -> None:
         for face in self._faces:
             face.is_searching = is_searched
         for view in (self.data, self.job, self.stream):
@@ -194,7 +194,7 @@ class ReceivedPane(Vertical):
         elif wanted is None:  # nothing was typed, or it has a mistake
             self.run_worker(self.action_find())
         elif not isinstance(wanted, Target):
-            self._set_searching(True)  # the palette may run it before `/`
+            self._mark_searching(True)  # the palette may run it before `/`
             self._mark_hits(wanted.patterns)
             face.find(wanted, is_forward, again)
         elif wanted.is_job:

@@ -106,7 +106,7 @@ class UdtTable(LineView):
         self._values = decode_leaves(declared.layout, self._bytes(), top, stop)
         self._choose_spark_messages(declared)
         index, selected = self._view_model.stream_index, self._view_model.selected
-        self._holes = index.list_holes(selected, self.shows_job) if self.past is None else ()
+        self._holes = index.list_missing(selected, self.shows_job) if self.past is None else ()
 
     @property
     def was_thrown_away(self) -> bool:

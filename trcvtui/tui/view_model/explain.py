@@ -40,7 +40,9 @@ class StatusExplainer:
         if evidence is None:
             return Advice(explain_status(instance), ())
         index = self._view_model.stream_index
-        card = self._card.build_advice(evidence, instance, index, self._bytes, "press `V` to read DATA with")
+        card = self._card.build_advice(
+            evidence, instance, index, self._data_content, "press `V` to read DATA with"
+        )
         verdict, remedy = self._doctor_verdict(instance.name)
         return replace(card, causes=(verdict, *card.causes), do=(remedy, *card.do)) if verdict else card
 
@@ -68,14 +70,14 @@ class StatusExplainer:
         instance = self._view_model.instance
         evidence = self._evidence(instance.name) if instance else None
         index = self._view_model.stream_index
-        return self._card.find_offer(evidence, self._bytes, index) if evidence is not None else None
+        return self._card.find_offer(evidence, self._data_content, index) if evidence is not None else None
 
     def _evidence(self, name: str) -> Evidence | None:
         picture = self._view_model.picture
         return make_current_evidence(picture, self._view_model.project, name) if picture else None
 
     @property
-    def _bytes(self) -> DataContent:
+    def _data_content(self) -> DataContent:
         view_model = self._view_model
         return DataContent(view_model.declaration, view_model.data, view_model.job_bytes)
 

@@ -212,7 +212,7 @@ class ViewModel:
 
     def _index_lines(self, lines: Sequence[Line]) -> None:
         stamped = [(line.scan, line.t_ns, line.event) for line in lines]
-        self._containment.attempt_unless_out(INDEX_PART, partial(self.stream_index.add_lines, stamped))
+        self._containment.attempt_unless_out(INDEX_PART, partial(self.stream_index.dispatch_events, stamped))
         if INDEX_PART in self._containment.out:
             self.stream_index = new_index()
         internal = self._containment.take_messages()

@@ -132,14 +132,14 @@ class CSource:
     def _blank_comments(self, text: str) -> str:
         text = text.replace("\r\n", "\n").replace("\r", "\n").replace("\f", " ").replace("\v", " ")
 
-        def blank_comment(found: re.Match[str]) -> str:
+        def blank_unless_quoted(found: re.Match[str]) -> str:
             if found[0][0] in "\"'":
                 return found[0]
             if found[0].startswith("/*") and (not found[0].endswith("*/") or len(found[0]) < 4):
                 self.add_problem(text.count("\n", 0, found.start()) + 1, "'/*' without an end", "'*/'")
             return blank_match(found)
 
-        return _SKIP.sub(blank_comment, text)
+        return _SKIP.sub(blank_unless_quoted, text)
 
     def _process_lines(self, text: str) -> list[str]:
         ready: list[str] = []

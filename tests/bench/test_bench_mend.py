@@ -196,7 +196,7 @@ def test_the_lines_work_in_a_scenario_and_a_saved_session_plays_them_again(
     desk.do(f"save scenario {scenario}")
     assert run_files([scenario], "sim", "text", None, []) == 0, capsys.readouterr().out
     commands = [step.command for step in load_scenario(scenario).steps]
-    assert {"Change", "Remove", "Undo"} <= {type(command).__name__ for command in commands}
+    assert {"Change", "Remove", "UndoEdit"} <= {type(command).__name__ for command in commands}
 
 
 def test_what_cannot_be_is_one_line_and_changes_nothing(desk: Desk) -> None:

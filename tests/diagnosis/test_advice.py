@@ -182,7 +182,7 @@ def stranger(*lines: str) -> Evidence:
 )
 def test_a_partner_that_is_no_peer_is_known_by_its_bursts(lines: tuple[str, ...], has_message: bool) -> None:
     (check,) = [line for line in make_advice(stranger(*lines)).causes if "bytes came" in line]
-    assert ("If these are one message" in check) is has_message
+    assert ("If that is the size of a message" in check) is has_message
 
 
 def test_a_partner_that_does_not_read_is_named() -> None:

@@ -261,7 +261,7 @@ def suggest_another_port(e: Evidence) -> RuleAnswer:
     if config is None:
         return ""
     says_iso = config.description is not None and read_spec(config.description).protocol is Transport.ISO
-    if config.local.port == ISO_PORT or says_iso:
+    if says_iso:  # the key IsoPort is refused for any other description
         return tip(
             f"{ISO_PORT} is the port of ISO-on-TCP, which TCON_IP_RFC uses",
             f"if port {ISO_PORT} is in use, or your user may not use it: "

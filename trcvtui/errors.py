@@ -74,7 +74,7 @@ def collect_problems(problems: list[Problem]) -> Iterator[None]:
 
 @contextmanager
 def raise_all_problems() -> Iterator[list[Problem]]:
-    """Give a list for problems; at the end raise one UserError with all of them."""
+    """Give a list for problems; after the block raise one UserError with all problems of the list."""
     problems: list[Problem] = []
     yield problems
     if problems:

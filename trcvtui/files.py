@@ -1,6 +1,6 @@
 """Reads the user's files whole, up to a limit. Writes a new file and renames it: it is never half written.
 
-Rule 1: a FIFO, a device or a folder under the name of a file is refused at once. Nothing waits for it.
+Rule 1: a FIFO, a device or a folder under the name of a file is refused at once, without waiting.
 Rule 2: a write that fails leaves the old file as it was, and no new file beside it.
 Rule 3: a file that this process has read is not overwritten, unless the caller sets `is_own`.
 Rule 4: after `refuse_files` this process opens no file. A read-only screen needs no files.
@@ -37,7 +37,7 @@ _disk_substitutes: list[FilesRead] = []  # the last one is read in place of the 
 
 
 class FilesRead:
-    """The contents of files that were read, by name. `digests` has SHA-256 of files without kept content.
+    """Contents of files that were read, by name. `digests` has SHA-256 of files without stored content.
 
     Relative names are relative to `folder`.
     """
@@ -53,7 +53,7 @@ class FilesRead:
         self.on_progress: Callable[[str, float], None] | None = None  # gets the part that is read, 0 to 1
 
     def store(self, path: FileName, content: bytes | str) -> None:
-        """Keep the content (bytes) or the digest (str) of a file."""
+        """Store the content (bytes) or the digest (str) of a file."""
         name = os.fspath(path)
         known: bytes | str | None = self.contents.get(name, self.digests.get(name))
         if isinstance(content, bytes):
@@ -64,7 +64,7 @@ class FilesRead:
             self.sink(name, content)
 
     def content(self, path: FileName) -> bytes:
-        """Return the content of a file; raise FileNotFoundError if it is not kept."""
+        """Return the content of a file; raise FileNotFoundError if the content is not stored."""
         try:
             return self.contents[os.fspath(path)]
         except KeyError:
@@ -92,7 +92,7 @@ def substitute_disk(files: FilesRead) -> Iterator[None]:
 
 
 def is_disk_replaced() -> bool:
-    """Return whether `substitute_disk` replaces the disk. If so, libraries must not open files."""
+    """Return whether `substitute_disk` replaces the disk, so that libraries must not open files."""
     return bool(_disk_substitutes)
 
 
@@ -113,7 +113,7 @@ def make_folder(path: FileName, key: str) -> None:
 
 @contextmanager
 def make_folder_or_undo(path: FileName, key: str) -> Iterator[None]:
-    """Make a folder if it does not exist. If the block fails, remove the new folder if it is empty."""
+    """Make a folder if it does not exist. If the block fails, remove the new folder if empty."""
     is_new = not os.path.lexists(path)
     make_folder(path, key)
     try:
@@ -154,7 +154,7 @@ def read_bounded(path: FileName, most: int) -> bytes:
 
 
 class _ProgressFile(io.BufferedReader):
-    """A file that reports before each read how much of it is read."""
+    """A file that reports before each read how much of the file has been read."""
 
     def read(self, size: int | None = -1, /) -> bytes:
         if _read_recorders and (how_far := _read_recorders[-1].on_progress) is not None:

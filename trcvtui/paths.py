@@ -18,13 +18,13 @@ def demo_path() -> Path:
 
 
 def configs_path() -> Path:
-    """Return the folder of the examples: in a wheel inside the package, in the source beside it."""
+    """Return the folder of the examples: inside the package of a wheel, or beside the source."""
     inside = Path(__file__).parent / CONFIGS_FOLDER
     return inside if inside.is_dir() else Path(__file__).parents[1] / CONFIGS_FOLDER
 
 
 def state_folder() -> Path:
-    """Return the folder for files to which the user gave no path; systemd sets it for a service."""
+    """Return the folder for files without a path of the user's; systemd sets this folder for a service."""
     from platformdirs import user_state_path  # only when needed: a faster start
 
     given = os.environ.get("STATE_DIRECTORY", "").partition(":")[0]
@@ -44,7 +44,7 @@ def runtime_folder() -> Path:
 def resolve_path(text: str) -> Path:
     """Return the file that a word of the command line names. Raise UserError if it names two examples.
 
-    The user's own file comes first. Otherwise a path such as `configs/types/weight.st` names a file that
+    The user's own files come first. Otherwise a path such as `configs/types/weight.st` names a file that
     comes with the program. A name without folder and suffix, as `80c5-partner-closes`, names an example.
     """
     path = Path(text)

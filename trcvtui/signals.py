@@ -1,4 +1,4 @@
-"""Signals that a child process ignores. Its parent gets them, and the child ends when the pipe closes."""
+"""Signals that a child process ignores. The parent gets these, and the child ends when the pipe closes."""
 
 import signal
 from typing import Final
@@ -10,7 +10,7 @@ GROUP_SIGNALS: Final = (*TERMINAL_SIGNALS, "SIGTERM")
 
 
 def ignore_signals(names: tuple[str, ...]) -> None:
-    """Ignore these signals; one that the system does not have is left out."""
+    """Ignore these signals, except those that the system does not have."""
     for name in names:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)

@@ -34,7 +34,7 @@ class DescriptionField(NamedTuple):
 class Structure(NamedTuple):
     """One system type. `size` is in bytes. The last `spare` bytes may be missing.
 
-    `head` is a structure with the first fields. In STEP 7 these fields are one member, ConnPara.
+    `head` names a structure that has the first fields. In STEP 7 these fields are one member, ConnPara.
     """
 
     name: str

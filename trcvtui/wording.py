@@ -94,7 +94,7 @@ def utc_text(ns: int) -> str:
 
 
 def format_columns(rows: Iterable[tuple[str, ...]], sides: str) -> Iterator[str]:
-    """Yield rows in columns, escaped. `sides` has a letter for each column, r right-aligned or l left."""
+    """Yield rows in columns, escaped. `sides` has a letter for each column: r is right-aligned, l left."""
     columns = [_escape_column(column) for column in zip(*rows, strict=True)]
     if not columns:  # no rows
         return iter(())
@@ -115,7 +115,7 @@ _SURROGATE: Final = re.compile(r"\\\\|\\ud[89ab]..\\ud[c-f]..|\\(ud[89a-f]..)")
 
 
 def json_text(value: object, **form: Any) -> str:
-    """Return a value as JSON in ASCII, so that bytes from a wire stay data. `form` is for `json.dumps`.
+    """Return a value as JSON in ASCII, so that bytes from a wire stay data. `form` goes to `json.dumps`.
 
     A lone surrogate is written as six characters such as `\\udc00`, as in `one_line`.
     """

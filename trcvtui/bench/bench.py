@@ -49,7 +49,7 @@ NEVER: Final = 1 << 62
 
 
 def enter_own_network(kernel: str, sim: SimDecl = NO_ADDRESSES) -> None:
-    """Move this process into a new network with the addresses of [sim]. Raise UserError if that fails."""
+    """Move this process into a new network with the addresses in `sim`. Raise UserError if that fails."""
     if kernel != "live":
         raise mistake("--netns", f"--kernel {kernel}", "--kernel live: only that one uses a real network")
     from trcvtui.net.os.network import enter_namespace
@@ -60,7 +60,7 @@ def enter_own_network(kernel: str, sim: SimDecl = NO_ADDRESSES) -> None:
 
 
 def set_link(kernel: Kernel, connect: str, up: bool) -> tuple[str, str]:
-    """Cut or mend the wire of a CONNECT. Return an error text or "", and a text that names the method."""
+    """Cut or mend the wire of a CONNECT. Return an error or "", and how the wire was cut or mended."""
     if isinstance(kernel, SimKernel):
         return kernel.set_link(connect, up), "simulated wire"
     from trcvtui.net.os.network import LOOPBACK_INTERFACE, has_own_network, set_loopback
@@ -72,7 +72,7 @@ def set_link(kernel: Kernel, connect: str, up: bool) -> tuple[str, str]:
 
 
 def find_peer_link(peer: PeerDecl, project: Project) -> str:
-    """Return the NAME in `link NAME down` that cuts off a peer, or "" if no CONNECT leads to the peer."""
+    """Return the name of the CONNECT that leads to a peer, or "" if there is none."""
     end = peer.remote if peer.udp else peer.end
     if isinstance(end, str):
         return end.removeprefix("@")
@@ -141,7 +141,7 @@ def _make_os_kernel() -> OsKernel:
 
 
 class Bench:
-    """PLC and peers on one kernel; time comes in as an argument, in ns from the start of the run."""
+    """PLC and peers on one kernel. The caller passes the time, in ns from the start of the run."""
 
     def __init__(self, project: Project, kernel: str, seam: Seam | None = None) -> None:
         self.project = project
@@ -354,14 +354,14 @@ class Bench:
         return self._sim
 
     def quiet_until(self) -> int | None:
-        """Return `now` if checks, peers or sessions exist or a program runs, else `Runtime.quiet_until`."""
+        """Return until when scans change nothing; `now` with a check, peer, session or running program."""
         is_alone = self._program.is_over and not (self._checks or self.peers or self._has_sessions)
         return self.runtime.quiet_until() if is_alone else self.now
 
     # -- time ---------------------------------------------------------------------------------------
 
     def step(self, now: int | None = None) -> None:
-        """Let a scan pass at `now` (None: next multiple of the interval). Peers act before and after it."""
+        """Let a scan pass at `now` (None: next multiple of the interval); peers act before and after it."""
         due = self.runtime.scans * self.runtime.interval_ns if now is None else now
         if self.peers and self._sim is not None:
             while isinstance(at := self._find_next_peer_time(due), int):
@@ -378,7 +378,7 @@ class Bench:
             self.record_outputs()
 
     def record_outputs(self) -> None:
-        """Record what the last scan changed. Callers do this first in the gap between two scans."""
+        """Record what the last scan changed. Call this first in the gap between two scans."""
         if self._seam is not None and self._unrecorded:
             self._seam.is_busy = True
             for edge in self._unrecorded:
@@ -431,7 +431,7 @@ class Bench:
         self._record_and_do("rest", 0, self.step_peers)
 
     def _find_next_peer_time(self, scan: int) -> object:
-        """Return when a peer or the simulated network acts next, or None if nothing acts before `scan`."""
+        """Return when a peer or the simulated network acts next, or None if not before the next `scan`."""
         if self._is_replay:
             entry = cast("ReplaySeam", self._seam).peek_call()
             return entry.args[0] if entry is not None and entry.call == "rest" and entry.args else None
@@ -660,7 +660,7 @@ class Bench:
 
 
 def _do_nothing() -> None:
-    """Do nothing; a seam records the call and its arguments."""
+    """Do nothing; only the recording of the call and its arguments matters."""
 
 
 def _make_sim_kernel(project: Project) -> SimKernel:

@@ -1,6 +1,6 @@
 """The doctor of a bench: when it judges a run, and how `doctor` lines wait for its findings.
 
-Rule: another process judges (diagnosis/doctor_process.py). Its bounded answer is read between two scans.
+Rule: another process judges (diagnosis/doctor_process.py). The bench reads a bounded answer between scans.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class BenchDoctor:
         self._began_ns, self._scan, self._looks = clock.now_ns(), bench.runtime.scans, True
 
     def _try_judging(self, judge: Judge, bench: Bench) -> None:
-        """Start the judge. The snapshot shows an error as `trouble`; the engine continues."""
+        """Start the judge. If that raises UserError, put the reason into `trouble` of the snapshot."""
         try:
             self._start_judging(judge, bench)
         except UserError as refused:
@@ -82,7 +82,7 @@ class BenchDoctor:
             self._ended_ns = clock.now_ns()
 
     def advance(self, judge: Judge | None, bench: Bench, is_wanted: bool) -> Iterable[LineAnswer]:
-        """Read the judge's result. If `is_wanted`, start the judge when due. Answer the waiting lines."""
+        """Read the judge's result. If `is_wanted`, start the judge when due. Answer `doctor` lines."""
         if judge is None:
             if is_wanted:
                 self.snapshot = DoctorSnapshot(1, trouble=NOT_KEPT_TEXT)

@@ -1,6 +1,6 @@
 """The report of an internal error: trace, versions, the project without secrets, the newest ledger lines.
 
-Rule: it has no payload: no message of a peer, no text of an exception, no detail of a note.
+Rule: the report has no payload: no message of a peer, no text of an exception, no detail of a note.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def _project_lines(project: Project) -> Iterator[str]:
 
 
 def _strip_payload(event: Any) -> Any:
-    """Return an event without payload: no bytes on pins, no detail of a note, of inputs only BOOLs."""
+    """Return an event without bytes on pins, details of notes, and values of inputs other than BOOL."""
     match event:
         case StatusEdge():
             return event.instance, event.outputs._replace(byte=None), event.condition, event.cause

@@ -48,7 +48,7 @@ class Program:
         self.is_over = False
 
     def filter_steps(self, left_of: Callable[[words.BenchCommand], words.BenchCommand | None]) -> None:
-        """Replace each command by what `left_of` returns, or by a command without effect for None."""
+        """Replace each command by the result of `left_of`; if that is None, by a command without effect."""
         nothing = words.RunScans(0)
         self._steps = [replace(step, command=left_of(step.command) or nothing) for step in self._steps]
 

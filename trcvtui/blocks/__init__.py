@@ -1,1 +1,1 @@
-"""The blocks that a PLC programmer calls. They show neutral conditions; a dialect adds STATUS words."""
+"""The blocks that a PLC programmer calls. Blocks show conditions; a dialect turns each into its STATUS."""

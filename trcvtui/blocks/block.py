@@ -1,4 +1,4 @@
-"""The interface of every block. A block is bound once and called once a scan, and its job can be read."""
+"""The interface of every block. A block gets its binding when it is made, and one call a scan."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trcvtui.net.connection.resources import Claim
 
 
 class JobBinding(Struct, frozen=True):
-    """What every job needs. `data` is None if the DATA pin is open. `priority` is that of the task."""
+    """What every job needs. `data` is None if the DATA pin is open. `priority` is the task's priority."""
 
     env: Environment
     data: DataArea | None
@@ -37,7 +37,7 @@ class ConnectBinding(JobBinding, frozen=True):
     address: RemoteAddress | None = None
 
     def class_of(self, row: BlockRow) -> str:
-        """Return the row's `datagrams`, else `single` if the vendor has single blocks, else `shared`."""
+        """Return the class for datagrams, else for single instructions of the vendor, else `shared`."""
         is_single = bool(row.single) and self.env.rules.single_instructions
         return row.datagrams or (row.single if is_single else row.shared)
 

@@ -12,7 +12,7 @@ from trcvtui.net.connection.resources import Resources
 
 
 class BytesBuffered(NamedTuple):
-    """Bytes entered a ComBuffer. `position` is the first byte's place in the ring of received bytes."""
+    """Bytes entered a ComBuffer. `position` is where the bytes begin in the ring of received bytes."""
 
     buffer: str
     offset: int
@@ -21,7 +21,7 @@ class BytesBuffered(NamedTuple):
 
 
 class BufferBytesLost(NamedTuple):
-    """Bytes did not fit into a ComBuffer, or left it unread. `offset` is where the next byte enters."""
+    """Bytes did not fit into a ComBuffer, or left it unread. `offset` counts all bytes that had entered."""
 
     buffer: str
     offset: int
@@ -31,7 +31,7 @@ class BufferBytesLost(NamedTuple):
 
 
 class FrameEnded(NamedTuple):
-    """A frame was delivered. The bytes of the frame were the newest that the block had taken."""
+    """A frame was delivered. The frame is the last `size` bytes that the block had taken."""
 
     instance: str
     buffer: str
@@ -54,7 +54,7 @@ class PartialFrameDropped(NamedTuple):
 
 
 class NoiseDropped(NamedTuple):
-    """Bytes before a prefix were dropped, from `offset` on. `total` counts such bytes since the start."""
+    """Bytes before a prefix were dropped, from `offset` on. `total` counts all noise since the start."""
 
     instance: str
     buffer: str
@@ -64,7 +64,7 @@ class NoiseDropped(NamedTuple):
 
 
 class FeederHold(NamedTuple):
-    """The TRCV_C that feeds a full ComBuffer is held by EN_R = 0 from now on, or is no longer held."""
+    """EN_R of the TRCV_C that feeds a full ComBuffer is set to 0 from now on, or is no longer set to 0."""
 
     buffer: str
     held: bool
@@ -86,7 +86,7 @@ class ReceiveStarted(NamedTuple):
 
 
 class ModeChanged(NamedTuple):
-    """The running receive job continues ad-hoc, or static."""
+    """The running receive job has become ad-hoc, or static."""
 
     instance: str
     job: int
@@ -110,7 +110,7 @@ class ReceiveEnded(NamedTuple):
 
 
 class SendStarted(NamedTuple):
-    """A send job of `length` bytes began. The connection's incarnation had sent `offset` bytes before."""
+    """A send job of `length` bytes began. This connection's incarnation had sent `offset` bytes."""
 
     instance: str
     job: int
@@ -121,7 +121,7 @@ class SendStarted(NamedTuple):
 
 
 class SendEnded(NamedTuple):
-    """A send job ended. The stack took `size` bytes from `offset` on, all bytes of the job if `done`."""
+    """A send job ended. The stack took `size` bytes from `offset` on; if `done`, all bytes of the job."""
 
     instance: str
     job: int

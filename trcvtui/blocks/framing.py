@@ -19,7 +19,7 @@ class FrameEnding(StrEnum):
 class Framing(Struct, frozen=True):
     """How to cut frames of at most `size` bytes. `timeout_ns` is the longest gap, and 0 sets no limit.
 
-    If `text`, frames are STRINGs: a byte 00 ends a frame, and one that reaches `size` has not ended well.
+    If `text`, frames are STRINGs: a byte 00 ends a frame; a frame of full `size` has not ended well.
     """
 
     size: int
@@ -34,7 +34,7 @@ class Framing(Struct, frozen=True):
         return mine == (other.size, other.prefix, other.suffix, other.text)
 
     def ended_by(self, ending: FrameEnding) -> str:
-        """Return in words what ended a frame; without a suffix, OVERRUN has other words."""
+        """Return in words what ended a frame; the words for OVERRUN depend on whether there is a suffix."""
         is_full = ending is FrameEnding.OVERRUN and not self.suffix
         return "size reached, and there is no suffix" if is_full else str(ending)
 
@@ -76,7 +76,7 @@ class Framer:
 
     @property
     def busy(self) -> bool:
-        """Return whether a frame has begun; noise begins none."""
+        """Return whether a frame has begun; noise does not begin a frame."""
         return bool(self._part)
 
     @property
@@ -125,7 +125,7 @@ class Framer:
         return Frame(self.flush(), FrameEnding.GAP) if now - self.last_byte >= framing.timeout_ns else None
 
     def _seek_prefix(self, received: bytes, framing: Framing) -> int:
-        """Look for the prefix; return the number of used bytes. Keep last bytes if they may begin one."""
+        """Look for the prefix; return the number of used bytes. Keep last bytes that may begin a prefix."""
         head = framing.prefix[: framing.size]  # a frame has no room for more
         before = len(self._part)
         joined = bytes(self._part) + received
@@ -156,7 +156,7 @@ class Framer:
 
 
 def _prefix_start_size(joined: bytes, head: bytes) -> int:
-    """Return the length of the longest end of `joined` with which `head` begins, shorter than `head`."""
+    """Return the size of the longest part, shorter than `head`, that ends `joined` and begins `head`."""
     longest = min(len(head) - 1, len(joined))
     return next((n for n in range(longest, 0, -1) if joined.endswith(head[:n])), 0)
 
@@ -175,7 +175,7 @@ class FrameSummary(NamedTuple):
 
 
 class FrameTally(NamedTuple):
-    """Counts frames that ended well, by a gap or without suffix, and dropped parts with the last reason."""
+    """Counts frames by how they ended, and dropped parts; `reason` is the last reason for a drop."""
 
     good: int = 0
     gaps: int = 0
@@ -202,7 +202,7 @@ NO_FRAMES = FrameTally()
 
 
 def summary_of(frame: Frame, framing: Framing) -> FrameSummary:
-    """Return the marks of a frame; a frame that ended with a gap may have only part of the prefix."""
+    """Return the summary of a frame; a frame that a gap has ended may have only part of the prefix."""
     size = len(frame.content)
     suffix = len(framing.suffix) if frame.ending is FrameEnding.SUFFIX else 0
     return FrameSummary(size, min(size, len(framing.prefix)), suffix, frame.ending)

@@ -99,7 +99,7 @@ NEXT_REQ: Final = Cause(
 
 
 def send_full_cause(fault: Fault, name: str, need: int, peer: str) -> Cause:
-    """Return the cause if the stack took no byte of a send. `fault` is FULL or comes from a fault plan."""
+    """Return the cause if the stack took no byte of a send. `fault` is FULL or injected by a fault plan."""
     call, error, injected = fault.call, fault.error, fault.injected
     return Cause(
         CauseKind.BYTES, name, call=call, error=error, injected=injected, peer=peer, have=0, need=need

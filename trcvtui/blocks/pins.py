@@ -16,7 +16,7 @@ class Direction(StrEnum):
 
 
 class Pin(Struct, frozen=True):
-    """One pin. A pin with `edge` acts on its rising edge. `label` is the drawn name, if it differs.
+    """One pin. A pin with `edge` acts on its rising edge. `label`, if any, is drawn instead of `name`.
 
     `shows` is the field of Outcome that an output pin shows.
     """

@@ -32,15 +32,15 @@ PLAIN_SET_UP_CONDITIONS: Final[SetUpConditions] = {
 
 
 class StatusRules(Struct, frozen=True):
-    """Which condition a block shows in which scan. Each condition of a tuple shows for one scan.
+    """Which condition a block shows in which scan. Conditions in a tuple show in turn, for one scan each.
     `reset`: what COM_RST shows. `reset_ends_send`: the error that shows first and ends a running send job.
     `rebuilding`: what shows between an error and "connecting" when the block reconnects.
     `let_go`: what a block shows after another block has closed or reset the connection.
     `closes_together`: if CONT falls on two blocks of a connection in one scan, both show the close.
-    `idle_loss`: the error of a loss while no job runs. If it is None, only a dead link shows an error.
+    `idle_loss`: the error of a loss without a job. If `idle_loss` is None, only a dead link shows an error.
     `job_loss`: the error that ends a job, by kind of loss. Other kinds: "send failed" or "receive failed".
     `still_asked`: the error that EN_R = 1 shows in the scan after a loss that ended a job. A separate TRCV
-    shows this error while the connection is rebuilt.
+    shows `still_asked` while the connection is rebuilt.
     `teardown`: "closing" shows before the error of a loss that ends a job.
     `silent_connect`: a failed attempt shows no error. `silent_dead_link`: a dead link shows no error.
     `reset_closes`: COM_RST closes the connection and its listener, and builds both anew.
@@ -95,7 +95,7 @@ class NotConnectedRule(Enum):
 class DataAreaRules(Struct, frozen=True):
     """What a vendor asks of DATA and LEN.
 
-    `missing`, `longer`: the error if DATA is open, or LEN exceeds DATA. `refuses_bits`: no BOOL, no
+    `missing`: the error if DATA is open, `longer`: if LEN exceeds DATA. `refuses_bits`: no BOOL, no
     ARRAY OF BOOL. `symbolic_alone`: a symbolic DATA takes LEN = 0 only. `symbolic_bytes`: in ad-hoc jobs
     only elements of 8 bits. `must_stay`: a change of DATA or LEN ends the running job. `adhoc_lens`: the
     LENs that mean ad-hoc. `texts_whole`: LEN of a STRING or WSTRING is 0, or covers all of it (send

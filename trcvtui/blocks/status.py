@@ -25,8 +25,8 @@ class Reproducibility(StrEnum):
 class StatusRow(Struct, frozen=True):
     """One code. `manual` is the manual's section on this code, `blocks` the blocks that list the code.
 
-    `unreached`: why nothing on this bench shows it (Reproducibility.NEVER). Then `condition` may be None.
-    `unsure` says what no manual says about the code. There a real PLC may differ.
+    If `reach` is NEVER, `unreached` says why nothing here shows the code, and `condition` may be None.
+    `unsure`: what no manual says about the code, so that a real PLC may differ.
     """
 
     code: int
@@ -52,7 +52,7 @@ class StatusRow(Struct, frozen=True):
         return f"16#{self.code:04X}"
 
     def checks_of(self, block: str) -> tuple[str, ...]:
-        """Return what to check at this block, without the lines that begin with names of other blocks."""
+        """Return what to check at this block. Lines that begin with names of other blocks are left out."""
         return tuple(line for line in self.checks if _is_for_block(line, block))
 
     def causes_of(self, block: str) -> tuple[str, ...]:

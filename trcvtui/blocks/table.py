@@ -1,6 +1,6 @@
 """The blocks, ONE row each. Files, forms, command lines, waveforms and calls read the rows.
 
-A new block needs one row here and the class that the row names. A dialect with the block lists its name.
+A new block needs one row here and the class that the row names. A dialect that has the block lists it.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ MARK_NAMES: Final = ("prefix", "suffix")
 
 
 class BlockRow(Struct, frozen=True):
-    """One block. Its classes are named `module:Class` and imported when an instance is made.
+    """One block. A row names classes as `module:Class`; they are imported when an instance is made.
 
-    `shared` is its class on a CONNECT, `single` its class for a vendor with single instructions.
-    `datagrams` is its class on a CONNECT of UDP, `on_config` on a UDP_CONFIG, `serial` on a ComBuffer.
+    `shared` is the class on a CONNECT, `single` the class for a vendor with single instructions.
+    `datagrams` is the class on a CONNECT of UDP, `on_config` on a UDP_CONFIG, `serial` on a ComBuffer.
     `data_pin` is the manual's name of DATA, or "". `data_length` is the pin for the size of DATA.
-    `buffer_pin` is the pin of its ComBuffer. A block with a ComBuffer has no CONNECT.
-    `pointers` are the pins of prefix, then suffix. `mark_lengths` are the pins for both lengths.
-    `has_id`: the block has an ID pin if connections have IDs. `id_alone`: that pin replaces CONNECT.
-    `runs_as` is the condition while its job runs. The STATUS of a single instruction does not show it.
+    `buffer_pin` is the pin for a ComBuffer. A block with a ComBuffer has no CONNECT.
+    `pointers` are the pins of prefix and suffix, `mark_lengths` the pins for the lengths of these two.
+    `has_id`: the block has an ID pin if connections have IDs. `id_alone`: the ID replaces CONNECT.
+    `runs_as` is the condition while a job runs; the STATUS of a single instruction does not show this.
     """
 
     name: str
@@ -328,7 +328,7 @@ def block_row(name: str | None) -> BlockRow:
 
 
 def known_blocks(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the names that are names of blocks, in the given order."""
+    """Return the given names that are known blocks, in the given order."""
     return tuple([name for name in names if name in BLOCKS])
 
 

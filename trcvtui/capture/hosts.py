@@ -57,7 +57,7 @@ class IcmpNote(NamedTuple):
 
     `kind` is port (closed at the reporting host), host (unreachable), admin (forbidden), size (too large)
     or fragments (some did not come). `size` is how many bytes fit, or 0 if that is not said. `number` has
-    the identifications of both IP packets, which are the same in a mirror port's copy.
+    the Identification of the report and of the reported packet, the same in a mirrored copy.
     """
 
     kind: str
@@ -162,7 +162,7 @@ def append_note(notes: list[TimedNote], ns: int, packet: int, note: IcmpNote) ->
 
 
 class HostFact(NamedTuple):
-    """A fact about hosts outside of any conversation. `ends` are host addresses, the asking host last."""
+    """A fact about hosts outside of any conversation. `ends` are host addresses, last the asking host."""
 
     cause: str
     sure: float
@@ -198,7 +198,7 @@ class _OwnerChange(NamedTuple):
 
 @dataclass(slots=True)
 class _Owner:
-    """The device that has an address. It was last seen at `ns`, and `alone` times since the last change."""
+    """The device that has an address, last seen at `ns`, and seen `alone` times since the last change."""
 
     mac: bytes
     ns: int
@@ -292,7 +292,7 @@ class HostNotes:
 
 
 def _find_duplicates(address: bytes, owner: _Owner, addresses: Mapping[bytes, int]) -> Iterator[HostFact]:
-    """Yield a fact if two devices use one address, unless one has many addresses or replaced the other."""
+    """Yield a fact if two devices use one address, but none has many addresses or replaced the other."""
     changes = [one for one in owner.changes if max(addresses[one.old], addresses[one.new]) < MANY_ADDRESSES]
     back = any((b.old, b.new) == (a.new, a.old) for a, b in pairwise(changes))
     often = len(changes) >= OWNER_TURNS and changes[OWNER_TURNS - 1].ns - changes[0].ns <= TURNS_NS

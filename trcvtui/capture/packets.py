@@ -58,7 +58,7 @@ class IpPayload(NamedTuple):
 
 
 class Fragment(NamedTuple):
-    """A piece of an IP packet. `at` is its offset in the content. `head` has the bytes before the content.
+    """A piece of an IP packet, from offset `at` of the content on. `head` has the bytes before the content.
 
     `of` is the key that all pieces of a packet share. `length_at` is the offset of the length in the head.
     The length includes `counted` bytes of the head.
@@ -144,7 +144,7 @@ class Fragments:
         return is_datagram and (len(pieces.content) > 1 or pieces.first is None)
 
     def count_lost(self) -> dict[tuple[bytes, ...], int]:
-        """Count datagrams that lack pieces, by ends, if >= 2 and >= half as many as whole ones."""
+        """Count incomplete datagrams by ends; only counts >= 2, and >= half the number of whole ones."""
         lost = self._lost + Counter(of[:2] for of in self._packets if self._is_lost(of))
         return {ends: n for ends, n in lost.items() if n >= 2 and n * 2 >= self._whole[ends]}
 
@@ -155,7 +155,7 @@ def _count_bounded(known: Counter[tuple[bytes, ...]], ends: tuple[bytes, ...]) -
 
 
 def find_ip_header(link_type: int, data: bytes, types: tuple[bytes, ...] = _IP_TYPES) -> int:
-    """Return where the IP header, or the content of another EtherType in `types`, begins. -1: neither."""
+    """Return where the IP header begins, or the content of another EtherType in `types`. -1: neither."""
     if link_type in _ETHERTYPE_PLACES:
         kind, at = _parse_ethertype(link_type, data)
         return at if kind in types else -1
@@ -202,7 +202,7 @@ def _other_ip(protocol: int) -> OtherPacket:
 
 
 def ip_identification(link_type: int, data: bytes) -> int:
-    """Return the Identification of IPv4, or 0 without IPv4. Most hosts count it up with each packet."""
+    """Return the Identification of IPv4, which most hosts increase with each packet, or 0 without IPv4."""
     at = find_ip_header(link_type, data)
     return int.from_bytes(data[at + 4 : at + 6], "big") if at >= 0 and data[at] >> 4 == 4 else 0
 

@@ -1,8 +1,8 @@
 """The codec of capture files. It reads pcapng and pcap, and writes packets and other blocks as pcapng.
 
-Rule 1: a file is read block by block. No length in it is trusted. No block above `MOST_BLOCK` is kept.
+Rule 1: a file is read block by block. No length in a file is trusted. No block above `MOST_BLOCK` is kept.
 Rule 2: time is integer nanoseconds since 1970, whatever the file counts in.
-Rule 3: reading ends where a file cannot be read. `trouble` says where. All packets before it are good.
+Rule 3: reading ends where a file cannot be read. `trouble` says where. All earlier packets are good.
 """
 
 from __future__ import annotations
@@ -78,10 +78,10 @@ class Interface(NamedTuple):
 
 
 class Packet(NamedTuple):
-    """One packet. It had `length` bytes on the wire; `data` may have fewer. `at` is its offset in the file.
+    """One packet of `length` bytes on the wire; `data` may have fewer. `at` is an offset in the file.
 
     `sent` is True for packets from the PLC, False for packets to the PLC, None if unknown. Only our own
-    recordings set it, with an interface of USER0. Elsewhere the direction flag is the capturing host's.
+    recordings (interface of USER0) set `sent`. Other direction flags are the capturing host's.
     """
 
     ns: int
@@ -306,7 +306,7 @@ def _parse_interface(buffer: bytes, at: int, after: int, order: str) -> Interfac
 
 
 def parse_options(buffer: bytes, at: int, end: int, order: str) -> Iterator[tuple[int, bytes]]:
-    """Yield code and value of each option from `at` to `end`. Stop at the first that does not fit."""
+    """Yield code and value of the options from `at` to `end`. Stop at an option that does not fit."""
     unpack = struct.Struct(order + "HH").unpack_from
     while at + 4 <= end:
         code, size = unpack(buffer, at)
@@ -328,7 +328,7 @@ def _text(value: bytes) -> str:
 
 
 def gunzip(read: Callable[[int], bytes], first: bytes) -> Callable[[int], bytes]:
-    """Return a `read` of all unpacked bytes of a .gz. It raises EOFError if a member is cut off."""
+    """Return a function that reads all unpacked bytes of a .gz; it raises EOFError if a member is cut."""
     import zlib
 
     unpacker = zlib.decompressobj(31)
@@ -372,7 +372,7 @@ def section_block(application: str, comments: tuple[str, ...] = ()) -> bytes:
 
 
 def interface_block(link_type: int, name: str, comments: tuple[str, ...] = (), snaplen: int = 0) -> bytes:
-    """Return the block of an interface that counts nanoseconds; the first of a section has index 0."""
+    """Return the block of an interface that counts nanoseconds; the first one of a section has index 0."""
     options = [*_notes(comments), _option(NAME_OPTION, name.encode()), _option(TIME_RESOLUTION, b"\x09")]
     return make_block(INTERFACE_BLOCK, struct.pack("<HHI", link_type, 0, snaplen), options)
 
@@ -404,7 +404,7 @@ def secrets_block(key_log: bytes) -> bytes:
 
 
 def statistics_block(interface: int, ns: int, dropped: int) -> bytes:
-    """Return a block with the number of an interface's packets that the file lacks so far."""
+    """Return a block that says how many packets of an interface the file lacks so far."""
     body = struct.pack("<III", interface, ns >> 32, ns & 0xFFFFFFFF)
     return make_block(STATISTICS_BLOCK, body, [_option(DROPPED_OPTIONS[0], struct.pack("<Q", dropped))])
 

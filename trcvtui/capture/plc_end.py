@@ -47,7 +47,7 @@ class PlcGuess(NamedTuple):
 
 
 def parse_plc(text: str) -> PlcEnd:
-    """Return the end that `10.0.0.5`, `10.0.0.5:2000`, `fd00::1` or `[fd00::1]:2000` names."""
+    """Return the end for a text such as `10.0.0.5`, `10.0.0.5:2000`, `fd00::1` or `[fd00::1]:2000`."""
     found = parse_end(text)
     if found is None:
         raise mistake("--plc", f"'{text}'", "10.0.0.5, 10.0.0.5:2000 or [fd00::1]:2000")
@@ -57,8 +57,8 @@ def parse_plc(text: str) -> PlcEnd:
 class KnownEnds(NamedTuple):
     """What a project or a recorded run says about the ends of its PLC.
 
-    The PLC listens on `listens` and calls the ports in `calls`. `own` and `partners` are addresses.
-    `connects` maps the PLC's port and the partner as text to the CONNECT of a run.
+    The PLC listens on ports `listens` and calls ports `calls`. `own` and `partners` are addresses.
+    `connects` has the CONNECT of a run for each pair of PLC port and partner (as text).
     """
 
     listens: frozenset[int] = frozenset()
@@ -125,7 +125,8 @@ def guess_plc(
 
 
 def make_no_match_error(where: str, given: str, found: Iterable[Conversation], offer: str = "") -> UserError:
-    """Return the error that no conversation fits a given end or project. It lists the capture's ends.
+    """Return the error that no conversation fits a given end or project. The error lists the capture's
+    ends.
 
     `offer` comes before the list of ends, and says what the user can do with an end.
     """

@@ -95,10 +95,10 @@ class SegmentKind(Enum):
 
 
 class ConversationEvent(NamedTuple):
-    """One event. `at` is its offset in the direction. `size` is its bytes, or the nanoseconds of a silence.
-    An ACK event has no bytes, and its `size` is the window. EARLY bytes were captured while bytes before
-    them were missing. LATE bytes fill this gap and were sent after the EARLY bytes, as a retransmission.
-    The `data` of a LINE_ERROR of a serial line is framing, parity, break or overrun.
+    """One event. `at` is an offset in the direction. `size` is a number of bytes, or the nanoseconds of a
+    silence. An ACK event has no bytes, and its `size` is the window. EARLY bytes were captured while bytes
+    before them were missing. LATE bytes were missing and were sent after the EARLY bytes, as a
+    retransmission. The `data` of a LINE_ERROR of a serial line is framing, parity, break or overrun.
     """
 
     ns: int
@@ -163,7 +163,7 @@ class WireDirection:
         return self.position - self.missing
 
     def allows_fast_path(self) -> bool:
-        """Return whether only bytes in order can come, so that `add_packets` takes its fast path."""
+        """Return whether `add_packets` may take its fast path, because only bytes in order can come."""
         other, conversation = self.other, self.conversation
         return (
             self.is_firm
@@ -327,7 +327,7 @@ class Conversations:
                 self._skip_missing(conversation.last_ns, direction, direction.position + left)
 
     def forget_silent(self, ns: int) -> list[int]:
-        """Forget conversations silent for long: UDP, ended, or any if many. Return their numbers."""
+        """Forget long silent conversations: UDP, ended, or, if many exist, any. Return their numbers."""
         is_full = len(self.all) > MOST_CONVERSATIONS // 2
         over = [
             each for each in self.all if ns - each.last_ns > (SILENT_NS if is_full else each.forget_after_ns)
@@ -534,7 +534,7 @@ class Conversations:
     def _make_conversation(
         self, ns: int, protocol: str, ends: TwoEnds, macs: tuple[bytes, bytes]
     ) -> WireDirection | None:
-        """Make a conversation and return its first direction. None: too many exist, or `is_tapped`."""
+        """Make a conversation; return its first direction, or None if too many exist or `is_tapped`."""
         if len(self.all) >= MOST_CONVERSATIONS or self.is_tapped:
             self.unlisted += 1
             return None
@@ -544,7 +544,7 @@ class Conversations:
         return made.there
 
     def open_tapped(self, ns: int, talk: Conversation, wire: TwoEnds, is_new: bool) -> bool:
-        """Add a conversation that a tap announces. Its packets will have the ends `wire`.
+        """Add a conversation that a tap announces. Packets of this conversation will have the ends `wire`.
 
         If no SYN will come, a KEEP_ALIVE event announces `talk`. Return False above MOST_CONVERSATIONS.
         """
@@ -848,7 +848,7 @@ def _flow_key(protocol: str, source: tuple[bytes, int], target: tuple[bytes, int
 
 
 def distance(one: int, other: int) -> int:
-    """Return how far `one` is after `other`, modulo 2**32. It is negative if `one` is before `other`."""
+    """Return how far `one` is after `other`, modulo 2**32; negative if `one` is before `other`."""
     far = (one - other) & _SEQ_MASK
     return far - (_SEQ_MASK + 1) if far & _SEQ_HALF else far
 

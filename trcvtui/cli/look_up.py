@@ -92,7 +92,7 @@ def _completion(args: Args) -> int:
 
 
 def _make_completable(parser: CommandParser) -> None:
-    """Let completion offer the commands that help leaves out, and file names as file arguments."""
+    """Let shell completion offer file names for file arguments, and commands that the help leaves out."""
     from argparse import _SubParsersAction
 
     import shtab

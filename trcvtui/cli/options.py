@@ -42,7 +42,7 @@ class _WideHelpFormatter(argparse.HelpFormatter):
 
 
 class CommandParser(argparse.ArgumentParser):
-    """Prints a mistake as one line. `make_epilog` makes the last lines of the help when it is shown."""
+    """Prints a mistake as one line. When the help is shown, `make_epilog` makes its last lines."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(formatter_class=_WideHelpFormatter, allow_abbrev=False, **settings)
@@ -65,7 +65,7 @@ CommandRows = Mapping[str, CommandRow]
 
 
 def add_commands(parser: CommandParser, rows: CommandRows, metavar: str = "WHAT", **settings: Any) -> None:
-    """Add the command that the first argument names, or all commands if it names none. Each costs 1 ms."""
+    """Add the command that the first argument names, else all commands. Each command costs 1 ms."""
     commands = parser.add_subparsers(metavar=metavar, **settings)
     for name in [word for word in parser.given[:1] if word in rows] or rows:
         about, add, run = rows[name]

@@ -1,6 +1,6 @@
 """The screen, and the process that sends its pictures.
 
-Rule: start that process before importing the screen library: the process reads the project meanwhile.
+Rule: start the picture process first; it reads the project while the screen library is being imported.
 """
 
 from __future__ import annotations

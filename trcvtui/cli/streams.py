@@ -1,4 +1,4 @@
-"""The standard streams. A closed stream becomes the null device, so that no socket gets its number."""
+"""The standard streams. A closed stream becomes the null device, so that no socket gets the number."""
 
 from __future__ import annotations
 
@@ -33,5 +33,5 @@ def prepare_streams() -> None:
 
 
 def has_terminal(*numbers: int) -> bool:
-    """Return whether these streams are terminals; no numbers: all three, as a screen needs them."""
+    """Return whether the streams with these numbers are terminals; without numbers, all three streams."""
     return all(map(os.isatty, numbers or range(3)))

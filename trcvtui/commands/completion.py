@@ -41,7 +41,7 @@ def offer_words(*choices: str) -> NextWords:
 
 
 def _offer(names: Callable[[Project], Iterable[str]], *then: str, is_last: bool = True) -> NextWords:
-    """Return a function that offers project names, then the words `then`, only once if `is_last`."""
+    """Return a function that offers project names, then the words `then`; if `is_last`, nothing follows."""
 
     def offer(words: list[str], project: Project) -> Iterable[str]:
         if len(words) == 1:

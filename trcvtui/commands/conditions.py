@@ -274,7 +274,7 @@ def parse_mark(mark: str, words: Words, project: Project) -> SetFrameMark:
 
 
 def _find_mark_variable(instance: InstanceDecl, mark: str, words: Words) -> str:
-    """Return the variable that holds a mark. Raise UserError if the pointer is 0."""
+    """Return the variable with the bytes of a prefix or suffix. Raise UserError if the pointer is 0."""
     number = MARK_NAMES.index(mark)
     pointer = block_row(instance.block).pointers[number]
     name = instance.pointers[number] if number < len(instance.pointers) else ""

@@ -88,7 +88,7 @@ FILL_KINDS: Final = (*NUMBER_KINDS, *CHECKSUMS)
 class Fill:
     """`width` bytes at `offset` for a binary number, decimal digits or a checksum of all earlier bytes.
 
-    If `hole`, the number is written as {n} inside the payload's text, not as an option after the text.
+    If `hole`, the command wrote the number as {n} in the text, and not as an option after the text.
     """
 
     kind: str

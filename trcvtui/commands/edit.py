@@ -88,7 +88,7 @@ def free_port(project: Project, after: int = FIRST_PORT - 1) -> int:
 
 
 def link_keys(block: str, content: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
-    """Return the keys of a block that name parts such as CONNECT and ADDR, each key with its kind."""
+    """Return the keys of a block that refer to entries such as a CONNECT or an ADDR, each with its kind."""
     row = block_row(block)
     if row.has_com_buffer:
         return ((row.buffer_pin, "combuffer"),)
@@ -233,7 +233,7 @@ def _make_add_entry(content: dict[str, Any], project: Project, where: str, writt
 
 
 def _check_messages(decl: Declaration, project: Project, where: str) -> None:
-    """Raise UserError for mistakes that the table's reader cannot find, in messages, steps and routines."""
+    """Raise UserError for a wrong message, step or routine, which the reader of the entry does not find."""
     match decl:
         case MessageDecl():
             check_message(decl, project, where)
@@ -315,7 +315,7 @@ def parse_change(words: Words, project: Project) -> Change | None:
 
 
 def _read_kind_and_name(words: Words, project: Project) -> tuple[str, str]:
-    """Return kind and name after `set` or `remove`. Consume a written kind. Kind "": unknown name."""
+    """Return kind and name after `set` or `remove`. Take a written kind. Unknown name: kind ""."""
     if words.peek() in PART_KINDS and words.peek(1) and "=" not in words.peek(1):
         return words.next(""), words.peek()
     name = words.peek()
@@ -430,7 +430,7 @@ def describe_edit(command: EditCommand, project: Project) -> str:
 
 
 def port_text(port: int) -> str:
-    """Return the chosen port as the last words of a line."""
+    """Return the text for the end of a line that chooses this port."""
     return f" LocalPort={port}"
 
 

@@ -22,7 +22,7 @@ _ATOM_PATTERN: Final = re.compile(r"(?:16#)?([0-9A-Fa-f]{4})(!?)(\+|\*|\{[0-9]{1
 
 
 class Atom(Struct, frozen=True):
-    """One word of a pattern: a scan that comes `least` times, or more often if `more`. None is any scan."""
+    """One word of a pattern: `scan` (None: any scan) comes `least` times, or more often if `more`."""
 
     scan: Scan | None
     least: int = 1

@@ -75,7 +75,7 @@ _HOLE_PATTERN: Final = re.compile(r"\{([^{}]*)\}")
 
 
 def parse_send(words: Words, project: Project, peer: str, holes_in_text: bool = False) -> PeerSend:
-    """Read the message after `peer P1 send`. If `holes_in_text`, {n} in a text stands for the number."""
+    """Read the message after `peer P1 send`. If `holes_in_text`, {n} in a text is the message's number."""
     project = project.with_peer_layout(peer)
     options = words.cut_tail_words(lambda word: _OPTION_PATTERN.fullmatch(word) is not None)
     payload, fills = _read_message(words, project, holes_in_text)
@@ -176,7 +176,7 @@ def _make_fill(
     words: Words,
     hole: bool = False,
 ) -> Fill:
-    """Return a fill of `[width][:order]`. The width of a checksum is fixed."""
+    """Return a fill from its width and byte order, `[width][:order]`. The width of a checksum is fixed."""
     width: int | None = CHECKSUMS[kind][0] if kind in CHECKSUMS else 1
     if kind in NUMBER_KINDS and more:
         width = WIDTH_KINDS[kind].from_text(more.pop(0))
@@ -485,7 +485,7 @@ def _read_says(decl: PeerDecl, project: Project, where: str, problems: list[Prob
 
 
 class PeerActions(Protocol):
-    """The methods of a peer that the rows use. Each method returns what is wrong, or ""."""
+    """The methods of a peer that bench commands call. Each method returns what is wrong, or ""."""
 
     @property
     def replies(self) -> ReplyActions: ...
@@ -510,7 +510,7 @@ class PeerActions(Protocol):
 
 
 class ReplyActions(Protocol):
-    """The methods of a peer's reply rules that the rows use."""
+    """The methods of a peer's reply rules that bench commands call."""
 
     def add(self, rule: AddReply) -> str: ...
 

@@ -195,7 +195,7 @@ def parse_pin_value(pin: Pin, text: str, where: str) -> PinValue:
 
 
 def parse_value(kind: Kind[T], text: str, before: str, where: str) -> T:
-    """Return a text as a value of `kind`. `before` is the text before it in the line, such as `gap=`."""
+    """Return a text as a value of `kind`. `before` comes before the value in the line, such as `gap=`."""
     found = kind.from_text(text)
     if found is None:
         raise mistake(where, f"{before}{quote(text)}", kind.expected_for(text))

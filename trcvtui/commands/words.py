@@ -1,6 +1,6 @@
 """The bench commands as frozen values: one class for each command and each condition.
 
-`text` is kept as written, for display and saving. It does not count for equality.
+`text` is kept as written, for display and saving. Equality of commands ignores `text`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class AddVariable:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """`set connect C2 LocalPort=2500`: new values for an entry. What uses the entry is built anew."""
+    """`set connect C2 LocalPort=2500`: new values for an entry. Parts that use the entry are built anew."""
 
     kind: str
     name: str
@@ -84,7 +84,7 @@ class StartsWith:
 
 @dataclass(frozen=True, slots=True)
 class FieldIs:
-    """`field Telegram.id = 7`: a Telegram has this value. The stream is cut from its first byte on."""
+    """`field Telegram.id = 7`: a Telegram has this value. Telegrams are cut from the first byte on."""
 
     type_name: str
     path: str
@@ -199,9 +199,9 @@ class PeerAction(Struct, frozen=True):
 class PeerSend:
     """`peer P1 send hex 01 02 split=1 gap=T#20ms repeat=10 every=T#50ms`.
 
-    `split` has the first chunks' sizes in bytes. Times are in ns; 0 means at once. `text` is `hex 01 02`.
-    If the pauses after the chunks differ, `gaps_ns` lists them. The last pause, `gap_ns`, is used for all
-    further chunks. `fills` are filled in anew for each message.
+    `split` has the sizes of the first chunks, in bytes. Times are in ns; 0 means at once. `text` is the
+    payload as written. If the pauses after the chunks differ, `gaps_ns` lists them. The last pause,
+    `gap_ns`, is used for all further chunks. Each message gets new values of `fills`.
     """
 
     peer: str
@@ -286,7 +286,7 @@ class FeedSerial:
 
 
 class SetLink(Struct, frozen=True):
-    """`link C1 down` silences the wire, without FIN or RST. `link C1 up` lets it carry bytes again."""
+    """`link C1 down` silences the wire, without FIN or RST. `link C1 up` ends this silence."""
 
     connect: str
     up: bool
@@ -320,7 +320,7 @@ class AskDoctor(Struct, frozen=True):
 class FaultOn(Struct, frozen=True):
     """`fault bind EADDRINUSE on C1 nth=1 times=1`: a kernel call fails.
 
-    A None in `error` is the call's usual error, and in `on` any CONNECT. `times` 0 lasts until cleared.
+    `error` None: the call's usual error. `on` None: any CONNECT. `times` 0: until the fault is cleared.
     """
 
     call: str
@@ -341,7 +341,7 @@ class RunScans(Struct, frozen=True):
 
 
 class RunFor(Struct, frozen=True):
-    """`run T#200ms`: let the scans pass that fit into this time (kept in ns)."""
+    """`run T#200ms`: let the scans pass that fit into this time (in ns)."""
 
     ns: int
 
@@ -354,7 +354,7 @@ class PinsAre(Struct, frozen=True):
 
 
 class PeerIs(Struct, frozen=True):
-    """`peer P1 connected`: see `Peer.is_in`."""
+    """`peer P1 connected`: the peer is in this state, see `Peer.is_in`."""
 
     peer: str
     state: str

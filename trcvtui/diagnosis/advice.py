@@ -4,7 +4,7 @@ Rule 1: the condition selects the rules, never a STATUS number. Each rule return
 Rule 2: a rule is one row of ADVICE_RULES: conditions, traffic, function. Rows for one kind of traffic replace
 the general rows of a condition. The order of the rows is the order of the sentences.
 Rule 3: while a block waits for its next attempt, the code of the last attempt and the advice on it come
-first, as if the block still showed that code. If the block showed no code then, the advice names none.
+first, as if the block still showed that code. If the last attempt showed no code, the advice names no code.
 """
 
 from __future__ import annotations
@@ -324,7 +324,7 @@ JOB_CONDITIONS: Final = frozenset({Condition.STARTED, Condition.RUNNING})
 class Advice:
     """`why` is the present state. `causes` is what is proven, the most telling first. `do` is what to do.
 
-    `code` is the STATUS of the last failed attempt. The table says more on it than on the shown STATUS.
+    `code` is the STATUS of the last failed attempt, on which the table says more than on the shown STATUS.
     `rules` are the rules that returned a sentence.
     """
 
@@ -478,6 +478,6 @@ def _describe_failed_attempt(e: Evidence, words: str) -> tuple[AdvisedCause, ...
 
 
 def _has_failed_early(e: Evidence) -> bool:
-    """Return whether the attempt failed before it had a socket. Then ports and partners do not matter."""
+    """Return whether the attempt failed before it had a socket, so ports and partners do not matter."""
     attempt = e.facts.attempt
     return attempt is not None and attempt.cause.call in SETUP_CALLS

@@ -159,7 +159,7 @@ class BlockSymptoms:
         return replace(made, **more)
 
     def _explain_by_framing(self, found: Finding) -> Finding:
-        """Return the finding, or a finding about the framing if another suffix fits the received bytes."""
+        """Return `found`, or, if another suffix fits the received bytes, a finding about the framing."""
         decl = self._bench.project.instance(found.instance)
         shown = self._bench.runtime.snapshot().instance(found.instance)
         advice = (
@@ -196,7 +196,7 @@ class BlockSymptoms:
             yield self._make_finding(shown.name, "not-connected", text, since, connect=shown.connect)
 
     def _find_unfinished(self, shown: InstanceSnapshot) -> Iterator[Finding]:
-        """Yield a finding if a job waits 2 usual pauses, at least QUIET_NS; without any, 10 QUIET_NS."""
+        """Yield a finding if a job waits 2 usual pauses, at least QUIET_NS; without pauses, 10 QUIET_NS."""
         last = shown.last_receive_ns
         if not block_row(shown.block).receives_on_net or not 0 < shown.have < shown.need or last is None:
             return

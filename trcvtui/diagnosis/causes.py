@@ -71,7 +71,7 @@ class LineGroup:
 
     @cached_property
     def sequential_lines(self) -> tuple[LineFacts, ...]:
-        """Return built conversations. Each begins after the one before it in the result has ended."""
+        """Return successive built conversations: each begins after the conversation before it has ended."""
         found: list[LineFacts] = []
         for one in self.built:
             if not found or found[-1].last_ns <= one.first_ns:
@@ -109,7 +109,7 @@ class LineGroup:
 
     @cached_property
     def ordinary_end_count(self) -> int:
-        """Return how many conversations the caller ended after both sent and it acknowledged all."""
+        """Count the conversations that the caller ended after both sent and the caller acknowledged all."""
         return sum(1 for one in self.ended_lines if _has_ordinary_end(one))
 
     @cached_property
@@ -516,7 +516,7 @@ def _has_written_since(line: LineFacts, by_plc: bool, since_ns: int) -> bool:
 
 
 def _has_parallel_connection(case: LineCase, ns: int) -> bool:
-    """Return whether the same ends had another connection at `ns`, so that a new one replaces nothing."""
+    """Return whether the same ends had another connection at `ns`, so a new connection replaces nothing."""
     others = [one for one in case.group.lines[-MOST_AROUND:] if one is not case.line and one.is_built]
     return any(one.first_ns <= ns < one.last_ns for one in others)
 
@@ -777,8 +777,8 @@ def weigh_findings(
 ) -> tuple[Finding, ...]:
     """Return the findings that no other cause silences, the surest first.
 
-    Remedies with a `cured` receiver are tried: `judge` returns the findings for it. If these findings
-    contain the cause or a new cause, these remedies are not offered.
+    Remedies with a `cured` receiver are tried: `judge` returns the findings for this receiver. If these
+    findings contain the cause or a new cause, these remedies are not offered.
     """
     found: list[tuple[float, Finding]] = []  # each with the confidence of its rule
     for rule in rules:

@@ -1,11 +1,11 @@
 """Cuts the bytes of one direction of a capture into messages, as they come: by pauses or into records.
 
-Rule 1: a pause ends a message. With a type, the end of a segment also ends a message. But if the segment
-is full, more follows. A multiple of the type's size is several records. Any other size is one message.
+Rule 1: a pause ends a message. With a type, the end of a segment also ends a message. But more follows a
+full segment. A multiple of the type's size is several records. Any other size is one message.
 Rule 2: no record crosses a hole, or a message of another size.
-Rule 3: a piece of several records is held until a single message comes. The size of the message shows
-whether the piece is records. Six messages of 10 bytes are as long as five messages of 12.
-Rule 4: held bytes are bounded.
+Rule 3: a piece of several records is held until a single message comes. The size of this message shows
+whether the piece is records. For example, six messages of 10 bytes are as long as five messages of 12.
+Rule 4: the number of bytes that wait is bounded.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ class MessageCutter:
 
 
 class MessageCutters:
-    """Cuts the bytes of conversations. `made` returns a direction's cutter, or None to cut nothing."""
+    """Cuts the bytes of conversations. `made` returns a direction's cutter; with None, no cuts."""
 
     def __init__(self, made: Callable[[WireDirection], MessageCutter | None]) -> None:
         self._made = made

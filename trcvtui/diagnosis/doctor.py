@@ -48,7 +48,7 @@ BYTE_CAUSES: Final = {
 
 
 class LineVerdict(Struct, forbid_unknown_fields=True):
-    """The verdict on a conversation. If `conversation` is None, it is on a whole file or on a project."""
+    """The verdict on a conversation. If `conversation` is None, the verdict is on a file or project."""
 
     conversation: Ends | None
     findings: list[Finding]
@@ -68,7 +68,7 @@ class RecordedFacts(NamedTuple):
     """Facts of one of our recordings that its packets do not show. `connects` is as in KnownEnds.
 
     `harms` has the times (UTC) of ERRORs and lost jobs of the blocks of each CONNECT. `until_ns` is the UTC
-    of the last scan. Silence until then is a fact. `lint` has findings on the project and its last pins.
+    of the last scan, until which silence is a fact. `lint` has findings on the project and its last pins.
     """
 
     receivers: tuple[Receiver, ...]
@@ -153,7 +153,7 @@ def _judge_hosts(
     facts: CaptureFacts, asked: DoctorQuestion, given: PlcEnd | None, cases: Sequence[LineCase],
     verdicts: Sequence[LineVerdict],
 ) -> list[Finding]:  # fmt: skip
-    """Return findings that `list_host_facts` marks True. Add other findings to conversations as remarks."""
+    """Return the findings that `list_host_facts` marks True; add the others to conversations as remarks."""
     alone, of_host = [], dict[bytes, list[tuple[LineFacts, LineVerdict]]]()
     for case, made in zip(cases, verdicts, strict=True):
         for host in {case.line.plc_end[0], case.line.partner_end[0]}:
@@ -175,7 +175,7 @@ def _judge_hosts(
 
 
 def _assign_line(one: Finding, cases: Sequence[LineCase]) -> tuple[LineFacts | None, Finding]:
-    """Return the conversation at a finding's time (else last before, else first), and the finding."""
+    """Return the finding's conversation (at its time, else last before, else first), and the finding."""
     ns = one.at[0] if one.at is not None else 0
     lines = [case.line for case in cases if case.line.connect in (None, one.connect)]
     line = next((each for each in lines if each.first_ns <= ns <= each.last_ns), None)
@@ -189,7 +189,7 @@ def _judge_symptoms(
 ) -> list[Finding]:
     """Add to each finding the symptoms that it explains. Return all findings without a conversation.
 
-    An unexplained symptom is a finding of its conversation. `before` has findings without a conversation.
+    An unexplained symptom becomes a finding of its conversation. `before`: findings without conversation.
     """
     alone, lint, new = [*before], dict[int, int](), list[tuple[LineFacts, Finding]]()
     of_line = {case.line.number: made.findings for case, made in zip(cases, verdicts, strict=True)}
@@ -247,7 +247,8 @@ def judge_line(case: LineCase, troubles: Sequence[Finding] = (), is_running: boo
     """Return the verdict on one conversation. `troubles` is what the recorded program did wrong.
 
     While the run continues, leave out causes that are over. A cause that ends connections is over once a
-    connection stays open. Another cause is over once its conversation has ended and another still sends.
+    connection stays open. Another cause is over once its conversation has ended and another conversation
+    still sends.
     """
     line = case.line
     found, remarks, not_judged = judge_case(case)
@@ -270,7 +271,7 @@ def judge_line(case: LineCase, troubles: Sequence[Finding] = (), is_running: boo
 
 
 def _merge_findings(troubles: Sequence[Finding], found: list[Finding]) -> list[Finding]:
-    """Return one finding per cause; if program and packets both show it, keep the packets' finding."""
+    """Return one finding per cause. If program and packets show one cause, keep the packets' finding."""
     alone, number_of = [], {one.cause: number for number, one in enumerate(found)}
     for one in troubles:
         if (number := number_of.get(one.cause)) is None:
@@ -349,7 +350,7 @@ def run_doctor(
 ) -> int:
     """Write the verdicts on captures as they come. Return 0: all healthy, 1: findings, 2: nothing judged.
 
-    `names` has other names for files in their verdicts. With a Dask `scheduler`, its cluster judges instead
+    `names` has names that verdicts show for files. With a Dask `scheduler`, its cluster judges instead
     of `jobs` processes.
     """
     write, total, is_first = sys.stdout.write, _Total(), True

@@ -77,7 +77,7 @@ class Evidence:
 
     @property
     def quiet_ns(self) -> int | None:
-        """Return for how long no byte has come, in ns; None: none came yet."""
+        """Return for how long no byte has come, in ns, or None if no byte has come yet."""
         return None if self.last_bytes_ns is None else max(0, self.at.t_ns - self.last_bytes_ns)
 
 

@@ -126,9 +126,9 @@ def _is_only_small_arriving(flow: DirectionFacts) -> bool:
 def list_host_facts(
     facts: CaptureFacts, receivers: Sequence[Receiver], plc: bytes
 ) -> Iterator[tuple[HostFact, bool]]:
-    """Yield facts on missing hosts, lost fragments, and addresses of two devices without a conversation.
+    """Yield facts on missing hosts, lost fragments, and duplicate addresses that have no conversation.
 
-    Each fact comes with True if it is in the project or at `plc`, or if all lines are services.
+    With each fact comes True if a host of it is in the project or is `plc`, or if all lines are services.
     """
     known = {plc, *(end for one in receivers for end in (one.own_address, one.partner_address))} - {b""}
     ends = {end[0] for line in facts.lines for end in (line.plc_end, line.partner_end)}

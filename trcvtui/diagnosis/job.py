@@ -1,7 +1,7 @@
 """Rules for a send job, a lock, a pin, a buffer, a description and a certificate: which of them is wrong.
 
 Each rule, here and in receive, link and serial, takes the evidence and returns one sentence, or "" if it
-does not apply. `do` says what to do about it. A rule that proves nothing by itself returns `do` alone.
+does not apply. `do` of the answer says what to do. A rule that proves nothing by itself returns `do` alone.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from trcvtui.wording import age_text, count
 class SuggestedAction(NamedTuple):
     """What to do: a sentence, and the bench lines that do it in order. `lines` is () if no line does it.
 
-    If `needs_trial`, the lines change what jobs take or bytes mean, and were not tried on received bytes.
+    If `needs_trial`, the lines change what jobs take or what bytes mean, untried on received bytes.
     """
 
     text: str
@@ -86,7 +86,7 @@ def explain_not_reading(e: Evidence) -> str:
 
 
 def explain_stall(e: Evidence) -> RuleAnswer:
-    """The partner is a peer of this bench. A command has stopped it from reading."""
+    """The partner is a peer of this bench. A command has stopped the peer from reading."""
     peer = find_connected_peer(e)
     if peer is None or not peer.stalled:
         return ""

@@ -1,6 +1,6 @@
 """The doctor in another process, asked about a run or about files.
 
-Rule: no scan waits for an answer. Until the answer comes, `progress` says how far the process is.
+Rule: no scan waits for an answer. Until the answer comes, `progress` says how far the judging is.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ FileNames = Callable[[], Sequence[str]]
 
 
 class ProcessJudge:
-    """Judges in a process. `result_json` is the last DoctorSnapshot, `progress` how far the process is."""
+    """Judges in a process. `result_json` is the last DoctorSnapshot, `progress` how far the judging is."""
 
     result_json, progress, looks_again = b"", "", True
     _answer: PendingAnswer | None = None

@@ -77,7 +77,7 @@ class LineMessage(NamedTuple):
 
 
 class ClosedWindow(NamedTuple):
-    """A zero window from `ns` to `until_ns`. If `until_ns` is None, it lasts to the end."""
+    """A zero window from `ns` to `until_ns`. If `until_ns` is None, the window stays zero to the end."""
 
     ns: int
     until_ns: int | None
@@ -93,7 +93,7 @@ class LateAck(NamedTuple):
 
 
 class Outage(NamedTuple):
-    """`copies` retransmissions without an answer, from `ns` to `until_ns`, which is None for the end."""
+    """`copies` retransmissions without an answer, from `ns` to `until_ns` (None: to the end)."""
 
     copies: int
     ns: int
@@ -279,7 +279,7 @@ class LineFacts:
 
     @cached_property
     def messages(self) -> tuple[LineMessage, ...]:
-        """Return the messages to the PLC, as pauses and turns separate them."""
+        """Return the messages to the PLC; pauses and changes of the sender separate them."""
         writes = [one for one in self.to_plc.writes if self.since_ns <= one.ns < self.until_ns]
         return _messages(writes, self.from_plc.writes, self.protocol == "udp", self.reads)
 
@@ -454,7 +454,7 @@ class _Collector:
 
 
 def _end_outage(flow: DirectionFacts, ns: int | None) -> None:
-    """End an outage at `ns`, when the other end is heard again. `ns` is None if that never happens."""
+    """End an outage at `ns`, when the other end is heard again (None: never)."""
     if flow.resent_since_heard >= OUTAGE_COPIES and len(flow.outages) < MOST_MOMENTS:
         since = flow.copies_since
         flow.outages.append(Outage(flow.resent_since_heard, since.ns, ns, since.packet))
@@ -483,8 +483,8 @@ def collect_facts(
 ) -> CaptureFacts:
     """Return the facts of one capture; `given` and `known` decide which end of a conversation is the PLC.
 
-    If `receives`, the PLC is known to receive. Then, if only one end sends, the PLC is the other end.
-    The capture ends at `until_ns`. A conversation without an end is silent until then.
+    If `receives`, the PLC is known to receive: if only one end sends, the PLC is the other end.
+    The capture ends at `until_ns`, and a conversation without an end is silent until this time.
     """
     collector, troubles = _Collector(), list[Problem]()
     found = collector.found
@@ -591,7 +591,7 @@ def fills_segment(size: int, largest: int, gap_ns: int) -> bool:
 def _find_pause_limit(gaps: Sequence[int], share: int) -> int:
     """Return the shortest pause between messages in ns, or 0 if all pauses are of one kind.
 
-    A pause is inside a message or between two. Each of these kinds is at least 1/`share` of all pauses.
+    A pause is inside a message or between two messages. Each kind is at least 1/`share` of all pauses.
     """
     ordered = sorted(max(gap, 1000) for gap in gaps)
     low = max(2, len(ordered) // share)

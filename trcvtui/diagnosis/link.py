@@ -113,7 +113,7 @@ def _describe_unbuilt(e: Evidence) -> str:
 
 
 def remote_tsap(config: ConnectConfig) -> str:
-    """Return the T-selector that the partner must have, or "" if it has none or may have any."""
+    """Return the T-selector that the partner must have, or "" if the partner has none or may have any."""
     if config.description is None or read_spec(config.description).protocol is not Transport.ISO:
         return ""
     return format_selector(read_spec(config.description).remote_tsap)
@@ -171,7 +171,7 @@ def explain_failure(e: Evidence) -> RuleAnswer:
 
 
 def explain_unanswered_call(e: Evidence) -> RuleAnswer:
-    """An attempt is running, and none has failed yet."""
+    """An attempt is running, and no attempt has failed yet."""
     if e.config is None or not e.config.active or e.link is None or e.facts.failures:
         return ""
     if e.link.retry_in_ns is not None or e.link.state == "connected" or not e.link.remote:
@@ -315,7 +315,7 @@ def explain_partner_end(e: Evidence) -> str:
 
 
 def explain_long_frame(e: Evidence) -> str:
-    """The partner had sent whole messages, but the frame wants more bytes."""
+    """The partner sent whole messages, but the frame needs more bytes."""
     size, have, need = e.facts.messages.common_size, e.cause.have, e.cause.need
     if not size or not have or not need or have % size or size >= need:
         return ""

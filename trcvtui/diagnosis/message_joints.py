@@ -88,14 +88,14 @@ class Joints(NamedTuple):
 
 
 def find_joined_messages(parts: Sequence[bytes]) -> Joints | None:
-    """Return how some writes join several messages while others have one, or None without proof."""
+    """Return how messages are joined if some writes have several and others one, or None without proof."""
     ways = (*_joined_by_mark(parts), *_joined_by_length(parts)) if parts else ()
     several = (one for one in ways if sum(number > 1 for number in one.numbers) >= FEW_MESSAGES)
     return next((one for one in several if one.numbers.count(1) >= 2), None)
 
 
 def _joined_by_mark(parts: Sequence[bytes]) -> Iterator[Joints]:
-    """Yield the delimiters that end each write, if nearly all messages also begin alike."""
+    """Yield each delimiter that ends every write, if nearly all messages begin with the same two bytes."""
     for mark in DELIMITERS:
         if all(part.endswith(mark) for part in parts):
             lines = [line for part in parts for line in part.split(mark)[:-1]]
@@ -107,7 +107,7 @@ def _joined_by_mark(parts: Sequence[bytes]) -> Iterator[Joints]:
 
 
 def _joined_by_length(parts: Sequence[bytes]) -> Iterator[Joints]:
-    """Yield the lengths that lead from message to message through each write."""
+    """Yield the length fields by which each write can be split into messages."""
     shortest = min(parts, key=len)
     for place in _find_lengths([shortest], len(shortest)):
         numbers = tuple([count_messages(place, part) for part in parts]) if place.counts_all_or_rest else (0,)
@@ -121,7 +121,7 @@ def _joined_by_length(parts: Sequence[bytes]) -> Iterator[Joints]:
 
 
 class HeadAndBody(NamedTuple):
-    """Messages in two writes: size of the head, sizes of whole messages, usual pause between the writes."""
+    """Messages that are sent as a head and a body, in two writes, with a usual pause between the writes."""
 
     head: int
     sizes: frozenset[int]
@@ -131,7 +131,7 @@ class HeadAndBody(NamedTuple):
 
 
 def find_head_and_body(writes: Sequence[SegmentFacts], content: bytes, need: int) -> HeadAndBody | None:
-    """Return head and body if every second write is the body of the head before it, or None without proof.
+    """Return head and body if each second write is the body of the head before, or None without proof.
 
     The proof is a length in the head, or that head and body together always have the size of a job.
     """

@@ -1,4 +1,4 @@
-"""Judges received bytes, messages and datagrams. They show waiting or stuck jobs, wrong sizes and ports."""
+"""Judges received bytes, messages and datagrams: finds waiting or stuck jobs, wrong sizes, wrong ports."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def is_stuck(e: Evidence) -> bool:
 
 
 def describe_receive_job(e: Evidence) -> str:
-    """Return how many bytes a job has received and wants, and for how long none came."""
+    """Return how many bytes a job has received and needs, and how long ago the last byte came."""
     wanted = f"up to {count(e.need, 'byte')} ({_adhoc_name(e)})" if e.adhoc else count(e.need, "byte")
     if e.is_past:
         return f"{e.have} of {wanted} had been received"
@@ -207,7 +207,7 @@ def explain_many_sizes(e: Evidence) -> RuleAnswer:
 
 
 def explain_burst_size(e: Evidence) -> str:
-    """Messages of the partner are not known: the bytes between two pauses have another size than a frame."""
+    """The bytes between two pauses have another size than a frame; the partner's messages are not known."""
     facts = e.facts
     size = facts.bursts.common_size
     if facts.messages.count or size is None or e.adhoc or not e.need or size == e.need:
@@ -403,7 +403,7 @@ def explain_unread(e: Evidence) -> str:
 
 
 def explain_sent(e: Evidence) -> RuleAnswer:
-    """Say that DONE proves only that the local stack took the datagram, or which peer here it missed."""
+    """Say which peer here the datagram missed, or that DONE only means that the local stack took it."""
     target = e.cause.peer
     if not target:
         return ""

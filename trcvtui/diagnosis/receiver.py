@@ -17,9 +17,9 @@ LOOPBACK: Final = b"\x7f"  # of a project on one machine: its line has other add
 
 
 class Receiver(NamedTuple):
-    """A block that receives, or a type. A job needs `need` bytes, or has room for so many.
+    """A block that receives, or a type. A job needs `need` bytes, or has room for `need` bytes at most.
 
-    The block had this `need` from `since_ns` to `until_ns` (UTC) of a run.
+    The block had this `need` from `since_ns` to `until_ns` (UTC).
     """
 
     instance: str

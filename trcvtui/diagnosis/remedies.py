@@ -12,9 +12,10 @@ from trcvtui.snapshots.doctor import Finding, Remedy
 
 
 class CauseRule(NamedTuple):
-    """One row. A found cause in `silenced_by` explains this cause. One in `weakened_by` may explain it.
+    """One row. A found cause in `silenced_by` explains this cause.
 
-    If a capture has a quality in `blind`, the row cannot judge the capture.
+    A found cause in `weakened_by` may explain this cause.
+    If a capture has a quality in `blind`, the rule cannot judge the capture.
     """
 
     cause: str
@@ -25,9 +26,9 @@ class CauseRule(NamedTuple):
 
 
 class RemedyOffer(NamedTuple):
-    """The remedies. `cured` is the receiver with all of them applied, or None if they cannot be tried.
+    """The remedies. `cured` is the receiver after all remedies, or None if the remedies cannot be tried.
 
-    If the trial fails, `otherwise` is offered.
+    If the trial of `cured` fails, the remedies in `otherwise` are offered.
     """
 
     mend: tuple[Remedy, ...] = ()
@@ -46,7 +47,7 @@ def finding_to_plc(
 
 
 def offer_frame_reset(receiver: Receiver) -> tuple[Remedy, ...]:
-    """After a change of length, return the remedy that starts a frame at a message, or () for none."""
+    """Return COM_RST as the remedy after a change of length, or () if the receiver cannot use COM_RST."""
     text = "pulse COM_RST: then the next frame begins with a message"
     is_stream = receiver.has_reset and not receiver.is_datagram
     return (Remedy(text, f"pulse {receiver.instance} COM_RST"),) if is_stream else ()

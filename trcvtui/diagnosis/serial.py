@@ -165,7 +165,7 @@ def warn_only_noise(f: FramedBlock) -> str:
 
 
 def warn_gap_on_tcp(f: FramedBlock) -> str:
-    """Section 6: a gap says nothing about what was sent together."""
+    """On TCP a gap says nothing about which bytes were sent together (section 6)."""
     if not f.is_tcp or not f.framer.timeout_ns or f.suffix:
         return ""
     return (
@@ -201,7 +201,7 @@ def warn_short_gap(f: FramedBlock) -> str:
 
 
 def warn_static_feeder(f: FramedBlock) -> str:
-    """Section 6: a feeder that passes on whole blocks of LEN bytes makes frames late."""
+    """Section 6: a feeder (TRCV_C) with ADHOC = 0 passes on only whole blocks, so that frames come late."""
     if f.feeder is None or f.feeder.pin("ADHOC"):
         return ""
     return (
@@ -217,7 +217,7 @@ def warn_idle_feeder(f: FramedBlock) -> str:
 
 
 def warn_drops(f: FramedBlock) -> str:
-    """A ComBuffer with a size of its own drops bytes that TCP could hold back."""
+    """A full ComBuffer with a `size` drops bytes; without `size` it would slow the sender down instead."""
     if f.feeder is None or not f.buffer.size:
         return ""
     return (

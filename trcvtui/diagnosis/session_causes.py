@@ -46,9 +46,9 @@ _HANDSHAKE, _ALERT, _DATA, _CHANGE_CIPHER = 22, 21, 23, 20
 
 
 def find_unit_heads(flow: DirectionFacts, has_begin: bool) -> list[bytes]:
-    """Return the heads of the first units of TLS or ISO-on-TCP, without a gap; []: it is neither.
+    """Return the heads of the first units of TLS or ISO-on-TCP, without a gap, or [] if it is neither.
 
-    If the capture lacks the begin, the first unit may begin at one of the first writes.
+    If the capture lacks the beginning, the first unit may begin at one of the first writes.
     """
     content = flow.content
     for at in [0] if has_begin else [write.at for write in flow.writes[:MOST_UNITS]]:

@@ -44,7 +44,7 @@ class CardBuilder:
         reads: str,
         has_values: bool = True,
     ) -> Advice:
-        """Return the advice after the last scan. `reads` has the words that read DATA in another layout.
+        """Return the advice after the last scan. `reads` begins a command to read DATA in another layout.
 
         If `has_values` is False, the advice has no value of DATA.
         """
@@ -93,7 +93,7 @@ class CardBuilder:
 
 
 def _message_bytes(name: str, data: DataContent, index: StreamIndex) -> bytes:
-    """If no message is known, return all bytes, else the longest part that begins with a message."""
+    """Return the longest part that begins with a message, or all bytes if no message is known."""
     known = [(data.partial, span) for span in index.list_messages(name, of_job=True)]
     known += [(data.content, span) for span in index.list_messages(name, of_job=False)]
     parts = [content[span.position : span.stop] for content, span in known if span.begins]
@@ -127,7 +127,7 @@ def _describe_missing(e: Evidence, decl: DataDecl | None) -> str:
 
 
 def list_frame_notes(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
-    """If frames and messages of an instance disagree, return what is proven. With ADHOC, return []."""
+    """If frames do not match the messages of an instance, return what is proven. With ADHOC, return []."""
     if instance.adhoc:
         return []
     return [*_note_shift(instance, index), *_note_unfinished_frame(instance, index)]

@@ -11,7 +11,7 @@ from trcvtui.plc.ledger import A_HOLE, A_PACKET
 
 
 class StreamMessage(NamedTuple):
-    """One message at its positions; if `by_pauses`, bytes between two pauses: one or more messages."""
+    """One message; with `by_pauses`, all bytes between two pauses, which may be several messages."""
 
     name: str
     positions: range

@@ -1,7 +1,7 @@
-"""A symptom is something wrong that a block showed. This module knows which causes explain it.
+"""A symptom is something wrong that a block showed. This module knows which causes explain which symptom.
 
 A symptom is a Finding. `at` is its first time (UTC), `leads_to` the condition of an ERROR. `evidence` is
-a text, then STATUS card sentences. A symptom is a fact (better remedy) if the block knows why TLS failed.
+a text, then STATUS card sentences. If the block knows why TLS failed, `is_fact` is True.
 Rule: a symptom without a cause is itself a finding, so that a run with an ERROR is never healthy.
 """
 
@@ -64,7 +64,7 @@ _CAUSES_OF_ERRORS: Final[tuple[tuple[frozenset[Condition], frozenset[str]], ...]
 
 
 def list_explaining_causes(symptom: Finding) -> frozenset[str]:
-    """Return the causes that explain a symptom if they are found on its line."""
+    """Return the causes that explain a symptom, if they are found on the same line."""
     if not symptom.leads_to:
         return LINK_CAUSES if symptom.cause == "not-connected" else FRAME_CAUSES | LINK_CAUSES
     (condition,) = symptom.leads_to

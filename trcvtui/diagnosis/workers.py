@@ -1,7 +1,7 @@
-"""Several workers judge captures. They are processes of this machine, or workers of a Dask cluster.
+"""Several workers judge captures: processes of this machine, or workers of a Dask cluster.
 
 Rule 1: if a worker dies, another worker tries its file. After 2 deaths the file is reported.
-Rule 2: bytes from a cluster run no code here. Answers are JSON of one form. No other object is built.
+Rule 2: bytes from a cluster run no code here. An answer is read only as JSON of one form.
 """
 
 from __future__ import annotations
@@ -92,9 +92,9 @@ def judge_in_cluster(
 
 @contextmanager
 def _forbid_unpickling() -> Iterator[None]:
-    """Prevent Dask from building objects (rule 2). Data stays bytes, pickles become None or a KilledWorker.
+    """Prevent Dask from building objects (rule 2). Data stays bytes. Pickles become None or a KilledWorker.
 
-    The `deserializers` do not cover errors, types of results, warnings, and data marked as pickled.
+    Dask's own `deserializers` do not cover errors, types of results, warnings, and data marked as pickled.
     """
     from distributed import KilledWorker, client, protocol
 

@@ -1,4 +1,4 @@
-"""The rules of each vendor: STATUS words, switches, limits, layout. Tables, hardly any code.
+"""The rules of each vendor as tables, with hardly any code: STATUS words, switches, limits, layout.
 
 A new vendor is one folder whose `rules.py` fills in a Dialect, and one line in DIALECTS.
 """

@@ -1,4 +1,4 @@
-"""A dialect: name, answered questionnaire, STATUS table and layout. This module also reads its switches."""
+"""A dialect: name, answered questionnaire, STATUS table and layout. This module also reads the switches."""
 
 from __future__ import annotations
 
@@ -61,13 +61,13 @@ def map_codes(rows: Iterable[StatusRow]) -> dict[str, dict[Condition, int]]:
 
 
 class Dialect(Struct, frozen=True):
-    """One vendor's blocks. `models` maps a PLC model to its connection budget. The first is the default.
+    """One vendor's blocks. `models` maps PLC models to connection budgets; the first model is the default.
 
     If `describes_connects`, a CONNECT is a description such as TCON_IP_v4, not a TCP_CONNECTCONFIG.
     `structures` are the connection descriptions that the dialect takes, () for all of them.
     `folder` is the folder of the scenarios, if its name is not the name of the dialect.
     `follows` is the document of the sequence, if dialects with the same table differ in sequence.
-    `words` replace the neutral words for conditions where these are the words of another vendor.
+    `words` has this vendor's words for conditions whose usual words are those of another vendor.
     """
 
     name: str

@@ -38,16 +38,16 @@ class Explanation(Struct, frozen=True):
     scenarios: tuple[str, ...] = ()
 
     def select_scenarios(self) -> tuple[str, ...]:
-        """Return the scenarios named for this code, first those whose name begins with it.
+        """Return the scenarios named for this code, first those whose name begins with the code.
 
-        For an error, a few scenarios of the manual's notes follow. If there are none at all: the first few.
+        For an error, a few scenarios of the manual's notes follow. If none fits, take the first few.
         """
         named = sorted(filter(self._is_named_in, self.scenarios), key=lambda file: self._place_in(file) > 0)
         notes = [file for file in self.scenarios if _is_note_scenario(file) and file not in named]
         return (*named, *notes[: MOST_SCENARIOS if self.row.error else 0]) or self.scenarios[:MOST_SCENARIOS]
 
     def may_select(self, file: str) -> bool:
-        """If a scenario of this name shows the code, return whether `select_scenarios` prefers it."""
+        """Return whether `select_scenarios` prefers a scenario of this name if it shows the code."""
         return self._is_named_in(file) or (self.row.error and _is_note_scenario(file))
 
     def _is_named_in(self, file: str) -> bool:
@@ -86,9 +86,9 @@ def select_dialects(dialects: Sequence[Dialect], name: str | None) -> tuple[Dial
 def find_explanations(
     dialects: Sequence[Dialect], code: int | None, block: str | None, number: int | None = None
 ) -> list[Explanation]:
-    """Return the rows that have this code and block. None selects all. Raise UserError if there are none.
+    """Return the rows that have this code and block. None selects all. Raise UserError if no row has both.
 
-    `number` is the code as a decimal, if it can be one, for blocks whose Error is a UINT.
+    For blocks whose Error is a UINT, `number` is the code read as a decimal, or None if it is no decimal.
     """
     wanted = None if block is None else _find_block(dialects, block)
     decimal = code if number is None else number
@@ -114,7 +114,7 @@ def find_explanations(
 def select_one_dialect(found: Sequence[Explanation], name: str | None) -> tuple[list[Explanation], list[str]]:
     """Return the rows of a dialect, and the names of the other dialects with rows.
 
-    If `name` is None, take the first dialect that has rows. Raise UserError if the named one has none.
+    If `name` is None, take the first dialect that has rows. Raise UserError if the named dialect has none.
     """
     names = list(dict.fromkeys(one.dialect for one in found))
     chosen = names[0] if name is None else name.casefold()
@@ -144,7 +144,7 @@ def add_card_scenarios(
 ) -> list[Explanation]:
     """Return the rows with enough scenarios for a card. `scenarios_of` reads the files that a test accepts.
 
-    If a preferred scenario shows the code, other scenarios are not read. To read all takes 100 ms.
+    If a preferred scenario shows the code, other scenarios are not read. Reading all files takes 100 ms.
     """
     return [_with_card_scenarios(one, scenarios_of) for one in found]
 
@@ -204,7 +204,7 @@ def _as_object(one: Explanation) -> dict[str, object]:
 def as_text(found: Iterable[Explanation], others: Sequence[str] = (), asked: str | None = None) -> str:
     """Return a card for each row: what it means, likely causes, what to look at next.
 
-    The last line names the `others` that have the code. If `asked` lacks it, the first line says so.
+    The last line names the other dialects. If the dialect `asked` lacks the code, the first line says so.
     """
     cards = [(one.dialect, _card(one)) for one in found]
     lacks = asked not in (None, cards[0][0])

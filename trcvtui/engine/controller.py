@@ -64,7 +64,7 @@ UDT_USAGE: Final = "udt reload, or udt constant NAME=VALUE; the rest of `udt` is
 def reload_types(rest: str, project: Project, where: str) -> tuple[Project, dict[str, int], str]:
     """Read the types again from their files. Return the project, the given constants and the message.
 
-    `rest` has the words after `udt`. Raise UserError if a type that DATA has is broken now.
+    `rest` has the words after `udt`. Raise UserError if a type used by DATA is wrong now.
     """
     word, _, pairs = rest.strip().partition(" ")
     if word not in (RELOAD, CONSTANT) or (word == RELOAD) == bool(pairs.strip()):
@@ -155,7 +155,7 @@ def _recording_path(name: str) -> Path:
 
 
 class Controller:
-    """The bench for the screen. While `holding`, only `wanted` more scans and the player's scans run."""
+    """The bench for the screen. While `holding`, only the player's scans and `wanted` further scans run."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -342,7 +342,7 @@ class Controller:
         return ""
 
     def report_recording(self, text: str, wrong: str) -> None:
-        """Show the state of the recording in the header. If its error is new, note it in the ledger."""
+        """Show the state of the recording in the header. Note a new recording error in the ledger."""
         self.recorded = text
         if wrong != self._wrong_recording:
             self._wrong_recording = wrong
@@ -451,7 +451,7 @@ class Controller:
         return passed
 
     def step(self, now: int | None = None) -> bool:
-        """Run the next scan if `holding` allows it. Return whether it ran. The ledger is read later."""
+        """Run the next scan if `holding` allows it, and return whether it ran. The ledger is read later."""
         if not self._use_scan_permit():
             return False
         self.bench.step(now)
@@ -473,7 +473,7 @@ class Controller:
         return True
 
     def step_peers_alone(self) -> None:
-        """While no scan passes, let the peers of a live bench work; simulated time stops without scans."""
+        """While no scan runs, let the peers of a live bench work; simulated time stops without scans."""
         if self.bench.kernel_name == "live":
             self.bench.step_peers_alone()
 

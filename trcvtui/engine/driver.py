@@ -1,4 +1,4 @@
-"""Drives the bench from a screen. Lines go out, pictures come in. The engine is a separate process.
+"""Drives the bench from a screen, which sends lines and gets pictures. The engine is a separate process.
 
 Rule: the import of this module takes almost no time, as the engine starts before all other imports.
 """
@@ -27,7 +27,7 @@ HELLO_TIMEOUT_S: Final = 30.0  # for an engine to let a tab in
 
 
 class ProcessDriver:
-    """A process that runs `main` and sends pictures. Make it before you import the screen library."""
+    """A process that runs `main` and sends pictures, made before the import of the screen library."""
 
     _record: RecordTarget | None = None
     is_shared = False
@@ -70,14 +70,14 @@ class ProcessDriver:
         return self._process.pid
 
     def wait_for_project(self) -> Project:
-        """Return the project once the engine has read it. Raise UserError for the mistakes in its file."""
+        """Return the project once the engine has read it. Raise UserError for mistakes in the project."""
         while not self.has_begun():
             self._channel.poll(None)
         assert self._project is not None
         return self._project
 
     def has_begun(self) -> bool:
-        """Return whether the engine has sent the project. Raise UserError for the mistakes in its file."""
+        """Return whether the engine has sent the project. Raise UserError for mistakes in the project."""
         if self._project is None and (message := self._next_message()) is not None:
             if isinstance(message, UserError):
                 raise message
@@ -133,7 +133,7 @@ class ProcessDriver:
         return stopped
 
     def _check_message(self, message: Any) -> Any:
-        """Return the message; raise EngineStopped if it says why the engine has ended."""
+        """Return the message; raise EngineStopped if the message says why the engine has ended."""
         match message:
             case UserError():
                 raise EngineStopped(message.lines()[0])

@@ -1,8 +1,8 @@
 """The live engine: it scans at absolute deadlines, and serves the screens between two scans.
 
-Rule 1: after missed scans there is no burst. Deadlines that have passed are skipped and counted.
+Rule 1: missed scans are not made up in a burst. Deadlines that have passed are skipped and counted.
 Rule 2: the engine serves the screens in turns, only in the gap between two scans. A picture is made in
-one go, so that it shows one scan. Then it is pickled and written slice by slice.
+one go, so that it shows one scan. Then the picture is pickled and written slice by slice.
 Rule 3: a new bench begins with a new time, new deadlines and new timing figures.
 """
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def engine_main(channel: Channel, *asked: Any) -> None:
-    """Run the bench for an EngineDriver until the channel closes. If an error ends the run, send it."""
+    """Run the bench for an EngineDriver until the channel closes. Send an error that ends the run."""
     gc.disable()  # the engine collects at the beginning of each bench only
     ignore_signals(TERMINAL_SIGNALS)  # they belong to the screen
     try:
@@ -171,7 +171,7 @@ class Engine:
         """Serve the screens right after the scan, and again every STEP_NS of a long gap.
 
         Only the clock wakes the engine, and never shortly before a scan. A process that has just run does
-        not get the processor at once. The scan would begin 0.5 to 2.5 ms late (seen with perf).
+        not get the processor at once. Then the next scan would begin 0.5 to 2.5 ms late (seen with perf).
         """
         if self._recorder is not None:
             self._recorder.finish_scan(self._bench)

@@ -80,14 +80,15 @@ def _make_filter(
 
 
 def path_prefixes(instance: str, data: DataDecl | Layout | None) -> tuple[str, ...]:
-    """Return instance and DATA, which may precede a member's path. Return () if `data` is no DATA."""
+    """Return instance and DATA, which may precede a member's path. Return () if `data` is no DataDecl."""
     return (instance, data.name) if isinstance(data, DataDecl) else ()
 
 
 def find_member(layout: Layout | None, name: str, *before: str) -> tuple[int, Node] | None:
-    """Return the number of the first leaf at a path and the node there. If there is no node, return None.
+    """Return the number of the first leaf at a path and the node there. Without a node there, return None.
 
-    The path may begin with `data`, the type's name or one of `before`. A type of one value needs no more.
+    The path may begin with `data`, the type's name or one of `before`.
+    In a type with only one value, `data` or the type's name can be the whole path.
     """
     if layout is None or not layout.leaf_count:
         return None

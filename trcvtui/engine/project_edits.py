@@ -175,7 +175,7 @@ PROMPT = "prompt"
 
 
 class ProjectEdits:
-    """The opened project with its edits. `done` counts edits. `saved` is that count at the last save."""
+    """The opened project with its edits. `done` counts edits. `saved` is `done` at the last save."""
 
     def __init__(self, project: Project) -> None:
         self.project = project
@@ -226,7 +226,7 @@ class ProjectEdits:
         self._keep_text(self.text)
 
     def save(self, words: str) -> str:
-        """Write the project to `[FILE] [!]` and return the message. Raise UserError if that is refused."""
+        """Write the project to `[FILE] [!]`; return the message. Raise UserError if saving is refused."""
         own = self.project.path
         path = parse_save_target(words, own, self._written, PROMPT)
         if not path.parent.is_dir():
@@ -263,7 +263,7 @@ class ProjectEdits:
         return message
 
     def _keep_text(self, text: str) -> None:
-        """Keep the text of the file, in case the file is gone when the text is needed."""
+        """Store the text of the file, in case the file is missing later."""
         self.text = text
         with suppress(OSError):
             self._inode = os.stat(self.project.path).st_ino if text else 0
@@ -277,7 +277,7 @@ class ProjectEdits:
                 write_file(place, each.content, PROMPT, is_new=True)
 
     def _find_obstacle(self) -> Problem | None:
-        """Return why the edits cannot be written to the file, such as a missing file; None: they can be."""
+        """Return why the edits cannot be written, such as a missing file; None if they can be written."""
         own, was = self.project.path, self._in_file
         try:
             text = read_text(own)

@@ -2,7 +2,7 @@
 
 Rule 1: no screen stops a scan: nothing here waits, and all screens share one limit of messages.
 Rule 2: an answer goes to the screen that sent the line; a message that answers no line goes to all screens.
-Rule 3: a screen that ends or sends an invalid message is closed. Without the first screen the engine ends.
+Rule 3: a screen that ends or sends an invalid message is closed. The engine ends with the first screen.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ FIRST_MAKE_NS: Final = 2_000_000  # the first picture of a tab brings all that i
 
 
 class AttachedScreen:
-    """One screen. The first has `number` 0. The number of each line is unique among all screens."""
+    """One screen. The first screen has `number` 0. The number of each line is unique among all screens."""
 
     def __init__(self, channel: Channel, number: int) -> None:
         self.channel, self.number = channel, number

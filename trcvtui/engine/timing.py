@@ -1,10 +1,10 @@
 """Asks the operating system for punctual scans, and measures how late and how long each scan was.
 
-The requests need no privileges. Failure is normal and is shown. Linux only.
+The requests need no privileges. A refused request is normal, and is shown. Linux only.
 Measured: timer slack 1 ns and an EEVDF slice of 100 us bring the p99 start
-lateness of a 10 ms scan beside a busy screen from 3.8 ms to 0.1 ms. Where the kernel gives each session a
-share of the processor (autogroup), the slice counts inside the session only: so the engine gets its own
-session, and the screen's processor time is not charged to the engine.
+lateness of a 10 ms scan beside a busy screen from 3.8 ms to 0.1 ms. With autogroup the kernel gives each
+session a share of the processor, and the slice counts only inside the session. So the engine gets its
+own session, and the screen's processor time is not charged to the engine.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ BAD_SHOWN_NS: Final = 10_000_000_000  # how long a bad scan is shown
 
 
 class ScanTiming:
-    """Overruns and the worst lateness (ns) of the latest bad scans. 10 s without a bad scan clear both."""
+    """Overruns and worst lateness (ns) of the latest bad scans, both 0 after 10 s without a bad scan."""
 
     def __init__(self, mode: str) -> None:
         self._mode = mode
@@ -102,7 +102,7 @@ class ScanTiming:
         write_file(path, json.dumps(kept), "timing", is_own=True)
 
     def count_scan(self, due: int, began: int, ended: int, interval: int) -> None:
-        """Count one scan. It overran if it ended after the next scan was due.
+        """Count one scan. A scan overran if it ended after the next scan was due.
 
         The scan is late if it began more than half an interval after `due`.
         """

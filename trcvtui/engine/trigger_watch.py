@@ -1,7 +1,7 @@
-"""A trigger has a condition, checked after each scan. It fires once, when the condition becomes true.
+"""A trigger fires once, when its condition becomes true. The condition is checked after each scan.
 
 `trigger TRCV_C_1 STATUS=80C5`, `trigger TRCV_C_1 EN_R rises`, `trigger rx.speed > 100 hold`. RCVD_LEN is
-compared only in scans with DONE. In every other scan it is 0 and has no meaning.
+compared only in scans with DONE. In every other scan RCVD_LEN is 0 and has no meaning.
 When a trigger fires, the screen's next picture shows the bench in that scan, even if later scans have run.
 """
 
@@ -59,7 +59,7 @@ class PinCondition(Struct, frozen=True):
         return OPERATORS[self.operator](pin_now(bench, self.instance, self.pin), self.value)
 
     def fires_by(self, event: InputEdge) -> bool:
-        """Return whether an input's edge makes the condition true, even if for a part of the scan."""
+        """Return whether an input's edge makes the condition true, even if only for a part of the scan."""
         is_it = (event.instance, event.pin) == (self.instance, self.pin)
         return is_it and OPERATORS[self.operator](event.value, self.value)
 
@@ -97,7 +97,7 @@ class Trigger(Struct, frozen=True):
 
 
 def read_trigger(text: str, project: Project, where: str) -> Trigger | None:
-    """Return the trigger in the text after `trigger`, or None for `off`. Raise UserError if it is wrong."""
+    """Return the trigger in the text after `trigger`, None for `off`. Raise UserError for a wrong text."""
     text = text.strip()
     if text == OFF:
         return None
@@ -295,6 +295,6 @@ class TriggerWatch:
         return self._trigger.text if self._trigger is not None else ""
 
     def take_frozen(self) -> FrozenScan | None:
-        """Return the bench as it was when a trigger fired; None: none has fired since the last call."""
+        """Return the bench as it was when a trigger fired; None if none has fired since the last call."""
         kept, self.kept = self.kept, None
         return kept

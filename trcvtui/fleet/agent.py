@@ -1,4 +1,4 @@
-"""`trcvtui agent`: a bench as a service. It restarts a failed engine, publishes messages, serves metrics."""
+"""`trcvtui agent`, a bench as a service: restarts a failed engine, publishes messages, serves metrics."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def default_name(project: Path) -> str:
 def prepare_queue_path(site: str, name: str) -> Path | None:
     """Return the file of the queue in the state folder of systemd or of the user.
 
-    If the folder cannot be made, print the error and return None. The queue is then in memory.
+    If the folder cannot be made, print the error and return None, which means a queue in memory.
     """
     from hashlib import sha256
 
@@ -203,7 +203,7 @@ class Agent:
                 write_or_drop_line(line)
 
     def _open_page(self, address: str, port: int, opened: ExitStack, now: int) -> None:
-        """Open the page. If its port is in use, try again later. A port in use must not end the bench."""
+        """Open the metrics page. If its port is in use, the agent tries again later; the bench goes on."""
         from trcvtui.fleet.metrics import start_page_server
 
         try:

@@ -1,9 +1,9 @@
-"""The connection to an MQTT 5 broker, with URL, TLS, user and password. It reconnects by itself.
+"""The connection to an MQTT 5 broker (URL, TLS, user, password), which reconnects by itself.
 
-Rule 1: only this file uses paho. Its loop runs in our own thread, so that an error in the broker's data ends
+Rule 1: only this file uses paho. Our own thread runs paho's loop: an error in the broker's data ends
 a connection, never the program. Each connection gets a new client. A used client would send old messages
 again, after newer messages.
-Rule 2: only the thread of rule 1 uses the socket. Messages of other threads wait in paho's queue.
+Rule 2: only the thread of paho's loop uses the socket. Messages of other threads wait in paho's queue.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class ConnectionLost(NamedTuple):
 
 
 class IncomingMessage(NamedTuple):
-    """A message. Its `topic` and `payload` are unchecked, and both may be hostile."""
+    """A message; its `topic` and `payload` are unchecked, and both may be hostile."""
 
     topic: str
     payload: bytes

@@ -1,4 +1,4 @@
-"""Stores messages for the broker in a file. After its next start the agent continues with the file.
+"""Stores messages for the broker in a file. After a restart the agent continues with this file.
 
 Rule 1: after the start no disk error is raised. `dropped` counts lost messages. A damaged file is renamed,
 and a new file is begun. `say` gets one line about each error.
@@ -160,7 +160,7 @@ def _is_damaged(failed: Exception) -> bool:
 
 
 def _lock_file(path: Path | None, tell: Callable[[str], None]) -> int | None:
-    """Return a lock that ends with this process; raise UserError if another agent holds it."""
+    """Return a lock that ends with this process; raise UserError if another agent holds the lock."""
     try:
         import fcntl
     except ImportError:  # Windows

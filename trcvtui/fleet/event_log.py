@@ -1,8 +1,8 @@
 """The newest events of one instance, each once, and how many are missing.
 
 The id of an event is BOOT-SEQ. In each run of an agent (BOOT), SEQ counts from 1 without gaps. A skipped
-number is missing until `recent` or a late message brings it. A run stores at most MOST_SEQS numbers. With
-more, the lower half is dropped, and numbers up to there are never new again.
+number is missing until `recent` or a late message brings it. A run stores at most MOST_SEQS numbers. If
+there are more, the lower half is dropped, and numbers up to its end are never new again.
 """
 
 from __future__ import annotations

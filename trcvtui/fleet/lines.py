@@ -59,7 +59,7 @@ class AgentInstance:
         return RecentMessage(at, self.count, tuple(self.recent))
 
     def begin_run(self) -> None:
-        """Keep the counts so far: a new engine counts from 0."""
+        """Add later counts to the counts so far, as a new engine counts from 0."""
         self._base = self.jobs_done, self.errors
         self._last = False, 0
 
@@ -129,7 +129,7 @@ class AgentLine:
 class AgentBench:
     """The lines and instances of a bench by name. `boot` identifies this run of the agent.
 
-    If the line of a CONNECT or ComBuffer has another name, `names` has the name of the line.
+    `names` has the name of the line of a CONNECT or ComBuffer, if the two names differ.
     """
 
     def __init__(

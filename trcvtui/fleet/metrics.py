@@ -15,7 +15,7 @@ MOST_ROWS: Final = 2000  # of one metric: lines or instances of one agent
 
 
 class Metric(NamedTuple):
-    """One metric. `value` reads it from an agent, a line or an instance, depending on `labels`."""
+    """One metric. `value` reads the metric from an agent, a line or an instance, depending on `labels`."""
 
     name: str
     kind: str  # gauge or counter
@@ -56,7 +56,7 @@ def _label_rows(agent: Any, labels: tuple[str, ...]) -> Iterator[tuple[tuple[str
 
 
 def parse_page_address(text: str) -> tuple[str, int]:
-    """Return address and port of `--metrics`; raise UserError."""
+    """Return address and port of `--metrics`; raise UserError for a wrong text."""
     found = parse_end(text)
     if found is None or found[1] is None:
         raise mistake("--metrics", f"'{text}'", "ADDR:PORT such as 127.0.0.1:9464")

@@ -2,7 +2,7 @@
 
 Rule 1: a new connection first sends retained topics and, `QUEUE_DELAY_NS` later, the queue, oldest first.
 Rule 2: an event leaves the queue when the broker acknowledges it. A full queue drops old figures first.
-Rule 3: a refused message is sent again after a growing pause. Meanwhile other messages are sent.
+Rule 3: a refused message is sent again after a growing pause, in which other messages are sent.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class _PendingMessage(NamedTuple):
 
 
 class _RetainedTopic:
-    """The newest message of a topic. It is sent at `due_at` or later. `payload` makes the bytes then."""
+    """The newest message of a topic, sent at `due_at` or later. `payload` makes the bytes for sending."""
 
     __slots__ = ("due_at", "gap", "is_sent", "payload")
 
@@ -80,7 +80,7 @@ class Publisher:
         self._queue_message(EVENT, topic, payload)
 
     def send_figures(self, topic: str, payload: bytes) -> None:
-        """Retain figures. While the broker is not connected, also queue them."""
+        """Retain figures. While the broker is not connected, also queue the figures."""
         self.retain(topic, payload)
         if not self.is_up:
             self._queue_message(FIGURES, topic, payload)

@@ -113,7 +113,7 @@ class FleetLine:
 
     @property
     def worst_instance(self) -> FleetInstance | None:
-        """Return the worst instance: ERROR counts first, then a finding, an unfinished job, most errors."""
+        """Return the worst instance: an ERROR is worst, then a finding, an unfinished job, most errors."""
         return max(self.instances.values(), key=_badness, default=None)
 
     @property

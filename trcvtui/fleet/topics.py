@@ -159,7 +159,7 @@ class FiguresMessage(
 
 
 class RecentMessage(FleetMessage, frozen=True):
-    """The newest events of an instance, the oldest first. `count` counts all since the agent started."""
+    """The newest events of an instance, oldest first. `count` counts all events since the agent started."""
 
     KIND = "recent"
     t: Number

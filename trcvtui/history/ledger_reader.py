@@ -1,6 +1,6 @@
 """Reads the ledger once for all listeners (`index.add_listeners`), a few lines at a time between scans.
 
-Rule: if lines are overwritten unread, all listeners get a call. No listener guesses their content.
+Rule: if lines are overwritten unread, all listeners get a call. No listener guesses the lost content.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Small counters of each CONNECT. They remain when the ledger overwrites its lines.
+"""Small counters of each CONNECT, which remain when the ledger overwrites its lines.
 
 Rule 1: a screen gets only some lines. The statistics read every line, but their size does not grow.
 Rule 2: lines that are overwritten before they are read are missing here. Nothing is guessed.
@@ -67,7 +67,7 @@ class _LinkFacts:
 
 
 class _DatagramCounts:
-    """What came to one UDP socket: a recv call is a datagram."""
+    """What one UDP socket has received: each recv call is one datagram."""
 
     def __init__(self, at: ScanStamp) -> None:
         self.open_since = at

@@ -1,7 +1,7 @@
 """One row for each message of an instance: a receive job that ended with bytes, a frame, a send job.
 
 Rule 1: a row has no bytes of its own, only their places in a ring (net/received_ring.py).
-Rule 2: a row has the STATUS after its scan. If that scan has no edge, the last edge's STATUS is valid.
+Rule 2: a row has the STATUS after its scan. If its scan has no edge, a row has the last edge's STATUS.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ HOLE_REASON: Final = "hole"
 
 
 class MessageRow(NamedTuple):
-    """A message. `t_ns` is the time of its last byte, `gap_ns` the time since the message before.
+    """A message. `t_ns` is the time of the last byte, `gap_ns` the time since the message before.
     `position` is in the ring `stream`, or -1 for nowhere. The values of the first `have` bytes are known.
     When the row leaves the engine, `content` is set, or None if the bytes have left the ring.
     """
@@ -135,7 +135,7 @@ class NewestRows:
         return content[: row.have] if len(content) == row.size else None
 
     def _find_oldest(self, of: _InstanceRows) -> int:
-        """Return the number of the row after the last row that lost its bytes. Empty rows lose none."""
+        """Return the number of the row after the last row that lost bytes. Empty rows lose no bytes."""
         for number in range(max(of.oldest, of.first), of.count):
             row = of.rows[number - of.first]
             ring = self._received(row.stream)

@@ -175,7 +175,7 @@ class PinChange(NamedTuple):
 class WaveformDelta(Struct, frozen=True):
     """The changes of one instance in order. `first` is the number of the first change, counted from 1.
 
-    `before` has the pin values from `before_scan` to the first change. No others come up to `until_scan`.
+    `before` has the pin values from `before_scan` to the first change. `until_scan` is the last known scan.
     """
 
     instance: str
@@ -216,7 +216,7 @@ MOST_GAPS: Final = 200
 
 
 def find_lamp(pin: str) -> str:
-    """Return done, error or busy if the pin shows this, whatever the pin's name; "" if it shows none."""
+    """Return which of done, error and busy a pin shows, whatever the pin's name; "" if it shows none."""
     shows = outcome_field(pin)
     return shows if shows in LAMP_FIELDS else ""
 
@@ -360,7 +360,7 @@ class WaveformCache:
     def make_requests(self, instances: Iterable[str], scan: int | None = None) -> tuple[tuple[str, int], ...]:
         """Return the instances to request from the engine, each with the number of its last known change.
 
-        With `scan`, leave out instances whose changes are known up to that scan, or are no longer kept.
+        With `scan`, leave out instances whose changes up to that scan are known or no longer stored.
         """
         known = self._waves
         wanted = instances if scan is None else [name for name in instances if self._is_missing(name, scan)]

@@ -1,8 +1,8 @@
-"""Finds for each position of a ring the recv call, job or frame of the byte, or why it was dropped.
+"""Finds the recv call, and the job or frame, of each byte in a ring, or why the byte was dropped.
 
-Rule 1: only facts of the ledger are kept. The bytes of lines that were overwritten unread have no owner.
+Rule 1: only facts of the ledger are stored. Nothing is known of bytes whose line was overwritten unread.
 Rule 2: the bytes stay in the ring (net/received_ring.py); no byte is copied here.
-Rule 3: the number of spans is bounded. More streams mean fewer spans of each. The oldest are forgotten.
+Rule 3: the number of spans is bounded. More streams mean fewer spans each. The oldest spans are forgotten.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class ReceivedStream:
         self.arrivals: deque[RecvSpan] = deque(maxlen=MOST_ARRIVALS)  # of a ComBuffer: untaken
 
     def add(self, *spans: JobSpan) -> None:
-        """Insert the pieces of a job by position: if two jobs read in turns, the later may end first."""
+        """Insert a job's pieces by position, as the later of two jobs that read in turns may end first."""
         place = len(self.jobs)
         if spans and place and self.jobs[-1].position > spans[0].position:
             place = bisect_right(self.jobs, spans[0].position, key=BY_POSITION)

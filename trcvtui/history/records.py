@@ -35,7 +35,7 @@ class JobSpan(NamedTuple):
     `reason` says why bytes never reached DATA. If `is_kept` is False, the PLC never had the bytes.
     `whole` is the size of the job. If another job read in between, each piece of the job has its own span.
     `first` is the piece's first byte in the job. `prefix` and `suffix` are the sizes of a frame's marks.
-    With `is_open`, the job or frame has no end yet, or is not known.
+    With `is_open`, the job or frame has not ended yet, or is unknown.
     """
 
     position: int
@@ -148,7 +148,7 @@ class SeekResult(Struct, frozen=True):
 
 
 class HistoryRequest(Struct, frozen=True):
-    """A request for a part of a CONNECT's stream. With `before`, add the bytes of the job before each job.
+    """A request for a part of a CONNECT's stream. With `before`, add the bytes of each previous job.
 
     With `job_at`, add all bytes of the job at this position. With `data` (instance, first byte, size), add
     the bytes that DATA held before its newest job. The answer shows the state after `scan`.
@@ -175,7 +175,7 @@ class PreviousJobBytes(Struct, frozen=True):
 class HistoryWindow(Struct, frozen=True):
     """A part of a stream from `start` on. The stream is stored from `begin` to `end`. Missing bytes are 0.
 
-    Spans that cross an edge of the window are whole.
+    A span that crosses an edge of the window is not cut.
     """
 
     connect: str
@@ -233,7 +233,7 @@ class Sizes(Struct, frozen=True):
 
 
 class DroppedJob(Struct, frozen=True):
-    """A job that ended within a frame. It lost `have` of `need` bytes, up to byte `end` of the stream."""
+    """A job that ended within a frame, and lost `have` of `need` bytes, up to byte `end` of the stream."""
 
     at: ScanStamp
     instance: str
@@ -269,7 +269,7 @@ class FailedAttempt(Struct, frozen=True):
 
 
 class DroppedClient(Struct, frozen=True):
-    """A client that was dropped before it was a partner. Its handshake was wrong or named another TSAP."""
+    """A client that was dropped before it was a partner: its handshake was wrong or named another TSAP."""
 
     at: ScanStamp
     peer: str

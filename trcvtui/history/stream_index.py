@@ -79,7 +79,7 @@ class StreamBursts:
         self.gaps: deque[int] = deque(maxlen=KEPT_GAPS)
 
     def add_bytes(self, scan: int, t_ns: int, size: int) -> bool:
-        """Take bytes that arrived. Return whether they came after a pause."""
+        """Take bytes that arrived. Return whether a pause preceded these bytes."""
         if self.scan == scan:
             self.size += size
             return False
@@ -120,9 +120,9 @@ def find_bursts(recvs: Iterable[RecvSpan], is_over: bool) -> list[range]:
 
 
 class JobRecord(NamedTuple):
-    """A receive job. `at` is the scan of its end, or of its start while it runs.
+    """A receive job. `at` is the scan of the job's end, or of its start while the job runs.
 
-    `recvs` are its recv calls.
+    `recvs` are the recv calls of the job.
     """
 
     number: int

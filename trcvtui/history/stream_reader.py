@@ -38,7 +38,7 @@ LOST_REASON: Final = "of an unknown job: lines of the ledger were overwritten be
 
 
 class _Past:
-    """One stream with its ring as it was after a scan. It serves one picture."""
+    """One stream with its ring as it was after a scan, for one picture."""
 
     def __init__(self, name: str, ring: ReceivedRing, stream: ReceivedStream, scan: int) -> None:
         self.name, self.ring, self.stream, self.scan = name, ring, stream, scan
@@ -75,7 +75,7 @@ class _Past:
 
 
 class StreamReader:
-    """Answers requests. It remembers how far each of the newest searches has come."""
+    """Answers requests, and remembers how far each of the newest searches has come."""
 
     def __init__(self, bench: Bench, reader: LedgerReader) -> None:
         self.streams = ReceivedStreams(bench, reader)
@@ -84,7 +84,7 @@ class StreamReader:
         self._reached = 0
 
     def read_window(self, request: HistoryRequest) -> HistoryWindow:
-        """Return the window, moved or cut to lie within the kept bytes."""
+        """Return the requested window, moved or cut so that it lies within the stored bytes."""
         self._catch_up()
         ring = self._bench.runtime.received_ring(request.connect)
         if ring is None:
@@ -241,7 +241,7 @@ def _read_previous(of: _Past, jobs: Iterable[JobSpan], start: int, stop: int) ->
 
 
 def _read_previous_data(of: _Past, request: tuple[str, int, int] | None) -> PreviousJobBytes | None:
-    """Return bytes that DATA held before the newest job of an instance. The job before brought them."""
+    """Return the bytes, from the previous job, that DATA held before the newest job of an instance."""
     if request is None:
         return None
     instance, first, size = request

@@ -1,6 +1,6 @@
 """Records every change of every pin for the timing pane, in the process of the scans.
 
-Rule 1: it reads every line of the ledger, so that no pulse is lost between two pictures or in a flood.
+Rule 1: the recorder reads every line of the ledger: no pulse is lost between two pictures or in a flood.
 Rule 2: if changes were dropped, a delta has the value that each pin had before the delta's first change.
 Rule 3: an instance that does not change costs nothing; a change costs about a microsecond.
 """
@@ -142,7 +142,7 @@ class WaveformRecorder:
     ) -> WaveformDelta | None:
         """Return the changes of an instance after its change `number`, or None for an unknown instance.
 
-        `now` is the last scan and its time. If there are more than `most` changes, the oldest are returned.
+        `now` is the last scan and its time. Of more than `most` changes, return the oldest `most`.
         """
         self._catch_up()
         self._add_downloads(now[0] + 1)

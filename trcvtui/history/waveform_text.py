@@ -217,7 +217,7 @@ def _place_labels(taken: dict[int, tuple[str, str]], width: int) -> list[Piece]:
 
 
 def draw_ruler(window: ScanWindow, until: int, marks: Iterable[RulerMark]) -> list[Piece]:
-    """Return the ruler with ticks and their scan numbers. The marks overwrite both."""
+    """Return the ruler with ticks and their scan numbers. The marks overwrite ticks and numbers."""
     signs = [" "] * window.width
     for x in range(-window.first % TICK_COLUMNS, window.width, TICK_COLUMNS):
         first = window.column_scans(x)[0]
@@ -316,7 +316,7 @@ def free_path(folder: Path, name: str) -> Path:
 
 
 def write_vcd(path: Path, waves: Sequence[Waveform], span: ScanRange) -> int:
-    """Write a new file and return its size. Raise UserError if it cannot be written."""
+    """Write a new file and return its size. Raise UserError if the file cannot be written."""
     if not any(wave.lanes for wave in waves):
         raise mistake("export timing", "no scan yet", "a bench that has scanned")
     payload = format_vcd(waves, span).encode()

@@ -71,9 +71,9 @@ class ShadowOutput(Protocol):
 
 
 class CaptureOutcome(NamedTuple):
-    """By conversation number, the CONNECTs or why there are none, and the bytes that reached no shadow.
+    """For each conversation number: its CONNECTs or why it has none, and bytes that reached no shadow.
 
-    `not_run` counts scans of silence that were skipped, though they might have changed something.
+    `not_run` counts skipped scans during silence that might have changed something.
     """
 
     assigned: dict[int, list[str]]
@@ -135,7 +135,7 @@ class CapturePlayer:
         shadows.forbid_skipping()
 
     def forget_conversation(self, number: int) -> None:
-        """Forget an ended conversation, unless the last output line lists it or it holds a CONNECT."""
+        """Forget an ended conversation, unless it has a CONNECT or the last output line lists it."""
         if number > MOST_LISTED:
             self._over.append(number)
         if len(self._over) <= MOST_LISTED:
@@ -210,7 +210,7 @@ class CapturePlayer:
                 line.send(conversation.number, source, event.data, event.size - len(event.data))
 
     def _begin_conversation(self, ns: int, conversation: Conversation) -> _PlayedTalk | None:
-        """Give a conversation its CONNECTs. Return None if another conversation holds one of them."""
+        """Give a conversation its CONNECTs, or return None if another conversation has one of these."""
         if not conversation.begins_with_syn:
             self.lines.note(ns, conversation.number, "begins in the middle")
         parts, guess = self._plan.parts[conversation.number], self._plan.guesses[conversation.number]
@@ -292,7 +292,7 @@ class CapturePlayer:
                     end.fall_silent()
 
     def resolve_overlap(self, number: int, last_ns: int) -> None:
-        """Give a conversation its CONNECT. The conversation that held it was silent after `last_ns`."""
+        """Give a conversation its CONNECT. The conversation before was silent after `last_ns`."""
         self._last_ns[self.overlaps.pop(number)] = last_ns
         self._plan.unassigned.pop(number, None)
 

@@ -111,7 +111,7 @@ class ConversationFigures:
         return figures
 
     def set_held(self, number: int, to_plc: bool, held: int | None, first: bytes) -> None:
-        """Set the bytes that a tap holds in a direction, None if the tap does not hold the direction."""
+        """Set how many bytes a tap holds back in a direction; None: it does not hold the direction."""
         figures = self._figures.get(number)
         if figures is not None:
             way = figures.ways[not to_plc]

@@ -1,9 +1,9 @@
 """Plays packets of a growing capture to shadows as they come. A conversation gets shadows when it begins.
 
 Rule 1: time comes from the packets. An event is played when a packet 40 ms younger has come. So the shadows
-of a new PLC end exist before its first event, and it does not matter how reads cut the packets.
-Rule 2: after 30 ms without a packet all events are played, and time advances a few scans. After one second
-time follows the clock, but not earlier, as the program that pipes packets may hold older packets back.
+of a new PLC end exist before its first event. How reads cut the packets does not matter.
+Rule 2: after 30 ms without a packet all events are played, and time advances a few scans. Only after one
+second time follows the clock, as the program that pipes packets may hold older packets back.
 Rule 3: ended conversations are forgotten, so that only open ones use memory.
 """
 
@@ -47,7 +47,7 @@ _DECIDING_KINDS: Final = frozenset({SegmentKind.ESTABLISHED, SegmentKind.BYTES, 
 
 
 class _Decision(NamedTuple):
-    """The parts for conversations between two ends or why there are none, and which end is the PLC."""
+    """The ShadowEnds for conversations between two ends or why there are none, and which end is the PLC."""
 
     parts: tuple[ShadowEnd, ...] | None
     why: str
@@ -99,7 +99,7 @@ class LivePlan:
         return self.plan
 
     def assign(self, talk: Conversation) -> bool:
-        """Give a conversation its parts; return whether the shadows must change."""
+        """Give a conversation its ShadowEnds; return whether the shadows must change."""
         number, plan = talk.number, self.plan
         if number in self.decided:
             return False
@@ -430,7 +430,7 @@ class PacketStream:
     """The packets of a pipe, for `live`. `say` gets lines for the user.
 
     `came` is called after each play, at least every 50 ms. `kept` stores the newest packets.
-    Raise UserError after `most_idle_ns` without a byte. If it is 0, there is no limit.
+    Raise UserError after `most_idle_ns` without a byte; 0 means no limit.
     """
 
     def __init__(

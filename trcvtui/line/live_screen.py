@@ -52,7 +52,7 @@ def live_main(channel: Channel, packets: Channel, asked: ShadowChoice, most_idle
 
 
 class TapEnded(EngineStopped):
-    """The tap was killed: the terminal belongs to the shell again, which reads the keys."""
+    """The tap was killed: the shell has the terminal again, and reads what the user types."""
 
     ends_screen = True
 
@@ -79,7 +79,7 @@ class TapDriver(ProcessDriver):
 
 
 def tap_main(channel: Channel, asks: Channel, asked: TapChoice, kernel: str) -> None:
-    """Serve the screen with the packets of a tap. This process asks for them on the channel `asks`."""
+    """Serve the screen with the packets of a tap, requested on the channel `asks`."""
 
     def run() -> None:
         from trcvtui.line.tap_watch import TapPlan

@@ -65,7 +65,7 @@ class ShadowEnd(NamedTuple):
 
 
 class ShadowPlan(NamedTuple):
-    """The project of the shadows, and for each conversation number the parts or why there are none."""
+    """The project of the shadows, and for each conversation number its ShadowEnds or why it has none."""
 
     project: Project
     parts: dict[int, tuple[ShadowEnd, ...]]
@@ -75,7 +75,7 @@ class ShadowPlan(NamedTuple):
 
 
 def find_directions(guess: PlcGuess, conversation: Conversation) -> tuple[WireDirection, WireDirection]:
-    """Return the directions of the PLC end and its partner. `guess` may be of an earlier reading."""
+    """Return the directions of the PLC end and its partner. `guess` may come from an earlier reading."""
     there, back = conversation.there, conversation.back
     is_there = guess.says.conversation.there is guess.says
     return (there, back) if is_there else (back, there)
@@ -185,7 +185,7 @@ def make_endpoint(end: tuple[bytes, int]) -> Endpoint:
 def _make_connect(
     name: str, active: bool, own: tuple[bytes, int], partner: tuple[bytes, int], is_free: bool = False
 ) -> ConnectConfig:
-    """Return a CONNECT at an end of the capture. With `is_free`, it gets any free port."""
+    """Return a CONNECT at an end of the capture. With `is_free`, the CONNECT gets any free port."""
     local = _make_local_address(own[0])
     port = 0 if active or is_free or local == STAND_IN_ADDRESS else own[1]
     return ConnectConfig(
@@ -393,7 +393,7 @@ def _find_fitting_socket(project: Project, receiving: set[str], port: int, is_gi
 
 
 def _adapt_link(config: AnyLink, guess: PlcGuess, listens: bool, is_free: bool) -> AnyLink:
-    """Return a link with the captured ends. With `is_free`, it gets any free port."""
+    """Return a link with the captured ends. With `is_free`, the link gets any free port."""
     if isinstance(config, ComBufferDecl):
         return replace(config, source=SERIAL, serial=SerialSettings(config.name))
     own, other = guess.says.address, guess.says.other.address

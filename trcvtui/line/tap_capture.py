@@ -244,7 +244,7 @@ _SUM_FOLDS: Final = tuple([(bits, (1 << bits) - 1) for bits in (5840, 2928, 1472
 
 
 def _sum_words(data: bytes) -> int:
-    """Return the sum of the 16-bit words modulo 65535. A full segment takes half the time of `%`."""
+    """Return the sum of the 16-bit words modulo 65535. For a full segment this is twice as fast as `%`."""
     if len(data) != MOST_SEGMENT_BYTES:
         return int.from_bytes(data if not len(data) & 1 else data + b"\0", "big")
     number = int.from_bytes(data, "little")
@@ -257,8 +257,8 @@ def _sum_words(data: bytes) -> int:
 class TapEncoder:
     """Makes the pcapng of a tap in whole blocks. `taps` has its routes and says which end is the PLC.
 
-    Notes on the tap's actions and losses are packets of JSON on a separate interface. If no packet carries
-    the time, a statistics block does. Interfaces of serial lines come after `NOTES_ID`.
+    Notes on the tap's actions and losses are packets of JSON on a separate interface. If no packet has
+    the time, a statistics block has it. Interfaces of serial lines come after `NOTES_ID`.
     """
 
     def __init__(self, title: str, taps: Mapping[str, object]) -> None:
@@ -336,7 +336,7 @@ def _encode_note(ns: int, note: Mapping[str, object]) -> bytes:
 def record_tap(asks: int) -> None:
     """Write the tap's pcapng to stdout until the tap ends. Exit with 2 if the disk is full.
 
-    If the server process was killed, its successor begins a new section. The blocks before are whole.
+    If the server process was killed, its successor begins a new section. The earlier blocks are whole.
     """
     ignore_signals(GROUP_SIGNALS)  # they end the tap, and this process ends with it
     way = TapChannel(asks)

@@ -50,7 +50,7 @@ EXIT_WRONG_INPUT: Final = 2
 class ObserverSettings(NamedTuple):
     """How the tap is observed. `form` is text or jsonl.
 
-    `holds` holds both directions of each conversation from its beginning. `is_armed` lets screen keys
+    With `holds`, each conversation is held back both ways from its beginning. `is_armed` lets screen keys
     intervene without a question. `may_order` lets socket observers intervene.
     """
 
@@ -148,7 +148,7 @@ class _UserOutput:
 
 
 class _ServerProcess:
-    """The process that serves observers. If it ends, it is started again while forwarding continues."""
+    """The process that serves observers. If the process ends, it is started again; forwarding continues."""
 
     def __init__(
         self, loop: Forwarder, voice: _UserOutput, routes: Sequence[Route], looks: ObserverSettings
@@ -212,7 +212,7 @@ class _ServerProcess:
 
 
 class _ObserverProcess:
-    """A child process that shows or records. It asks for a channel, and again if the channel ends."""
+    """A child process that shows or records. The child asks for a channel, and again if that ends."""
 
     def __init__(self, server: _ServerProcess, kind: bytes, what: str) -> None:
         self._server, self._kind, self._what = server, kind, what
@@ -271,7 +271,7 @@ class _ScreenProcess(_ObserverProcess):
         return is_open
 
     def _handle_end(self) -> None:
-        """Exit code 0 ends the tap. Else the screen was left or killed; forwarding continues."""
+        """Exit code 0 of the screen ends the tap. With another code forwarding continues."""
         import termios
 
         code = self.wait_for_end()

@@ -1,6 +1,6 @@
-"""The pcapng of a tap, played to shadows: packets of conversations, notes of the tap. Orders go back to it.
+"""The pcapng of a tap, played to shadows: packets of conversations, and notes. Orders go back to the tap.
 
-It is played like any growing capture. The notes announce each conversation and its tap. A note on a
+This pcapng plays like a growing capture. The notes announce each conversation and its tap. A note on a
 conversation is played between the events, at the time of the note.
 """
 
@@ -89,7 +89,7 @@ class TapWatch(LiveWatch):
     """Plays the packets and notes of a tap.
 
     `tell` gets time, note and text of each note that concerns no conversation. `order` gets lines for the
-    tap. The first note names the taps. A plan without taps then becomes a TapPlan.
+    tap. The first note names the taps, and so turns a plan without taps into a TapPlan.
     """
 
     play_delay_ns = 0  # all PLC ends are in the plan from the beginning

@@ -1,4 +1,4 @@
-"""Events of connections, as frozen values; the ledger is made of them."""
+"""Events of connections, as frozen values; the ledger records them."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ class ConnectionChanged(Struct, frozen=True):
 
 
 class BytesReceived(NamedTuple):
-    """One recv call took `size` bytes that begin at `offset` of the incarnation's received stream.
+    """One recv call read `size` bytes, at `offset` of the connection's received stream.
 
-    `instance` received the bytes. Jobs of two priorities can alternate (resources.py, DirectionClaims).
-    `position` is where the CONNECT's ring has the first byte (received_ring.py). `cut` counts the bytes at
-    the end of a datagram that had no room in the buffer.
+    `instance` received the bytes. `instance` can change from event to event (resources.py,
+    DirectionClaims). `position` is the first byte's position in the CONNECT's ring (received_ring.py).
+    `cut` is how many bytes of a datagram had no room in the buffer.
     """
 
     connection: str
@@ -68,7 +68,7 @@ class BytesReceived(NamedTuple):
 class BytesSent(NamedTuple):
     """One send call gave `size` bytes of `instance` to the local stack. `offset` is in the sent stream.
 
-    `position` is where the CONNECT's ring of sent bytes has the first byte.
+    `position` is the first byte's position in the CONNECT's ring of sent bytes.
     """
 
     connection: str

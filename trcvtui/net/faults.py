@@ -1,4 +1,4 @@
-"""Planned faults: which call fails, when, and with which errno. A kernel and a port that fail as planned.
+"""Planned faults: which call fails, when, and with which errno. The kernel and port here fail as planned.
 
 A planned fault carries `injected=True`, so that it is not mistaken for a fault of the network.
 """
@@ -51,7 +51,7 @@ KNOWN_ERRORS: Final = frozenset(errno.errorcode.values()) | {
 
 
 class PlannedFault(Struct, frozen=True):
-    """One line of the plan: from the `nth` such call on, `times` calls fail; None: all, until cleared."""
+    """One planned fault: from the `nth` such call on, `times` calls fail; None: all, until cleared."""
 
     call: str
     error: str
@@ -87,7 +87,7 @@ class FaultPlan:
     def add(
         self, call: str, error: str | None = None, on: str | None = None, nth: int = 1, times: int | None = 1
     ) -> None:
-        """Plan a fault. `nth` counts calls from now on. Raise UserError if an argument is invalid."""
+        """Plan a fault. `nth` counts the calls after `add`. Raise UserError if an argument is invalid."""
         if call not in KERNEL_CALLS and call not in SERIAL_CALLS:
             raise mistake("fault", call, "one of " + ", ".join((*KERNEL_CALLS, *SERIAL_CALLS)))
         name = error if error is not None else DEFAULT_ERROR[call]
@@ -105,7 +105,7 @@ class FaultPlan:
         self.active = False
 
     def entries(self) -> tuple[PlannedFault, ...]:
-        """Return the faults that are still to come, in the order of adding."""
+        """Return the faults that are still planned, in the order in which they were added."""
         return tuple(self._entries)
 
     def take_fault(self, call: str, owner: str) -> Fault | None:
@@ -160,7 +160,7 @@ class FaultyKernel(KernelProxy):
         return self.plan.take_fault(call, self._owners.get(handle, ""))
 
     def readable(self, handle: Handle) -> bool:
-        """Return whether the last poll saw something, or a planned accept fault made a client wait."""
+        """Return whether the last poll saw something, or a client waits after a planned accept fault."""
         return self.inner.readable(handle) or handle in self._held
 
     def _list_polled(self) -> Collection[Handle]:
@@ -191,7 +191,7 @@ class FaultyKernel(KernelProxy):
         return made
 
     def accept(self, handle: Handle) -> NewClient | WouldBlock | Fault:
-        """Take one client. Without a client no call is counted; a planned fault leaves the client waiting."""
+        """Take one client. Only an accept with a client counts; after a planned fault the client waits."""
         held = self._held.pop(handle, None)
         got = held or self.inner.accept(handle)
         if not isinstance(got, NewClient):

@@ -1,6 +1,6 @@
-"""The seam: socket-shaped calls that a real and a simulated network both answer.
+"""The interface to a network: socket-like calls that a real and a simulated network both answer.
 
-Rule 1: no exception crosses the seam. Every call returns a value, WOULD_BLOCK or a Fault.
+Rule 1: no call raises an exception. Every call returns a value, WOULD_BLOCK or a Fault.
 Rule 2: a Fault names the call and the errno *name*, never its number, which differs between systems.
 Rule 3: a handle is opaque and is never used again after `abort` or `close`.
 The contract suite tests/net/contract.py checks the behaviour that all kernels must share.
@@ -70,9 +70,9 @@ class PathInfo(Struct, frozen=True):
 class SocketOptions(Struct, frozen=True):
     """Options set before connect or listen, and again after accept.
 
-    `keep_alive_s` is the interval I in seconds. Idle and interval are I, and count is 2. So a dead link is
-    found within 3 x I. If `user_timeout_ms` is 0, the system's own limit stays.
-    `small_buffers` asks for SNDBUF 4608 and RCVBUF 2304.
+    `keep_alive_s` is the interval I in seconds. Keep-alive uses I as idle time and as interval, and sends 2
+    probes. So a dead link is found within 3 x I. If `user_timeout_ms` is 0, the limit of the system is
+    used. `small_buffers` asks for SNDBUF 4608 and RCVBUF 2304.
     """
 
     nodelay: bool = False
@@ -86,12 +86,12 @@ class Kernel(Protocol):
     """The calls of a network. `owner` names the CONNECT or peer that a handle was made for."""
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
-        """Return the addresses of this machine with loopback, or () while the addresses are unknown."""
+        """Return the addresses of this machine, including loopback, or () if they are unknown."""
 
     def set_link(self, owner: str, up: bool) -> str:
-        """Cut the wire of an owner's handles, or mend it if `up`. Handles that are made later are included.
+        """Cut the wire of an owner's handles, or mend it if `up`. Later handles are included.
 
-        As with a pulled cable, nothing passes and no call reports this. Return what is wrong, or "".
+        As with a pulled cable, nothing passes, and no call reports the cut. Return what is wrong, or "".
         """
 
     def poll(self) -> None:
@@ -115,13 +115,13 @@ class Kernel(Protocol):
         """Limit how long sent data may stay unacknowledged; 0: the system's limit. Ignored where unknown."""
 
     def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
-        """Bind to a local end; port 0 takes a free one."""
+        """Bind to a local address and port; port 0 means any free port."""
 
     def listen(self, handle: Handle, backlog: int) -> Fault | None:
         """Start to listen; the stack finishes backlog + 1 handshakes by itself."""
 
     def local_end(self, handle: Handle) -> Endpoint | None:
-        """Return the local end, None before it is bound."""
+        """Return the local address and port, or None before the handle is bound."""
 
     def poll_add(self, handle: Handle) -> Fault | None:
         """Put the handle into the poll set (8084 names its failure)."""
@@ -139,16 +139,16 @@ class Kernel(Protocol):
         """
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
-        """Start to connect. None means pending; then ask `connect_result`."""
+        """Start to connect. None means that the attempt is pending; then ask `connect_result`."""
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
-        """Return None when connected, WOULD_BLOCK while pending, a failed attempt's Fault exactly once."""
+        """Return None when connected, WOULD_BLOCK while pending, or once the Fault of a failed attempt."""
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
-        """Read at most len(into) bytes; 0 = the partner's FIN. Queued bytes come before a Fault."""
+        """Read at most len(into) bytes; 0 = the partner's FIN. Received bytes come before a Fault."""
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
-        """Write what the stack takes now and return that count."""
+        """Write as many bytes as the stack takes now; return their number."""
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
         """Make a UDP socket. After `set_reuse` several of them can be bound to one broadcast address."""
@@ -168,8 +168,8 @@ class Kernel(Protocol):
     def loss(self, handle: Handle) -> KernelLoss | None:
         """Return why the connection is gone, or None while it is up. Consume no data.
 
-        A FIN is seen even while data before the FIN is unread. Exactly one call reports an errno: this,
-        `recv` or `send`.
+        A FIN is seen even while data before the FIN is unread. An error is reported only once: by this
+        call, `recv` or `send`.
         """
 
     def discard(self, handle: Handle, most: int) -> int:
@@ -184,12 +184,12 @@ class Kernel(Protocol):
     def peek(self, handle: Handle, skip: int) -> Unread:
         """Return what is unread at a handle that `list_unread` or the poll named. Consume nothing.
 
-        Bytes are peeked only if more than `skip` are there. A peek at an empty queue would take a pending
-        error away from the next `recv`.
+        Bytes are returned only if more than `skip` are unread. A peek at an empty queue would take a
+        pending error away from the next `recv`.
         """
 
     def path(self, handle: Handle) -> PathInfo | None:
-        """Return the send side's state, None if the system does not provide it."""
+        """Return the state of sending, or None if the system does not provide it."""
 
     def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
         """Send FIN. If `both` is False, reading stays possible. Return ENOTCONN after the partner's RST."""
@@ -198,7 +198,7 @@ class Kernel(Protocol):
         """Return what `shutdown` would return (ENOTCONN after the partner's RST), but send nothing."""
 
     def abort(self, handle: Handle) -> Fault | None:
-        """Send RST and free the handle, also when this answers a Fault; leaves no TIME_WAIT."""
+        """Send RST and free the handle, even if the call returns a Fault; there is no TIME_WAIT."""
 
     def close(self, handle: Handle) -> Fault | None:
         """Send FIN, or RST if unread data is queued. Free the handle, even if the call returns a Fault."""
@@ -208,7 +208,7 @@ _AnyKernel: Any = object  # for mypy: a proxy has every call of a Kernel
 
 
 class KernelProxy(_AnyKernel):  # type: ignore[misc]
-    """A kernel in front of an inner kernel. Calls not defined here are the inner kernel's methods."""
+    """A kernel in front of an inner kernel. All other calls are the inner kernel's methods."""
 
     def __init__(self, inner: Kernel) -> None:
         self.inner = inner

@@ -1,6 +1,6 @@
 """Sessions on a TCP stream between the blocks and the kernel: ISO-on-TCP, TLS. Bytes in, bytes out.
 
-The names of TLS errors are here, so that a name can be used without loading the TLS library.
+The names of TLS errors are here, so that other modules need not load the TLS library.
 
 Rule: a session never touches a socket. No input makes a session raise. A session holds bounded memory.
 """
@@ -88,11 +88,11 @@ class LayerSession(Protocol):
 
     @property
     def wants_more(self) -> bool:
-        """Return whether bytes may be fed."""
+        """Return whether the session takes more bytes now."""
 
     @property
     def held_bytes(self) -> int:
-        """Return how many bytes the session keeps, decoded or not yet decoded."""
+        """Return how many bytes the session stores, decoded or not."""
 
     def feed(self, data: memoryview, most: int = ...) -> int:
         """Take bytes from the partner, and do at most `most` units of work on these bytes and the backlog.
@@ -102,7 +102,7 @@ class LayerSession(Protocol):
 
     @property
     def has_backlog(self) -> bool:
-        """Return whether the session has bytes it has not looked at; a feed of no bytes then reads them."""
+        """Return whether undecoded bytes wait in the session; a `feed` of no bytes works on them."""
 
     @property
     def next_is_costly(self) -> bool:
@@ -113,7 +113,7 @@ class LayerSession(Protocol):
         """Return whether the partner has announced the end inside the session (close_notify)."""
 
     def note_partner_end(self) -> None:
-        """Note the end of the partner's bytes."""
+        """Note that the partner sends no more bytes."""
 
     @property
     def open_message(self) -> int:
@@ -123,13 +123,13 @@ class LayerSession(Protocol):
         """End a handshake or a message that takes too long, if the session has a limit for it."""
 
     def take_remarks(self) -> list[str]:
-        """Return, once, remarks on ignored bytes of the partner; a session makes only a few remarks."""
+        """Return remarks on ignored bytes of the partner, each only once; their number is limited."""
 
     def say_goodbye(self) -> bool:
-        """Announce the end to the partner, once; return whether it was announced, now or earlier."""
+        """Announce the end to the partner, only once; return whether it has been announced."""
 
     def take_output(self) -> bytes:
-        """Return what must be sent to the partner, once."""
+        """Return the bytes that must be sent to the partner, each only once."""
 
     def read(self, into: memoryview) -> LayerMessage | None:
         """Put the next message or bytes into `into`, and return it. Return None if nothing is there."""
@@ -149,6 +149,6 @@ class LayerSettings(Protocol):
 
     @property
     def shares_port(self) -> bool:
-        """Return whether several passive CONNECTs may share a port: a partner then names its CONNECT."""
+        """Return whether passive CONNECTs may share a port: then the partner names the CONNECT it wants."""
 
     def make_session(self, is_active: bool) -> LayerSession: ...

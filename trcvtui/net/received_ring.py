@@ -3,7 +3,7 @@
 A position counts all bytes of one ring since the start of the PLC, over all connections. Bytes that the
 ring has dropped count, too. Bytes that were unread at the connection's end, or beyond the buffer of a
 datagram, have positions but no known values. Each such gap has at most MOST_SKIPPED positions.
-Rule: the bytes are no part of a run's state. After a restore a ring begins, empty, at its last position.
+Rule: a run's saved state has no bytes of a ring. After a restore, a ring is empty, at its last position.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class ReceivedRings:
         return len(self._blocks) >= MOST_RING_BYTES // BLOCK_BYTES
 
     def register_block(self, name: str, position: int) -> None:
-        """Note a new block; if all rings together have too many blocks, forget the oldest."""
+        """Note a new block; while all rings together have too many blocks, forget the oldest block."""
         self._blocks[name, position] = self._rings[name]
         while len(self._blocks) > MOST_RING_BYTES // BLOCK_BYTES:
             self._blocks.popitem(last=False)[1].forget_oldest()
@@ -64,7 +64,7 @@ class ReceivedRings:
 
 
 class ReceivedRing:
-    """The newest `most` bytes, in blocks; every block but the last is full."""
+    """The newest `most` bytes, in blocks; only the last block may be incomplete."""
 
     def __init__(self, name: str, of_all: ReceivedRings) -> None:
         self.end = 0
@@ -91,7 +91,7 @@ class ReceivedRing:
 
     @property
     def missing_reason(self) -> str:
-        """Return why nothing older is kept, "" if nothing is missing."""
+        """Return why the ring has no older bytes, or "" if none are missing."""
         if not self.first or self.first == self.end:
             return ""
         if self.end - self.first == self.most:
@@ -103,7 +103,7 @@ class ReceivedRing:
         return "older than what was kept while its history was smaller"
 
     def append(self, content: bytes | memoryview) -> int:
-        """Append bytes, in place of the oldest if the ring is full; return the first new position."""
+        """Append bytes; a full ring drops its oldest bytes. Return the position of the first new byte."""
         size, position = len(content), self.end
         self.end = position + size
         if 0 < size <= self._room:  # most appends fit into the last block

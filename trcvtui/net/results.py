@@ -11,9 +11,9 @@ from msgspec import Struct
 
 
 class WouldBlock(Enum):
-    """The answer "not now": nothing to read, no room to write, no verdict yet.
+    """The answer "not now": there is nothing to read, no room to write, or no result yet.
 
-    HELD_BACK means that something may be unread, but this scan has no work budget left for it (ScanBudget).
+    HELD_BACK means that bytes may be unread, but this scan's work budget is used up (ScanBudget).
     """
 
     WOULD_BLOCK = "WOULD_BLOCK"
@@ -57,7 +57,7 @@ class Endpoint(Struct, frozen=True, order=True):
 
 
 class Datagram(Struct, frozen=True):
-    """A received datagram of `whole` bytes. The view has `size` of these bytes."""
+    """A received datagram of `whole` bytes. The first `size` of these bytes are in the caller's buffer."""
 
     size: int
     source: Endpoint
@@ -65,7 +65,7 @@ class Datagram(Struct, frozen=True):
 
     @property
     def is_cut(self) -> bool:
-        """Return whether the view was too small: then the rest is lost."""
+        """Return whether the caller's buffer was too small, so that the rest is lost."""
         return self.size < self.whole
 
 
@@ -102,7 +102,7 @@ def is_loopback(address: str) -> bool:
 
 
 def is_group(address: str) -> bool:
-    """Return whether an address is multicast (224 to 239) or 255.255.255.255: not one machine."""
+    """Return whether an address stands for several machines: multicast (224 to 239) or 255.255.255.255."""
     parts = parse_octets(address)
     return parts is not None and (224 <= parts[0] <= 239 or parts == (255, 255, 255, 255))
 
@@ -128,7 +128,7 @@ PEEK_DEPTH: Final = 256 << 10  # bytes after the read position that are peeked; 
 
 
 class WaitingMessage(NamedTuple):
-    """An unread datagram or message. `whole` is its length in bytes when it was sent."""
+    """An unread datagram or message. `whole` is its full length in bytes."""
 
     source: Endpoint
     data: bytes
@@ -138,11 +138,11 @@ class WaitingMessage(NamedTuple):
 class Unread(NamedTuple):
     """What is unread at a handle.
 
-    `size` counts the unread bytes of a stream. `data` has the bytes from the position `skip` to PEEK_DEPTH.
-    `end` is fin, rst, or "" if the poll has seen no end. With `is_full`, the partner's window may be small,
-    or a session takes no more out of the stack. `messages` are all but the first `skip`, or None for a
-    stream. `clients` wait at a listener. The stack had no room for `dropped` datagrams. With `has_session`,
-    the bytes on the wire differ from the data (TLS, ISO-on-TCP).
+    `size` counts the unread bytes of a stream. `data` has the unread bytes of a stream from `skip` to
+    PEEK_DEPTH. `end` is fin or rst, or "" while the poll has seen no end. If `is_full`, the partner may see
+    a small window, or a session takes no more bytes. `messages` are the unread messages after the first
+    `skip`, or None for a stream. `clients` is how many clients wait at a listener. The stack had no room
+    for `dropped` datagrams. If `has_session` (TLS, ISO-on-TCP), the bytes on the wire differ from the data.
     """
 
     size: int = 0

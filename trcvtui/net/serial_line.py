@@ -36,7 +36,7 @@ LineErrors = tuple[int, int, int, int]  # framing, parity, breaks, overruns
 
 
 class SerialPort(Protocol):
-    """One port. A Fault of `read` or `write` means that the port is gone, and closed."""
+    """One port. If `read` or `write` returns a Fault, the port is gone and closed."""
 
     def open(self) -> Fault | PortOpening | None:
         """Open the port. Return None once it is open, a Fault, or OPENING. After OPENING, call it again."""
@@ -51,7 +51,7 @@ class SerialPort(Protocol):
         """Close the port, or give up the attempt to open it."""
 
     def simulate_arrival(self, payload: bytes) -> bool:
-        """Let bytes come over a simulated line; return False on a real one."""
+        """Simulate received bytes; return False on a real line."""
 
     def line_errors(self) -> LineErrors | None:
         """Return the line errors that the driver has counted, or None if the driver does not count."""
@@ -64,7 +64,7 @@ SIMULATED_LINE_BYTES: Final = 1_048_576  # unread bytes of a simulated line; a s
 
 
 class SimSerialPort:
-    """A port that is always there. Written bytes vanish. Bytes that come while it is closed are lost."""
+    """A port that is always there. Written bytes vanish. Bytes that come to a closed port are lost."""
 
     def __init__(self) -> None:
         self.is_open = False

@@ -1,4 +1,4 @@
-"""The vocabulary of a tap: its places, its events for observers, and the orders that observers give."""
+"""What describes a tap: its two places, its events, and the orders that observers give."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class TapPlace(NamedTuple):
     line: SerialSettings | None = None
 
     def __str__(self) -> str:
-        """Return the place as the user writes it; the settings of a serial place are left out."""
+        """Return the place as the user writes it, without the settings of a serial port."""
         if self.line is not None:
             return f"serial:{self.line.port}"
         return ("udp:" if self.kind == "udp" else "") + format_end(self.address, self.port)
@@ -48,7 +48,7 @@ def format_end(address: str, port: int) -> str:
 
 
 def parse_place(text: str, where: str) -> TapPlace:
-    """Return the place that a text names. A UserError gives `where` as the origin of the text."""
+    """Return the place that a text names. A UserError says that the text came from `where`."""
     kind, colon, rest = text.partition(":")
     if kind == "serial" and colon:
         return TapPlace("serial", "", 0, _parse_serial_line(rest, where, text))
@@ -76,7 +76,7 @@ def _parse_serial_line(rest: str, where: str, text: str) -> SerialSettings:
 
 
 def make_route(name: str, listen: str, to: str, where: tuple[str, str]) -> Route:
-    """Return a tap; raise UserError if its two places differ in kind or are the same place."""
+    """Return a tap; raise UserError if its places are the same, or are of different kinds."""
     route = Route(name, parse_place(listen, where[0]), parse_place(to, where[1]))
     if route.listen.kind != route.to.kind:
         raise mistake(where[1], f"'{to}' after '{listen}'", "two places of one kind")
@@ -89,7 +89,7 @@ def make_route(name: str, listen: str, to: str, where: tuple[str, str]) -> Route
 
 
 class TapEventKind(IntEnum):
-    """Kinds of events. The comments explain `at` and the bytes after the event's head."""
+    """Kinds of events. The comments say what `at` and `data` mean for each kind."""
 
     OPEN = 1  # an end has come: `kind|near address|port|far address|port`; `at` 1: it came earlier
     ANSWERED = 2  # the far end has answered
@@ -110,7 +110,7 @@ END_KINDS: Final = (TapEventKind.FIN, TapEventKind.RST, TapEventKind.ENDED)
 
 
 class TapEvent(NamedTuple):
-    """One event. `route` is the number of the tap, from 0. `number` is that of the conversation, from 1."""
+    """One event. `route` is the tap's number, from 0. `number` is the conversation's number, from 1."""
 
     kind: int
     way: int
@@ -148,9 +148,9 @@ def read_events(read: Callable[[int], bytes]) -> Iterator[list[TapEvent]]:
 
 
 class TapOrder(NamedTuple):
-    """An intervention in one direction: hold, go, drop, insert, edit, delay, split, rst, fin.
+    """An order to change one direction: hold, go, drop, insert, edit, delay, split, rst, fin.
 
-    `sizes` has the bytes of drop, the offset of edit, the ns of delay, or the pieces of split.
+    `sizes` has the bytes to drop, the offset to edit, the ns to delay, or the sizes of split pieces.
     """
 
     route: int

@@ -65,8 +65,8 @@ def decode_request(content: bytes) -> tuple[int, str] | UpdateRequest:
 class BenchUpdate(Struct, frozen=True):
     """The bench after its last scan. `holding` means that the scans are held.
 
-    `bench` counts the benches, `project_number` the versions of the project. `project` comes only if the
-    screen does not have this version. `player` is None without a scenario, `trial` before the first
+    `bench` is the number of the bench, `project_number` that of the project's version. `project` comes only
+    if the screen does not have this version. `player` is None without a scenario, `trial` before the first
     `try-splits`. `facts` are about the instances in the request's `partial_of`. `armed` is the waiting
     trigger. With `fired` the picture shows the scan in which a trigger fired, even if later scans have run.
     """
@@ -109,9 +109,9 @@ UNSAVED_COMMANDS: Final = ("create ", "delete ", "resize ")  # `save project` le
 
 
 def restoring_commands(snapshot: Snapshot, project: Project) -> Iterator[str]:
-    """Yield the lines that restore inputs and TCON connections on a new bench.
+    """Yield the bench commands that restore inputs and TCON connections on a new bench.
 
-    A pin that acts on a rising edge is left out: nothing is sent or reset again.
+    Pins that act on a rising edge are left out: nothing is sent or reset again.
     """
     for instance in snapshot.instances:
         levels = {pin.name for pin in project.pins(instance.block) if not pin.edge}

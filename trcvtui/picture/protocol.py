@@ -1,6 +1,6 @@
-"""The interface of an engine for a screen, and the end of an engine.
+"""What an engine offers a screen, and how an engine ends.
 
-Rule: this module is imported before the engine is started, so the import takes almost no time.
+Rule: this module is imported before the engine starts, so its import must take almost no time.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ def reads_only(line: str) -> bool:
 class EngineStopped(Exception):
     """The engine process has ended. The text says why. The last line of the text is the short reason.
 
-    With `ends_screen`, the screen cannot continue. With `is_internal`, an error of this program, or a
-    signal, has ended the engine. `folder` is that of the engine's recording, or None without a recording.
+    If `ends_screen`, the screen cannot continue. If `is_internal`, an error of this program or a signal has
+    ended the engine. `folder` is the folder of the engine's recording, if any.
     """
 
     ends_screen = is_internal = False
@@ -42,7 +42,7 @@ class BenchDriver(Protocol):
         """Send one bench command line; return the number that the answer to this line will have."""
 
     def request(self, request: UpdateRequest) -> None:
-        """Ask for a picture; at most one request is outstanding."""
+        """Ask for a picture; wait for its answer before you ask again."""
 
     def poll_picture(self) -> BenchUpdate | None:
         """Return the newest picture that has arrived since the last call."""

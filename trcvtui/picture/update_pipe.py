@@ -46,7 +46,7 @@ class UpdateMessage(NamedTuple):
 
 
 class UpdatePipe:
-    """The engine's end of the pipe; it writes one picture at a time."""
+    """The engine's end of the pipe to the screen; it writes one picture at a time."""
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
@@ -73,7 +73,7 @@ class UpdatePipe:
             pass
 
     def finish(self) -> None:
-        """Write the rest of a begun message, however long the screen takes; then the next one can begin."""
+        """Write the rest of an unfinished message, however long that takes; then the next one can begin."""
         while self._unsent:
             self._unsent = self._unsent[os.write(self._channel.fileno(), self._unsent) :]
 
@@ -118,7 +118,7 @@ class UpdatePipe:
 
 
 class MessageReader:
-    """Reads complete messages of at most `most` bytes from a channel. It never waits for bytes."""
+    """Reads complete messages of at most `most` bytes from a channel. The reader never waits for bytes."""
 
     def __init__(self, channel: Channel, most: int) -> None:
         self._channel, self._most = channel, most
@@ -162,7 +162,7 @@ class MessageReader:
 class UpdateReader(MessageReader):
     """The screen's end of the pipe.
 
-    The engine writes a picture in the gaps of several scans: waiting for the whole would freeze the screen.
+    Waiting for a whole picture would freeze the screen: the engine writes it in the gaps of several scans.
     """
 
     def __init__(self, channel: Channel) -> None:

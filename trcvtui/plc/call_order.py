@@ -1,12 +1,12 @@
-"""A scan calls only the instances that may have another outcome than in the last scan.
+"""A scan calls only the instances whose outcome may differ from the last scan.
 
-A CONNECT and its instances sleep once each instance has given a stable outcome. Any command, a poll event
-on the CONNECT, or a change in the communication phase wakes it. While the CONNECT is awake, all its
-instances are called, in the order of the program. A sleeping CONNECT costs nothing. Outputs are the same as
-without sleep (tests/properties/test_ready_only.py).
+A CONNECT and its instances sleep once each instance has given a stable outcome. A CONNECT wakes on any
+command, a poll event on it, or a change in the communication phase. While the CONNECT is awake, all its
+instances are called, in the order of the program. A sleeping CONNECT costs nothing. The outputs are the
+same as if nothing slept (tests/properties/test_ready_only.py).
 
-A task is due at the multiples of its interval. The first scan that has reached the time calls its
-instances. An interval of 25 ms with scans of 10 ms means calls in the scans at 0, 30, 50, 80, ... ms.
+A task is due at the multiples of its interval. The first scan at or after that time calls the task's
+instances. So a task of 25 ms with scans of 10 ms is called in the scans at 0, 30, 50, 80, ... ms.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ class CallOrder:
     """The instances in call order, each with the interval of its task; times in ns.
 
     `connects` names all CONNECTs, because a CONNECT without instances can change, too (PLC STOP). `failed`
-    is called for an instance that raised. It takes the instance out of service, and returns whether its
-    outputs differ. `check` raises where a replay has a recorded exception.
+    is called when an instance has raised an exception. It takes the instance out of service, and returns
+    whether its outputs differ. `check` raises where a replay has a recorded exception.
     """
 
     def __init__(
@@ -50,12 +50,12 @@ class CallOrder:
         self._awake_since = set(self._places)  # which CONNECTs have been awake since `take_awakened`
 
     def wake_all(self) -> None:
-        """Wake every instance: `call` calls each one the next time that this instance is due."""
+        """Wake every instance: `call` calls each of them when its task is due next."""
         self.awake.update(self._places)
         self._awake_since.update(self._places)
 
     def wake(self, connects: Iterable[str]) -> None:
-        """Wake the instances on these CONNECTs: `call` calls each one the next time that it is due."""
+        """Wake the instances on these CONNECTs: `call` calls each of them when its task is due next."""
         self.awake.update(connects)
 
     def call(self, turn: int) -> list[StatusEdge]:
@@ -87,7 +87,7 @@ class CallOrder:
         return self._places[connect]
 
     def take_awakened(self) -> set[str]:
-        """Return the CONNECTs on which anything may have changed since `take_awakened` was called last."""
+        """Return the CONNECTs on which anything may have changed since the last call of `take_awakened`."""
         awake, self._awake_since = self._awake_since, set(self.awake)
         return awake
 

@@ -10,7 +10,7 @@ from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl
 
 
 class SetInput(Struct, frozen=True):
-    """Write one input pin; the value holds until it is changed. A blink of that pin ends."""
+    """Write one input pin; the value holds until it is changed. If the pin was blinking, it stops."""
 
     instance: str
     pin: str
@@ -48,7 +48,7 @@ class RunPlc(Struct, frozen=True):
 
 
 class CreateInstance(Struct, frozen=True):
-    """A new instance, which is called from this scan on, after the older instances of its task."""
+    """Create an instance; from this scan on it is called after the older instances of its task."""
 
     decl: InstanceDecl
     place: int | None = None  # in the call order of all; None: the last
@@ -64,7 +64,7 @@ class AddDeclaration(Struct, frozen=True):
 
 
 class ReplaceDeclaration(Struct, frozen=True):
-    """A new declaration of the same name. Each instance that uses it begins anew and keeps its inputs."""
+    """A new declaration of the same name. Instances that use it begin anew and keep their inputs."""
 
     before: PartDecl | InstanceDecl
     decl: PartDecl | InstanceDecl
@@ -77,22 +77,22 @@ class RemoveDeclaration(Struct, frozen=True):
 
 
 class DeleteInstance(Struct, frozen=True):
-    """Delete the instance. Its connection stays, and so does the lock of a running job."""
+    """Delete the instance. The instance's connection stays, and so does the lock of its running job."""
 
     instance: str
 
 
 class DownloadInstance(Struct, frozen=True):
-    """Incremental download of a changed initial value: a new instance of the same name (7.15.1, notes).
+    """Download a changed initial value: this makes a new instance of the same name (7.15.1, notes).
 
-    The inputs keep the values that the program writes, so CONT=1 counts as a rising edge.
+    Inputs keep the values that the program has written, so CONT=1 counts as a rising edge.
     """
 
     instance: str
 
 
 class ResizeData(Struct, frozen=True):
-    """Another type for a global variable; the bytes within both sizes stay, new bytes are 0."""
+    """Give a global variable another type; bytes within both sizes stay, new bytes are 0."""
 
     decl: DataDecl
 

@@ -1,7 +1,7 @@
 """An exception in one part of a run takes that part out of service; all others continue.
 
-Rule 1: the exception is an entry of the journal. The entry alone makes a replay take the part out of
-service in that scan. The program need not raise there again.
+Rule 1: the journal records the exception. That entry alone makes a replay take the part out of service in
+the same scan. The program need not raise there again.
 Rule 2: a UserError of a command is raised again. So is any UserError of a replay: run and journal differ.
 Rule 3: with TRCVTUI_EXCEPTIONS=raise nothing is contained, as in the tests.
 """
@@ -58,7 +58,7 @@ class Containment:
         self._raises = os.environ.get(EXCEPTIONS_VARIABLE) == "raise"
 
     def raise_recorded(self, part: RunPart) -> None:
-        """Raise RecordedException where the journal says that this part has failed here."""
+        """Raise RecordedException if the journal says that this part has failed at this place."""
         if self.is_due is not None and self.is_due(part):
             raise RecordedException(())
 
@@ -81,12 +81,12 @@ class Containment:
             self._newest.append(f"an internal error of {what}")
 
     def take_messages(self) -> str:
-        """Return all messages since the last call, joined to one line; "" for none."""
+        """Return all messages since the last call in one line, or "" if there are none."""
         newest, self._newest = self._newest, []
         return "; ".join(newest)
 
     def clean_up(self, part: RunPart, do: Callable[[], object]) -> None:
-        """Clean up after an exception; these calls are no part of the recorded run."""
+        """Clean up after an exception; a recording does not have these calls."""
         self._off_record(lambda: self.attempt(part, do))
 
     def attempt(self, part: RunPart, do: Callable[[], T]) -> T | None:

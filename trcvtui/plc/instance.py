@@ -161,7 +161,7 @@ class Instance:
                 self._write(pin, not self.inputs[pin])
 
     def take_outcome(self, outcome: Outcome) -> bool:
-        """Show an outcome; return whether any output differs from the scan before."""
+        """Show an outcome on the outputs; return whether any output has changed."""
         before, self.outcome = self.outputs, outcome
         self.edge = self.get_edge(outcome)
         now = self.outputs
@@ -192,7 +192,7 @@ class Instance:
         return self.outputs != before
 
     def drop_job(self, reason: str) -> None:
-        """Drop the running job. If the rules say so, the job's lock on the connection stays."""
+        """Drop the running job. The job's lock on the connection stays if the vendor's rules say so."""
         if isinstance(self._bound, ConnectBinding):
             self._bound.connection.readers.pop(self.name, None)
         self._block.detach(reason)

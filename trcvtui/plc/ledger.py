@@ -1,6 +1,6 @@
-"""The ledger: what happened, in which scan, and why. Every view of the past is a view of this one list.
+"""The ledger: what happened, in which scan, and why. Every view of the past shows this one list.
 
-Rule: events that a frame causes are NamedTuples. A frozen dataclass takes four times as long to make.
+Rule: events that a frame causes are NamedTuples. Making a frozen dataclass takes four times as long.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ NO_END = "none:"  # in place of the local end: the remote one is the name of a l
 
 
 class PeerSent(NamedTuple):
-    """A peer's message: its number (from 1), and where it lies in the peer's sent stream.
+    """A peer's message: its number (from 1), and its place in the peer's sent stream.
 
     `ns` is a captured packet's time in ns from the first packet. With -1, the ledger line's time counts.
     """
@@ -171,6 +171,6 @@ class Ledger:
         return list(islice(reversed(self._ring), max(0, fresh)))[::-1]
 
     def __iter__(self) -> Iterator[Line]:
-        """Return the kept lines, oldest first."""
+        """Return the lines that the ledger still has, oldest first."""
         first = self.last_seq - len(self._ring) + 1
         return (Line(first + n, *item) for n, item in enumerate(self._ring))

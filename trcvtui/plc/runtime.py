@@ -70,7 +70,7 @@ LEAST_WSTRING_LEN: Final = 5
 
 
 def element_kind_of(type_: Type) -> ElementKind:
-    """Return the kind of a variable's elements; a STRUCT is OTHER, whatever its fields are."""
+    """Return the kind of a variable's elements; a STRUCT always has the kind OTHER."""
     while isinstance(type_, Array):
         type_ = type_.element
     if not isinstance(type_, Elementary):
@@ -81,7 +81,7 @@ def element_kind_of(type_: Type) -> ElementKind:
 
 
 def text_lens_of(type_: Type, size: int) -> LeastTextLens:
-    """Return the least LENs for a text variable. To send, it is `size`. To receive, it is a constant."""
+    """Return the least LENs for a text variable: `size` to send, a constant to receive."""
     if not isinstance(type_, StringType):
         return NO_TEXT_LENS
     return LeastTextLens(sent=size, received=LEAST_WSTRING_LEN if type_.wide else LEAST_STRING_LEN)
@@ -96,7 +96,7 @@ T = TypeVar("T")
 
 
 class Runtime:
-    """One PLC. Readers get snapshots, ledger lines and Outputs, never the objects themselves."""
+    """One PLC. Other modules get snapshots, ledger lines and Outputs, never the objects of the PLC."""
 
     def __init__(
         self,
@@ -166,7 +166,7 @@ class Runtime:
         return ConnectBinding(**common, connection=self._connections[decl.connect], address=addr)
 
     def _new_call_order(self) -> CallOrder:
-        """Order the instances by the priority of their tasks, 1 before 2, then as in the file."""
+        """Order the instances by the priority of their tasks (1 before 2), then as in the project file."""
         tasks = {task.name: task for task in self._project.tasks}
         order = sorted(self._instances.values(), key=lambda i: tasks[i.decl.task].priority)
         entries = [(i, tasks[i.decl.task].interval_ns) for i in order]
@@ -213,7 +213,7 @@ class Runtime:
         return 0 if connection is None else connection.since_scan
 
     def retry_now(self, connect: str) -> None:
-        """Let a CONNECT try to connect again at once. This ends the pause before its next attempt."""
+        """Let a CONNECT try to connect again at once. The pause before its next attempt ends."""
         connection = self._connections.get(connect)
         if connection is not None:
             connection.retry_at = None
@@ -240,11 +240,11 @@ class Runtime:
         return bytes(memoryview(data.content)[:most]) if data else b""
 
     def data_part(self, name: str, start: int, stop: int) -> bytes:
-        """Return a copy of the bytes `start` to `stop` of a global variable, at most up to its end."""
+        """Return a copy of the bytes `start` to `stop` of a global variable; its end limits `stop`."""
         return bytes(self._data[name].content[start:stop])
 
     def received_ring(self, name: str) -> ReceivedRing | None:
-        """Return the newest received bytes of a link or ComBuffer, or sent ones for a `sent_ring_name`."""
+        """Return the ring of bytes that a link or ComBuffer received, or for a `sent_ring_name`, sent."""
         return self._resources.received.get(name)
 
     def job_bytes(self, instance: str) -> bytes:
@@ -256,7 +256,7 @@ class Runtime:
         return self._lines.recording(combuffer, self._env.now, self.interval_ns)
 
     def sent_count(self, connect: str) -> SentCount | None:
-        """Return what a CONNECT's present connection has sent, None without a connection."""
+        """Return how much a CONNECT has sent on its present connection, or None without a connection."""
         connection = self._connections[connect]
         if connection.state is not State.CONNECTED:
             return None
@@ -264,7 +264,7 @@ class Runtime:
         return SentCount(*ends, connection.bytes_sent, connection.unacknowledged())
 
     def quiet_until(self) -> int | None:
-        """If scans change nothing, return when (ns) time alone causes the next change, or None for never.
+        """Return when (ns) time alone changes something next, if scans change nothing now; None: never.
 
         If this is unknown, return the time of the last scan. A ready handle may change something earlier.
         """
@@ -593,7 +593,7 @@ class Runtime:
         )
 
     def instance_snapshot(self, name: str) -> InstanceSnapshot | None:
-        """Return an instance as it is now; None: it is not created yet."""
+        """Return the present state of an instance, or None if the instance is not created yet."""
         found = self._instances.get(name)
         return found.snapshot() if found is not None else None
 

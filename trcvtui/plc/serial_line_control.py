@@ -128,7 +128,7 @@ READY_TO_SEND: Final = (Condition.CONNECTED, Condition.SENT)  # the last call's,
 
 
 class BufferDrain:
-    """Sends a ComBuffer's bytes with a TSEND_C, at most `per_call` bytes a REQ. 0 means DATA's size."""
+    """Sends a ComBuffer's bytes with a TSEND_C, at most `per_call` bytes a REQ (0: as DATA's size)."""
 
     keeps_awake = True  # bytes arrive without an event
 
@@ -160,7 +160,7 @@ class BufferDrain:
         return {"req": True, "len": self._size} if self._size else {}
 
     def handle_outcome(self, outcome: Outcome, asked: bool) -> None:
-        """Note whether the next call may send. It may not while the program's own REQ is 1."""
+        """Note whether the next call may send. It may not send while the program itself sets REQ to 1."""
         self._ready = outcome.condition in READY_TO_SEND and not asked
 
     def continue_from(self, earlier: BufferDrain) -> None:
@@ -171,7 +171,7 @@ class BufferDrain:
             earlier.leave_connection()
 
     def note_deleted(self) -> None:
-        """The TSEND_C is deleted; waiting bytes may still go over its connection."""
+        """Do nothing when the TSEND_C is deleted: waiting bytes may still go over its connection."""
 
     def leave_connection(self) -> None:
         """Leave this connection; the bytes that waited for it are dropped."""
@@ -184,7 +184,7 @@ class BufferDrain:
         self._incarnation, self._size, self._ready = None, 0, False
 
     def follow_connection(self) -> None:
-        """Empty the ComBuffer if its bytes were for a connection that is gone."""
+        """Drop the ComBuffer's bytes if they were for a connection that has ended."""
         connection = self._connection
         is_up = connection.state is State.CONNECTED
         if not is_up or connection.incarnation != self._incarnation:
@@ -194,7 +194,7 @@ class BufferDrain:
 
 
 class BufferFeed:
-    """Puts the bytes of a TRCV_C into a ComBuffer. Without `holds`, bytes that have no room are dropped."""
+    """Puts the bytes of a TRCV_C into a ComBuffer. If `holds` is False, bytes without room are dropped."""
 
     def __init__(
         self,
@@ -216,7 +216,7 @@ class BufferFeed:
 
     @property
     def keeps_awake(self) -> bool:
-        """Return whether the next call may differ although the outcome is stable."""
+        """Return whether the next call may have another outcome, although the last outcome is stable."""
         return self.is_held
 
     def prepare_inputs(self, job: Job) -> bool:
@@ -262,7 +262,7 @@ class BufferFeed:
             self._buffer.note_held(False)
 
     def follow_connection(self) -> None:
-        """End the stream if the connection of the last bytes is gone."""
+        """End the stream if the connection of the newest bytes has ended."""
         if self._incarnation is not None and not self._is_still_up(self._connection):
             self._end_stream()
 

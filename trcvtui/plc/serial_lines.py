@@ -1,7 +1,7 @@
-"""The ComBuffers of a PLC and their other ends; a TwinCAT program has SerialLineControl for this.
+"""The ComBuffers of a PLC, and what fills and empties them; TwinCAT programs use SerialLineControl.
 
-The source of a ComBuffer is `sim` (bench commands), `serial` (PortExchange), a TRCV_C (BufferFeed), or
-another ComBuffer, as over a cable. In a simulated network, `serial` works like `sim`.
+A ComBuffer's source is `sim` (bench commands), `serial` (PortExchange), a TRCV_C (BufferFeed) or a
+ComBuffer. In a simulated network, `serial` works like `sim`.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class SerialLines:
                 self._ports[other.line].tx = self._buffers[other.name]
 
     def redeclare(self, decl: ComBufferDecl) -> None:
-        """Replace a ComBuffer. Its bytes are dropped, and its port is opened again."""
+        """Replace a ComBuffer. The bytes of the ComBuffer are dropped, and its port is opened again."""
         self._forget(decl.name)
         self.declare(decl)
 
@@ -140,7 +140,7 @@ class SerialLines:
         return BufferFeed(connection, instance.data, buffer, holds=not decl.size, follows_en_r=follows)
 
     def recording(self, name: str, until: int, tick: int) -> LineRecording:
-        """Return what has come over the line of a ComBuffer; nothing if the ComBuffer is unknown."""
+        """Return what has come over the line of a ComBuffer, or nothing for an unknown ComBuffer."""
         if name not in self._decls:  # it is declared by the next scan
             return LineRecording("", ())
         decl = self._decls[name]
@@ -152,7 +152,7 @@ class SerialLines:
         self._ports[name].inject_bytes(payload) if name in self._ports else self._buffers[name].put(payload)
 
     def pull_cable(self, name: str) -> None:
-        """Pull the cable: received bytes stay, an incomplete frame ends."""
+        """Pull the cable of a ComBuffer: received bytes stay, and an incomplete frame ends."""
         self._buffers[name].mark_connection_end("line broken")
 
     def poll_errors(self) -> None:
@@ -177,7 +177,7 @@ class SerialLines:
                     self._containment.clean_up(part, self._ports[name].close)
 
     def send_waiting(self, now: int) -> None:
-        """Send at most `per_cycle` bytes of each written ComBuffer in a scan. 0 means all bytes."""
+        """Send at most `per_cycle` bytes (0: all) of each written ComBuffer in a scan."""
         if not self._decls:
             return
         receivers = {decl.source: name for name, decl in self._decls.items() if decl.source in self._buffers}

@@ -1,4 +1,4 @@
-"""The frozen picture after a scan: readers get nothing else."""
+"""The frozen state after a scan; other modules get nothing else."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from trcvtui.plc.ledger import Outputs
 class ConnectionSnapshot(Struct, frozen=True):
     """One CONNECT. `state` is closed, queued, created, establishing or connected. Times in ns of the run.
 
-    With `udp`, it is a CONNECT of UDP or a UDP_CONFIG. For a UDP_CONFIG, the state created means ready.
+    If `udp`, this is a CONNECT of UDP or a UDP_CONFIG. For a UDP_CONFIG, the state `created` means ready.
     """
 
     name: str
@@ -56,7 +56,7 @@ class SentCount(Struct, frozen=True):
 class FramerSnapshot(Struct, frozen=True):
     """Prefix and suffix as a receiving block would use them now. None means that the pointer is 0.
 
-    `noise` has the last of the `discarded` bytes before a prefix. `last` has the marks of the newest frame.
+    `noise` has the last bytes of those `discarded` before a prefix. `last` describes the newest frame.
     """
 
     prefix: bytes | None
@@ -77,7 +77,7 @@ class FramerSnapshot(Struct, frozen=True):
 
 
 class InstanceSnapshot(Struct, frozen=True):
-    """One instance. Its running job has `have` of `need` bytes; `need` 0 means no job. Sizes in bytes."""
+    """One instance. Its job has `have` of `need` bytes; if `need` is 0, no job runs. Sizes in bytes."""
 
     name: str
     block: str
@@ -125,7 +125,7 @@ class InstanceSnapshot(Struct, frozen=True):
 class DataSummary(Struct, frozen=True):
     """One global variable: its IEC type as text, its size in bytes, and how often it changed.
 
-    The newest change wrote `newest` bytes, the longest change wrote `longest`.
+    The newest change wrote `newest` bytes; the longest one wrote `longest` bytes.
     """
 
     name: str

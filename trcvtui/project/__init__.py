@@ -1,1 +1,1 @@
-"""A project file to a Project and back: every key read, checked, written."""
+"""Reads a project file into a Project, and writes it: every key is read, checked, written."""

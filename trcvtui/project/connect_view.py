@@ -1,4 +1,4 @@
-"""The bytes of a CONNECT's description as readable text: the screen shows it beside the DB."""
+"""The bytes of a CONNECT's description as readable text: the screen shows the text beside the DB."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ MOST_FILES: Final = 3
 
 
 class Security(NamedTuple):
-    """How secure a CONNECT is. With `is_unsafe`, it accepts any certificate, and `text` says so."""
+    """How secure a CONNECT is. If `is_unsafe`, the CONNECT accepts any certificate, and `text` says so."""
 
     text: str
     is_unsafe: bool
@@ -179,7 +179,7 @@ INTERFACE_FIELDS: Final = ("InterfaceId", "local_device_id")
 
 
 class DescriptionView(NamedTuple):
-    """One description. `says` is its meaning in one line. `flaw` is what a CPU finds wrong.
+    """One description. `says` is its meaning in one line. `flaw` is what a CPU would find wrong.
 
     `warning` is about a check that the project has switched off.
     """
@@ -194,7 +194,7 @@ class DescriptionView(NamedTuple):
 def description_view(config: ConnectConfig, listens: str = "") -> DescriptionView | None:
     """Return the view of a CONNECT, or None if the CONNECT has no description.
 
-    `listens` is the end where the CONNECT listens now, or "" if it does not listen.
+    `listens` is the address and port where the CONNECT listens now, or "".
     """
     description = config.description
     if description is None:

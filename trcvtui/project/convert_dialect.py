@@ -1,7 +1,7 @@
 """A project in another dialect: the same program, wires and partners with the answers of another vendor.
 
-Rule: nothing is made up. A part that the other dialect does not have is left out, with a note. A CONNECT
-that the other dialect cannot describe is refused.
+Rule: the conversion makes nothing up. A part that the other dialect does not have is left out, with a note.
+A CONNECT that the other dialect cannot describe is refused.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from trcvtui.udt.layout.rules import LayoutRules, rules_for
 
 
 class Translation(NamedTuple):
-    """A project in another dialect; each note is one line on what is left out or chosen."""
+    """A project in another dialect; each note says in one line what was left out or chosen."""
 
     project: Project
     notes: tuple[str, ...]

@@ -1,7 +1,7 @@
-"""CONNECT and ADDR in a dialect with connection descriptions: read and written, by field or as bytes of a DB.
+"""Reads and writes CONNECT and ADDR in dialects with connection descriptions, by field or as bytes of a DB.
 
-Rule: a value is refused only if it fits no type. If a CPU rejects a value, the block shows the `flaw`.
-There are also keys of the bench, which no CPU has. These keys set what this machine does.
+Rule: a value is refused only if no type can hold it. If a CPU rejects a value, the block shows the `flaw`.
+Keys of the bench are keys that no CPU has. These keys set what this machine does.
 """
 
 from __future__ import annotations
@@ -79,8 +79,8 @@ _TIA_TSAP: Final = re.compile(r"[0-9a-fA-F]{2}\.[0-9a-fA-F]{2}")  # as TIA write
 def parse_selector(text: str) -> bytes | None:
     """Return a TSAP. `16#E002` and TIA's `E0.02` are hex. `text:E002` and all that cannot be hex are ASCII.
 
-    Return None for a text that could be hex or ASCII (see `unambiguous_spellings`), or is no TSAP.
-    Older files have `hex E0 02` and `text E0 02`.
+    Return None if the text could be both hex and ASCII (see `unambiguous_spellings`), or is no TSAP. Older
+    files have `hex E0 02` and `text E0 02`.
     """
     if text.startswith(("16#", "hex ")):
         found = try_parse_hex(text[3:].replace(".", " ")) or None
@@ -98,7 +98,7 @@ def _is_ambiguous(text: str) -> bool:
 
 
 def unambiguous_spellings(text: str) -> str:
-    """Return both unambiguous spellings (hex, text) of a text of hex digits, or "" for any other text."""
+    """For a text of hex digits, return both clear spellings, as hex and as text; for others, return ""."""
     if not _is_ambiguous(text) or _TIA_TSAP.fullmatch(text):
         return ""
     digits = "".join(char for char in text if char not in " .").upper()
@@ -117,7 +117,7 @@ def try_parse_hex(text: str) -> bytes | None:
 
 
 def parse_db_bytes(text: str) -> bytes | None:
-    """Return the bytes of a DB. Return None if a group has an odd number of digits (a copy cut off)."""
+    """Return the bytes of a DB. Return None if a group has an odd number of digits: a copy was cut off."""
     groups = text.replace(",", " ").split()
     lone = any(len(group.lower().removeprefix("0x").removeprefix("16#")) % 2 for group in groups)
     return None if lone else try_parse_hex(text)
@@ -180,8 +180,9 @@ def resolve_tls(
 ) -> TlsSettings | DescriptionFlaw:
     """Return the TLS settings: the active end trusts TLSServerCertRef and shows TLSClientCertRef.
 
-    The passive end uses these fields the other way round. If the number of the trusted certificate is 0,
-    all certificates without a key are trusted. An end with certificate number 0 shows none.
+    The passive end trusts TLSClientCertRef and shows TLSServerCertRef. If the number of the trusted
+    certificate is 0, all certificates without a key are trusted. An end with certificate number 0 shows
+    none.
     """
     server, client = description.number("TLSServerCertRef"), description.number("TLSClientCertRef")
     own, trusted = (client, server) if spec.is_active else (server, client)
@@ -216,7 +217,7 @@ def _authorities(known: Certificates, number: int) -> tuple[str, ...]:
 def tls_of_peer(
     values: Mapping[str, Any], table: Table, known: Certificates
 ) -> tuple[TlsSettings, tuple[tuple[str, bool | int | str], ...]]:
-    """Return the TLS of a peer's table twice: as settings, and as keys of the table."""
+    """Return the TLS settings of a peer's table, and the same as keys of the table."""
     own, authority = [_look_up(table, key, values[key], known) for key in ("certificate", "authority")]
     if own is not None and not own.key:
         table.report("certificate", f"{own.number}, which has no key", "one with a key")
@@ -247,12 +248,12 @@ _ADDR_FIELDS: Final = ("rem_ip_addr", "rem_port_nr", "reserved")
 
 
 def has_structure_keys(table: Table) -> bool:
-    """Return whether a table has a key of a structure; RemoteAddress and RemotePort do not count."""
+    """Return whether a table has a key of a structure other than RemoteAddress and RemotePort."""
     return any(table.has(key) for key in ("type", "bytes", *_ADDR_FIELDS))
 
 
 def read_addr_structure(table: Table) -> dict[str, Any] | None:
-    """Return the arguments of an ADDR from a structure, None if it cannot be read."""
+    """Return the arguments of an ADDR from a structure, or None if the structure cannot be read."""
     type_name = table.read("type", TEXT)
     if type_name is not None and type_name not in STRUCTURES:
         table.report_unknown_name("type", type_name, ADDRESSES, "structure")
@@ -348,7 +349,7 @@ def _field_kind(field: DescriptionField) -> Kind[Any]:
 
 
 class WrittenDescription(Struct, frozen=True):
-    """A description as in the file. `reference` is a RemotePort such as `@NAME`."""
+    """A description as in the file. `reference` is a RemotePort that names a partner, such as `@NAME`."""
 
     description: Description
     reference: str | None = None
@@ -366,7 +367,7 @@ class BenchKeys(Struct, frozen=True):
 
 
 def check_bench_keys(table: Table, description: Description) -> None:
-    """Report the first key of the bench that has no effect with this description."""
+    """Report the first bench key that has no effect on a CONNECT with this description."""
     spec = read_spec(description)
     iso_port, is_iso = table.text("IsoPort"), spec.protocol is Transport.ISO
     may_be_iso = is_iso or (spec.protocol is Transport.UNKNOWN and speaks_iso(description.structure.name))
@@ -389,7 +390,7 @@ def check_bench_keys(table: Table, description: Description) -> None:
 
 
 def read_description(table: Table, number: int, structures: tuple[str, ...]) -> WrittenDescription | None:
-    """Return the description in a table, by its fields or as bytes. Its ID is `number` if none is given."""
+    """Return the description in a table, by its fields or as bytes. Without an ID, the ID is `number`."""
     type_name = table.read("type", STRUCTURE)
     if type_name is not None and type_name not in CONNECTIONS:
         table.report_unknown_name("type", type_name, CONNECTIONS, "structure")
@@ -406,7 +407,7 @@ def read_description(table: Table, number: int, structures: tuple[str, ...]) -> 
 
 
 def _default_type(table: Table, structures: tuple[str, ...]) -> str:
-    """Return the structure of a CONNECT without `type`: the first that has a field of the table."""
+    """Return the structure of a CONNECT without `type`: the first with a field that the table has."""
     own = [name for name in structures if any(table.has(field.name) for field in CONNECTIONS[name].fields)]
     return own[0] if own else DEFAULT_TYPE
 
@@ -440,7 +441,7 @@ def _read_fields(table: Table, structure: Structure, number: int, is_plain: bool
 
 
 def _default_values(structure: Structure, number: int, given: dict[str, FieldValue]) -> dict[str, FieldValue]:
-    """Return STEP 7's values for a new description; lengths are taken from the given fields."""
+    """Return the values that STEP 7 gives a new description; lengths follow from the given fields."""
     kind = connection_types_of(structure.name)[0]
     if structure.name != "TCON_Param":
         return {"InterfaceId": USUAL_INTERFACE, "ID": number, "ConnectionType": kind}
@@ -467,7 +468,7 @@ def make_config_fields(
     certificates: Certificates,
     structures: tuple[str, ...],
 ) -> dict[str, Any]:
-    """Return a CONNECT's arguments without its name. Blocks accept only `structures`, or all with ()."""
+    """Return a CONNECT's arguments without its name. Blocks accept only `structures`; () means all."""
     spec = read_spec(written.description)
     session = _make_session(written.description, spec, bench, rules, certificates)
     remote, name_flaw = _remote_address(written, spec, bench)
@@ -538,7 +539,7 @@ def _make_session(
 
 
 def bytes_keys(config: ConnectConfig) -> KeyPairs:
-    """Return structure and bytes; together with the keys of the bench they give the same CONNECT."""
+    """Return structure and bytes; with the bench keys, these give the same CONNECT again."""
     description = _require_description(config)
     is_known = config.flaw is None or config.flaw.flaw is not Flaw.NO_DESCRIPTION
     keys: KeyPairs = [("type", description.structure.name)] if is_known else []
@@ -549,7 +550,7 @@ def bytes_keys(config: ConnectConfig) -> KeyPairs:
 
 
 def field_keys(config: ConnectConfig) -> KeyPairs:
-    """Return the structure and each of its fields, so that one of them can be changed."""
+    """Return the structure and all its fields, so that each field can be changed."""
     description = _require_description(config)
     keys: KeyPairs = [("type", description.structure.name)]
     for field in description.structure.fields:
@@ -580,7 +581,7 @@ def _require_description(config: ConnectConfig) -> Description:
 
 
 def iso_port_of(config: ConnectConfig) -> int | str | None:
-    """Return IsoPort, None without ISO-on-TCP."""
+    """Return the value of IsoPort, or None without ISO-on-TCP."""
     if read_spec(_require_description(config)).protocol is not Transport.ISO:
         return None
     return config.remote_port if config.active else config.local.port
@@ -605,7 +606,7 @@ def dns_answer_of(config: ConnectConfig) -> str | None:
 
 
 def verify_value_of(config: ConnectConfig) -> str | None:
-    """Return the value that switches the check of certificates off, None if it is on."""
+    """Return the value that switches off the check of certificates, or None if they are checked."""
     tls = tls_credentials_of(config.session)
     return UNSAFE if tls is not None and tls.is_unverified else None
 

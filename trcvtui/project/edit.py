@@ -1,6 +1,6 @@
 """Edits of a project: the fields of a form, a new entry, a changed entry, and how an edit is undone.
 
-Rule: the loader's readers are used, so that a command cannot add what a file may not have.
+Rule: an entry is read as in a file, so a command cannot add what a file may not have.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class FormRow(Struct, frozen=True):
 
 
 class CommandKeys(NamedTuple):
-    """Keys of a kind. A command line has only the value of a `bare` key. `quoted` texts may have blanks."""
+    """Keys of a kind. Command lines have only the value of a `bare` key. `quoted` texts may have blanks."""
 
     bare: frozenset[str]
     quoted: frozenset[str]
@@ -78,7 +78,7 @@ def command_keys_of(kind: str, project: Project) -> CommandKeys:
 
 
 def fields_of(kind: str, project: Project, block: str = "", to_change: bool = False) -> tuple[FormRow, ...]:
-    """Return the form fields of a kind except the name. For an instance they depend on its block."""
+    """Return the form fields of a kind except the name. The fields of an instance depend on its block."""
     row, chosen = table_row(kind, project.dialect), block or default_block(project)
     fields = {
         key.name: _field(key.name, key.ask, project, chosen)
@@ -118,10 +118,10 @@ MOST_UNDOABLE: Final = 20
 def read_entry(
     kind: str, content: Mapping[str, Any], project: Project, where: str, number: int = 0
 ) -> Declaration:
-    """Return the declaration of one table; raise UserError with all of its mistakes.
+    """Return the declaration of one table; raise UserError with all mistakes in the table.
 
-    `content` has TOML values, or texts as SetOverride, whose path is the key. `number` is the place of the
-    entry among its kind, from 1 on. 0 means after the last entry.
+    `content` has TOML values, or texts as SetOverride with the key as path. `number` is the place of the
+    entry among those of its kind, from 1. If `number` is 0, the entry comes last.
     """
     problems: list[Problem] = []
     table = Table(content, where, problems)
@@ -165,7 +165,7 @@ def find_entry(kind: str, name: str, project: Project) -> Declaration | None:
 
 
 def find_kinds(name: str, project: Project) -> tuple[str, ...]:
-    """Return the kinds that have an entry of this name; a certificate has a number instead."""
+    """Return the kinds that have an entry of this name; certificates have numbers, and do not count."""
     return tuple([kind for kind in EDITED if kind != CERTIFICATE and name in names_of(kind, project)])
 
 
@@ -211,7 +211,7 @@ def apply_as_step(project: Project, edits: Edits) -> Project:
 
 
 def inverse_edits(project: Project) -> Edits:
-    """Return the edits that take the newest step back, none if there is no step."""
+    """Return the edits that undo the newest step, or none if there is no step."""
     return tuple([edit.inverse for edit in reversed(project.undoable[-1])]) if project.undoable else ()
 
 

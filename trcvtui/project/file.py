@@ -1,6 +1,6 @@
 """Reads a project file into a Project, or reports all of its mistakes together.
 
-Rule 1: a value is refused only if it fits no type. Any value of a pin or a CONNECT goes to the block.
+Rule 1: a value is refused only if no type can hold it. The block judges any value of a pin or a CONNECT.
 Rule 2: an instance and a DATA variable may not share a name, because `expect NAME` takes both kinds.
 CONNECTs, UDP_CONFIGs and peers may not share a name, because `@NAME` takes all three. No instance or DATA
 may have the name `peer`, which is a word of the bench commands.
@@ -50,7 +50,7 @@ BUFFER_ENDS: Final = (
 
 
 def report_duplicates(kinds: Iterable[tuple[str, Sequence[Table]]], reserved: Iterable[str] = ()) -> None:
-    """Report every name that is reserved, or that an earlier table of these kinds already has."""
+    """Report each name that is a reserved word, or that an earlier table of these kinds has."""
     seen = dict.fromkeys(reserved, "a word of the bench commands")
     for kind, tables in kinds:
         for table in tables:
@@ -71,9 +71,9 @@ def all_names(
 ) -> NamesByKind:
     """Return the names that keys may refer to, by kind and by use.
 
-    `blocks` has names of instances with their blocks. `ports` are ComBuffers with a port. Instances of the
-    use `stream_in` can feed a ComBuffer, those of `stream_out` can empty it. The use `udp_end` has
-    UDP_CONFIGs, and if `describes` also CONNECTs, because a description can be for UDP.
+    `blocks` has pairs of an instance's name and its block. `ports` are the ComBuffers that have a port.
+    Instances in `stream_in` can feed a ComBuffer, those in `stream_out` can empty one. `udp_end` has the
+    UDP_CONFIGs; if `describes`, also the CONNECTs, since a description can be for UDP.
     """
     builders = [(name, row) for name, block in blocks if (row := block_row(block)).owns_link]
     found = {
@@ -102,7 +102,7 @@ def check_names(kind: str, table: Table, names: NamesByKind, around: ReadContext
 
 
 def report_shared_ends(tables: Sequence[Table]) -> None:
-    """Report a source, line or port that an earlier ComBuffer has, or a source ComBuffer with a line."""
+    """Report a source, line or port that two ComBuffers have, or a source ComBuffer that has a line."""
     for key, has, expected in BUFFER_ENDS:
         seen: dict[str, str] = {}
         for table in tables:
@@ -139,7 +139,7 @@ SET_FORM: Final = "PATH=VALUE such as connect.C1.LocalPort=2000 or options.retry
 def apply_overrides(
     document: Mapping[str, Any], overrides: Iterable[str], problems: list[Problem]
 ) -> dict[str, Any]:
-    """Return a copy of the document with every `PATH=VALUE`. The last value for a path counts."""
+    """Return a copy of the document, changed by every `PATH=VALUE`. The last value for a path counts."""
     changed = {key: _copy_part(value) for key, value in document.items()}
     for override in overrides:
         path, equals, text = override.partition("=")
@@ -256,8 +256,8 @@ def read_project(
 ) -> Project:
     """Return the project of a TOML document; raise UserError with all problems.
 
-    `where` names the document in messages. Relative file names start at `base`. The caller reads the keys
-    `also`.
+    `where` is the name of the document in messages. Relative file names start at `base`. `also` are further
+    keys, which the caller reads itself.
     """
     problems: list[Problem] = []
     changed = apply_overrides(document, overrides, problems)
@@ -268,7 +268,7 @@ def read_project(
 
 
 class DocumentReader:
-    """Reads one document; each method collects problems and returns a harmless value for a wrong one."""
+    """Reads one document; each method collects problems, and replaces a wrong value by a harmless one."""
 
     def __init__(self, document: dict[str, Any], where: str, base: Path, problems: list[Problem]) -> None:
         self.document = document
@@ -334,7 +334,7 @@ class DocumentReader:
         return value != "off"
 
     def read_all_entries(self, around: ReadContext) -> dict[str, Any]:
-        """Return the entries of all kinds by their field in Project, and the types."""
+        """Return all entries, by the name of their field in Project, and the types."""
         tables = {kind: self.entries(kind) for kind in TABLES}
         self.check_names(tables, around)
         constants = read_constants(self.section("constants"), f"{self.where}: constants", self.problems)

@@ -1,4 +1,4 @@
-"""A row for a key: how the key is read, checked and written, where its value is, and what a form asks."""
+"""One row for each key: how it is read, checked and written, where its value is, what a form asks."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def context_of(project: Project) -> ReadContext:
 
 
 class TableValues(dict[str, Any]):
-    """The values of one table by key, None if missing or wrong. `number` is the table's place from 1."""
+    """The values of one table by key; None: missing or wrong. `number` is the table's place from 1."""
 
     def __init__(self, table: Table, around: ReadContext, number: int) -> None:
         super().__init__()
@@ -70,8 +70,8 @@ def offer_fixed(*texts: str) -> Offer:
 class Hint(Struct, frozen=True):
     """What a form and completion offer: hint, known values, and the value that is filled in at first.
 
-    If `where(project, block)`, a form asks for the key. With `is_bare`, a line has the value alone. With
-    `is_quoted`, the text may have blanks. With `is_of_change`, only a form for changes asks for it.
+    A form asks for the key only if `where(project, block)`. With `is_bare`, a line has the value alone.
+    With `is_quoted`, the text may have blanks. With `is_of_change`, only a form for changes asks for it.
     """
 
     hint: str | Callable[[Project, str], str]
@@ -103,10 +103,10 @@ def _is_always_allowed(table: Table, around: ReadContext) -> bool:
 class Key(Struct, frozen=True):
     """One key. A key without a `kind` is read together with another key. `help` is one sentence.
 
-    `of` is where the declaration keeps the value, as `local.port`. `writes(decl)` returns the value to
-    write, or None for no key. `default` is the value of a missing key. With `is_said`, a default value is
-    written, too. `only` returns whether the table may have the key, or why not. `reads` reads the key
-    together with other keys. With `is_played`, a replay with another value gives a true answer
+    `of` is the path of the value in the declaration, as `local.port`. `writes(decl)` returns the value to
+    write, or None to leave the key out. `default` is the value of a missing key. With `is_said`, a default
+    value is written, too. `only` returns whether the table may have the key, or why not. `reads` reads the
+    key together with other keys. If `is_played`, a replay with another value of the key gives a true answer
     (replay/partners.py). Such a key changes what the PLC does with its input, not the input.
     """
 
@@ -125,7 +125,7 @@ class Key(Struct, frozen=True):
     is_played: bool = False
 
     def read(self, values: TableValues) -> None:
-        """Read the key, if this table may have it."""
+        """Read the key from the table, if the table may have it."""
         if self.reads is not None:
             self.reads(values)
             return
@@ -143,7 +143,7 @@ class Key(Struct, frozen=True):
         values.by_row.append((self, value))
 
     def toml_value(self, decl: Declaration) -> KeyValue | None:
-        """Return the value as TOML has it, None to leave the key out."""
+        """Return the value as written in TOML, or None to leave the key out."""
         if self.writes is not None:
             value = self.writes(decl)
         else:
@@ -168,10 +168,10 @@ def _no_keys(decl: Any) -> KeyPairs:
 class TableRow(Struct, frozen=True):
     """One kind of table, `[[kind]]`: its keys, and the declaration that they make.
 
-    `field` is the field of Project with the entries. Sentences call the kind `what`, and forms `title`.
-    Proposed names begin with `first_name`. `makes` is the class, or a function that makes a declaration.
-    Names of the kinds in `shares` may not be used again here. A form begins with `asks_first`. `head` and
-    `tail` return keys that have no row.
+    `field` is the field of Project that has the entries of this kind. `what` is the word for the kind in
+    sentences, and `title` in forms. `first_name` is the beginning of proposed names. `makes` is the class
+    of the declaration, or a function that makes it. A name of a kind in `shares` may not be used here
+    again. A form first asks for `asks_first`. `head` and `tail` return keys that have no row.
     """
 
     kind: str

@@ -1,8 +1,8 @@
 """Every key of a project file is one row here: how it is read and written, what a form asks, what it means.
 
 To add a key, add its value to the declaration (`project.py`) and its row to the table.
-Rule 1: a row checks its own table alone; `file.py` checks with all tables whether a name exists.
-Rule 2: a key that has its default value is not written, unless a reader of the file looks for it.
+Rule 1: a row checks only its own table; `file.py` checks whether names exist in other tables.
+Rule 2: a key with its default value is not written, unless readers expect the key in the file.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ def _offer_refs(*kinds: str) -> Offer:
 
 
 def _propose_last(offer: Offer) -> Callable[[Project, str], str]:
-    """Return a function that proposes the last name that `offer` returns, or "" if `offer` returns none."""
+    """Return a function that proposes the last name returned by `offer`, or "" if there is none."""
     return lambda project, block: next(reversed(offer(project, block)), "")
 
 
@@ -918,7 +918,7 @@ def read_table(kind: str, table: Table, around: ReadContext, number: int = 1) ->
 def is_replayable(path: Sequence[str]) -> bool:
     """Return whether a replay with another value at this path gives a true answer (`Key.is_played`).
 
-    A key of an instance without a row is an input pin. An unknown name is reported when the file is read.
+    An instance's key without a row is an input pin. Unknown names are reported when the file is read.
     """
     kind, key = path[0], path[-1]
     if kind not in TABLES:
@@ -928,7 +928,7 @@ def is_replayable(path: Sequence[str]) -> bool:
 
 
 def array_keys() -> frozenset[str]:
-    """Return the keys that hold several texts."""
+    """Return the keys whose value is a list of texts."""
     rows = [row for table in TABLES.values() for row in table.keys]
     return frozenset(row.name for row in rows if row.kind is not None and row.kind.write is list)
 
@@ -937,7 +937,7 @@ def array_keys() -> frozenset[str]:
 
 
 def kind_name(decl: Declaration) -> str:
-    """Return the kind of table of a declaration: `connect`, `data`."""
+    """Return the kind of table that a declaration belongs to, such as `connect` or `data`."""
     if isinstance(decl, CertificateDecl):
         return _CERTIFICATE.kind
     return next(
@@ -953,7 +953,7 @@ def keys_of(decl: Declaration) -> KeyPairs:
 
 
 def forms_of(decl: Declaration) -> list[KeyPairs]:
-    """Return all forms of a declaration's keys, the one that is easiest to change first."""
+    """Return all forms in which a declaration's keys can be written, the easiest to change first."""
     if isinstance(decl, ConnectConfig) and decl.description is not None:
         bench = replace(_DESCRIBED_CONNECT, head=lambda c: descriptions.field_keys(c))
         return [descriptions.plain_keys(decl), bench.toml_keys(decl), keys_of(decl)]
@@ -961,6 +961,6 @@ def forms_of(decl: Declaration) -> list[KeyPairs]:
 
 
 def entry_of(decl: Declaration) -> KeyPairs:
-    """Return all keys of a declaration. The name comes first, or for a certificate the number."""
+    """Return all keys of a declaration. The name comes first; for a certificate, the number."""
     called: KeyValue = decl.number if isinstance(decl, CertificateDecl) else decl.name
     return [(TABLES[kind_name(decl)].called, called), *keys_of(decl)]

@@ -1,6 +1,6 @@
 """A project as frozen values: the content of a project file, checked and typed.
 
-Rule: every value that a pin or a TCP_CONNECTCONFIG can hold is accepted here; the blocks judge it by STATUS.
+Rule: any value that fits a pin or a TCP_CONNECTCONFIG is accepted here; the block's STATUS judges it.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ class DataDecl(Struct, frozen=True, eq=False):
     """One global variable, with its type as written and as laid out, and its size in bytes.
 
     With `optimized`, the variable is in a data block that the PLC arranges. Instructions then take the
-    variable as a whole. `choice` is its own layout. For a field that is None, the PLC's layout counts.
+    variable as a whole. `choice` is the layout chosen for this variable. For a field that is None, the
+    PLC's layout counts.
     """
 
     name: str
@@ -60,8 +61,9 @@ class DataDecl(Struct, frozen=True, eq=False):
 class InstanceDecl(Struct, frozen=True):
     """One block instance. If `data` is None, the DATA pin is open. `inputs` are initial values by pin name.
 
-    With `on_config`, `connect` names a UDP_CONFIG. For a block on a ComBuffer, it names the ComBuffer.
-    Datagrams go to and come from `addr`. `pointers` are variables of prefix and suffix; "" is pointer 0.
+    If `on_config`, `connect` names a UDP_CONFIG. For a block on a ComBuffer, `connect` names the ComBuffer.
+    `addr` is the target or source of datagrams. `pointers` are variables of prefix and suffix; "" is
+    pointer 0.
     """
 
     name: str
@@ -79,8 +81,8 @@ class ComBufferDecl(Struct, frozen=True):
     """One ComBuffer. `source` is `sim`, `serial`, a TRCV_C instance, or another ComBuffer, as over a cable.
 
     `serial` is the port of the source `serial`; in a simulated network, bench commands feed the ComBuffer.
-    `line` names the sender of its written bytes: a ComBuffer with a port, or a TSEND_C instance. `size` is
-    in bytes; 0 lets the source set it. At most `per_cycle` written bytes leave in a scan; 0 is all. If
+    `line` sends its written bytes: a ComBuffer with a port, or a TSEND_C instance. `size` is in bytes; if
+    it is 0, the source sets the size. At most `per_cycle` written bytes are sent in a scan; 0 means all. If
     `is_written`, a send block fills it; if `is_fed`, a TRCV_C. `history` bytes are kept.
     """
 
@@ -96,13 +98,14 @@ class ComBufferDecl(Struct, frozen=True):
 
 
 class PeerDecl(Struct, frozen=True):
-    """One partner. An active peer connects to `end`, a passive one listens there. `@C1`: where C1 listens.
+    """One partner. An active peer connects to `end`, a passive one listens there.
 
-    `source` is the local end of an active peer, if the file gives one. The peer connects again
-    `reconnect_ns` after a close (0: never). It sends the messages `says` in turn, one every `every_ns`,
-    each written as after `peer P1 send`. `replies` are rules, written as after `peer P1 reply on`. A `udp`
-    peer receives at `end` and sends to `remote`, or to the last sender if None. `choice` is the layout of
-    the played device; its None fields are as in the PLC. `session` is ISO-on-TCP or TLS.
+    `end` may be `@C1`, where the CONNECT C1 listens. `source` is the local end of an active peer, if the
+    file gives one. The peer connects again `reconnect_ns` after a close (0: never). The peer sends the
+    messages `says` in turn, one every `every_ns`, each written as after `peer P1 send`. `replies` are
+    rules, written as after `peer P1 reply on`. A `udp` peer receives at `end` and sends to `remote`, or to
+    the last sender if None. `choice` is the layout of the device that the peer plays; a field None is as in
+    the PLC. `session` is ISO-on-TCP or TLS.
     """
 
     name: str
@@ -138,7 +141,7 @@ class SequenceDecl(Struct, frozen=True):
 class WatchDecl(Struct, frozen=True):
     """One watched line. Instances on `connect` are shadows that receive what comes to the PLC end `plc`.
 
-    Ends are ADDR or ADDR:PORT. An empty `partner` means any. `back` may be a CONNECT for bytes from `plc`.
+    Ends are ADDR or ADDR:PORT. Empty `partner`: any partner. `back` may be a CONNECT for bytes from `plc`.
     """
 
     name: str
@@ -161,7 +164,7 @@ class TapDecl(Struct, frozen=True):
 class SimDecl(Struct, frozen=True):
     """The simulated network: the PLC's addresses besides loopback, and which of them are no Ethernet ports.
 
-    `names` has the names and addresses that the DNS server knows. If it is None, there is no DNS server.
+    `names` has the names and addresses of the DNS server; None means that there is no DNS server.
     """
 
     addresses: tuple[str, ...] = ()
@@ -173,7 +176,7 @@ class SimDecl(Struct, frozen=True):
 
 
 class CertificateDecl(Struct, frozen=True):
-    """One certificate of the CPU's certificate manager, in PEM files. Without a key it is only trusted."""
+    """One PEM certificate of the CPU's certificate manager. A certificate without a key is only trusted."""
 
     number: int
     file: str
@@ -188,7 +191,7 @@ Certificates = Mapping[int, CertificateDecl]
 
 
 class UdtFile(Struct, frozen=True):
-    """One file of UDTs as it was read. `name` is its path from the project's folder."""
+    """One file of UDTs as it was read. `name` is the file's path from the project's folder."""
 
     name: str
     content: bytes
@@ -212,7 +215,7 @@ Declaration = (
 
 
 class Edit(Struct, frozen=True, eq=False):
-    """One entry before and after the edit; None means no entry. `place` is its index among its kind."""
+    """One entry before and after an edit (None: no entry). `place` is the entry's index among its kind."""
 
     kind: str
     before: Declaration | None
@@ -306,7 +309,7 @@ class Project(Struct, frozen=True, eq=False):
         return next((c for c in self.connects if c.name == name), None)
 
     def connection_id(self, block: str, connect: str) -> int | None:
-        """Return the value of a block's ID, None without that pin or a description of the CONNECT."""
+        """Return the value of pin ID, None if the block has no ID or the CONNECT no description."""
         config = self.connect(connect)
         if not block_row(block).has_id or config is None or config.description is None:
             return None
@@ -333,7 +336,7 @@ class Project(Struct, frozen=True, eq=False):
         return replace(self, layout=decl.choice.rules(self.layout), data=as_peer)
 
     def layout_rules_of(self, type_name: str) -> LayoutRules:
-        """If all DATA of a UDT share one layout, return this layout for messages, else the PLC's layout."""
+        """Return the layout for messages of a UDT: that which all its DATA share, else the PLC's."""
         choices = {d.choice for d in self.data if d.type_name.casefold() == type_name.casefold()}
         return choices.pop().rules(self.layout) if len(choices) == 1 else self.layout
 

@@ -1,4 +1,4 @@
-"""For a new instance, a form proposes the newest part that is possible for it, or else `new`."""
+"""For a new instance, a form proposes the newest possible part of the project, or else `new`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NEW: Final = "new"  # as a value in a line: the part is created
 
 
 def propose_part(kind: str) -> Callable[[Project, str], str]:
-    """Return a function that proposes a part of a kind, for a project and a block."""
+    """Return a function that proposes a project's part of this kind for a block."""
     return lambda project, block: _find_free_part(kind, project, block_row(block))
 
 

@@ -69,7 +69,7 @@ def _has_db(project: Project, form: CallForm) -> bool:
 
 
 def _pins(project: Project, decl: InstanceDecl, values: Inputs, form: CallForm) -> list[Pin]:
-    """Return the pins of a call. A short call has nonzero inputs, and CONT in TIA or in-outs in CODESYS."""
+    """Return a call's pins. A short call has only nonzero inputs, plus CONT (TIA) or in-outs (CODESYS)."""
     pins = project.pins(decl.block)
     in_outs = {pin.name for pin in _filter(pins, Direction.IN_OUT)}
     kept = {"CONT"} if project.dialect.describes_connects else in_outs
@@ -152,7 +152,7 @@ def _data_bindings(decl: InstanceDecl) -> Iterator[tuple[str, str]]:
 
 
 def _identity(project: Project, decl: InstanceDecl) -> str:
-    """Return the value of ID, "" for a block without that pin."""
+    """Return the value of the pin ID, or "" if there is none."""
     if project.dialect.describes_connects and decl.on_config:
         return _configured_id(decl.connect)
     found = project.connection_id(decl.block, decl.connect)

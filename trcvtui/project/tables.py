@@ -143,7 +143,7 @@ TRUTH_WORDS: Final = {"1": True, "0": False, "TRUE": True, "FALSE": False}
 
 
 class SetOverride(Struct, frozen=True):
-    """A value given as text, as by `--set path=text`. The document has it in place of a TOML value."""
+    """A value given as text, as by `--set path=text`. The document has this text for a TOML value."""
 
     path: str
     text: str
@@ -152,8 +152,8 @@ class SetOverride(Struct, frozen=True):
 class Kind(Struct, Generic[T], frozen=True):
     """The values that a key may have. `read` and `from_text` return None for any other value.
 
-    `instead` returns what to write in place of a refused text, or "" if `expected` says it.
-    `write` returns the value as TOML has it.
+    `instead` returns what to write in place of a refused text, or "" if `expected` says it. `write` returns
+    the value as it is written in TOML.
     """
 
     expected: str

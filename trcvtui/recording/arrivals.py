@@ -1,7 +1,7 @@
-"""Notes the bytes that a recorded PLC has not read: after its blocks have read, and before a close.
+"""Notes the bytes that a recorded PLC has not read: after each scan's reads, and before a close.
 
 Rule 1: bytes that a block reads are in the entry of that read. The notes have only unread bytes.
-Rule 2: unread bytes came before the scan's reads, LATE ones after (their handle was emptied or not ready).
+Rule 2: unread bytes came before the scan's reads, LATE bytes after (their handle was emptied or not ready).
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ class ArrivalRecorder:
         self._log_arrival(BYTES_ARRIVED, handle, (handle, whole, found.size, flags), found.data)
 
     def _note_message(self, handle: Handle, source: Endpoint, data: bytes, whole: int, flags: int) -> None:
-        """Note a message, a datagram also at the wire; messages of a session are different at the wire."""
+        """Note a message; note a datagram also at the wire, where messages of a session look different."""
         if self._queues[handle].is_udp:
             self._log.note_call(self._get_owner(handle), MESSAGE, handle, (source, whole), None, data)
         self._log_arrival(MESSAGE, handle, (handle, source, whole, flags), data)

@@ -1,9 +1,9 @@
 """Keeps the newest part of a run in memory. `record` writes this part, and what follows, into a file.
 
 Rule 1: at most MOST_KEPT_BYTES are kept; dropped entries are counted. When half that size is new, a process
-replays the kept entries. Its last state is the keyframe of a file that begins in the middle.
+replays the kept entries. The replay's last state is the keyframe of a file that begins in the middle.
 Rule 2: processes write the files. Only the end of the run waits for these processes.
-Rule 3: a box that takes too much time gives up (recorder.py), unless it is recording into a file.
+Rule 3: the box gives up if it takes too much time (recorder.py), but not while it records into a file.
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ class BlackBox:
         self._end_text, self._ended_at = text, clock.now_ns()
 
     def _start_writer(self, path: Path) -> WriterProcess:
-        """Start the writer of a new file and send it all that is kept; raise UserError."""
+        """Start the writer of a new file and send all kept entries to it; raise UserError."""
         if self._off_reason:
             raise mistake("prompt", self._off_reason, "`trcvtui run FILE --record`, which keeps all")
         if os.path.lexists(path):  # a broken link, too
@@ -208,7 +208,7 @@ class BlackBox:
 
     @property
     def status_text(self) -> str:
-        """Return the name of the file under way and its size, or how the last file has ended."""
+        """Return name and size of the file that is being written, or how the last file ended."""
         writer = self._recording
         if writer is None:
             return self._end_text if clock.now_ns() < self._ended_at + END_SHOWN_NS else ""

@@ -1,11 +1,11 @@
 """Where a recording is written: one file, or numbered files (split, in a ring, or one for each trigger).
 
-Rule 1: a name is never used again; only files of this run are removed.
-Rule 2: each file begins with `RunHeader`. If scans are missing after the header, `LostEntries` is next.
-Such a file is replayed from its first keyframe.
+Rule 1: no file name is used twice; only files of this run are removed.
+Rule 2: each file begins with `RunHeader`. If scans are missing after the header, `LostEntries` is next. A
+file with missing scans is replayed from its first keyframe.
 Rule 3: if a replay process makes keyframes, a file that begins in the middle gets one before it ends.
 Rule 4: a file of a trigger has the journal from the beginning of the run, or the newest MOST_OLD_BYTES of
-the journal. A what-if begins there. The file also has keyframes.
+the journal. A what-if begins where this journal begins. A file of a trigger also has keyframes.
 Rule 5: connections keep sequence numbers and ports from file to file, even across entries that no file has.
 Bound: at most MOST_WAITING entries wait for a trigger.
 """
@@ -61,7 +61,7 @@ class EntrySink(Protocol):
     def add_entries(self, entries: Iterable[Entry]) -> None: ...
 
     def close(self) -> None:
-        """Write the rest and end the file."""
+        """Write the waiting entries and end the file."""
 
 
 class FileSink(EntrySink, Protocol):
@@ -72,7 +72,7 @@ class FileSink(EntrySink, Protocol):
     lack: str  # when it is closed: which files begin in the middle and have no keyframe, "" for none
 
     def add_keyframe(self, frame: Keyframe) -> None:
-        """Take the state after one of the scans so far. `steps` counts from the beginning of the run."""
+        """Take the state after one of the scans so far. `steps` counts the scans since the run began."""
 
 
 class NumberedFile(FileSink, Protocol):
@@ -93,7 +93,7 @@ class OldBlock(NamedTuple):
 
 
 class FileLimits(NamedTuple):
-    """Bytes of a file and of all files (0: no limit). Ns kept before and after a trigger (-1: no limit)."""
+    """Limits in bytes: a file, all files (0: none). Limits in ns: before, after a trigger (-1: none)."""
 
     split: int
     ring: int
@@ -291,7 +291,7 @@ class NumberedFiles:
 
 @dataclass(frozen=True, slots=True)
 class RecordTarget:
-    """What --record asks for. Each of several runs has one file in the folder `target`."""
+    """What --record asks for. If there are several runs, each has one file in the folder `target`."""
 
     target: Path
     overwrite: bool = False

@@ -1,7 +1,8 @@
 """The journal of a run: its entries (calls at the seam with their answers), and their bytes.
 
 Rule 1: a run repeats its calls, in the same order, as long as it gets the same answers (replay.py).
-Rule 2: a call for a screen, in the gap between two scans, begins with IN_GAP. A replay may make or skip it.
+Rule 2: the name of a call for a screen (between scans) begins with IN_GAP. A replay may make or skip the
+call.
 Rule 3: bytes become values by fixed layouts alone (docs/recording-format.md); no length is trusted.
 """
 
@@ -66,9 +67,9 @@ class DeferredWork(NamedTuple):
 class RunHeader(NamedTuple):
     """The first entry of a journal: what a replay needs to begin the run again without a disk.
 
-    `path` and `options` come from the command line; an option is `PATH=VALUE` of `--set`. `wall_ns` is UTC
-    of time 0 of the run, in ns from 1970. `files` has the requested names and the contents; relative names
-    start at `folder`. `digests` has the SHA-256 of certificates and keys.
+    `path` and `options` come from the command line; an option is `PATH=VALUE` of `--set`. `wall_ns` is the
+    UTC at time 0 of the run, in ns since 1970. `files` has the requested names and the contents; relative
+    names start at `folder`. `digests` has the SHA-256 of certificates and keys.
     """
 
     program: str
@@ -97,9 +98,9 @@ class LostEntries(NamedTuple):
 
 
 class WireCall(NamedTuple):
-    """A call of the PLC at the wire; packets are made from it. It is no part of the journal.
+    """A call of the PLC at the wire; packets are made from it. A wire call is no part of the journal.
 
-    `at` is ns of the run. `args` follow the handle. `data` has the bytes that came, or were taken.
+    `at` is the run's time in ns. `args` follow the handle. `data` has the bytes that came, or were taken.
     """
 
     at: int
@@ -115,7 +116,7 @@ SECRETS_WARNING: Final = "holds TLS secrets: with this file anybody can read wha
 
 
 class Secrets(NamedTuple):
-    """Lines of a TLS key log, for the packets after it; no part of the journal."""
+    """Lines of a TLS key log, for the packets after these lines; no part of the journal."""
 
     key_log: bytes
 
@@ -123,7 +124,7 @@ class Secrets(NamedTuple):
 class Keyframe(NamedTuple):
     """The compressed state of a run after a scan, in the form of the program that made it (state.py).
 
-    `steps` counts the scans begun in the file by then. `beyond` counts the entries since the newest scan.
+    `steps` counts the file's scans up to this state. `beyond` counts the entries since the newest scan.
     """
 
     program: str
@@ -285,7 +286,7 @@ def encode_value(value: object) -> bytes:
 
 
 class PacketRuns(NamedTuple):
-    """Byte runs in the packets before a block. A run is its first packet, bytes to skip there, and size."""
+    """Byte sequences in the packets before a block. Each: first packet, bytes to skip there, and size."""
 
     runs: tuple[tuple[int, int, int], ...]
 
@@ -303,7 +304,7 @@ class _BlockReader:
         return mistake(f"{self._where}: journal, byte {self.at}", found, expected)
 
     def read_head(self, expected: int) -> tuple[int, int]:
-        """Return the CRC-32 in a block's head and the number of its different entries."""
+        """Return the CRC-32 in a block's head, and how many different entries the block has."""
         where = f"{self._where}: journal"
         magic, version, check = _HEAD.unpack(self.read_bytes(_HEAD.size))
         if magic != MAGIC:
@@ -326,7 +327,7 @@ class _BlockReader:
         return int.from_bytes(self.read_bytes(size), "little")
 
     def read_order(self, most: int) -> array[int]:
-        """Return the rest of the block as numbers, each below `most`."""
+        """Return the order of the entries, the rest of the block: numbers below `most`."""
         order = array("I")
         rest = self.read_bytes(len(self._block) - self.at)
         if len(rest) % order.itemsize:

@@ -60,7 +60,7 @@ class RecordedBench(Protocol):
 
 
 class RunRecorder:
-    """Records one run. Read its project into `reads`, enter the recorder, then make the bench on `seam`."""
+    """Records one run. Read the project into `reads`, enter the recorder, then make the bench on `seam`."""
 
     def __init__(
         self, sink: Callable[[], EntrySink], file: Path = Path(), waits: bool = True, secrets: bool = True
@@ -101,7 +101,7 @@ class RunRecorder:
         return self
 
     def add_header(self, bench: RecordedBench, path: Path, options: Iterable[str], is_scenario: bool) -> None:
-        """Write the first entry, RunHeader; time 0 of a live run is now."""
+        """Write the first entry, RunHeader; for a live run, time 0 is now."""
         read, is_live = self.reads, bench.kernel_name == "live"
         if self.file.name:
             bench.reports = self.file.absolute().parent  # of internal errors: beside the recording
@@ -244,7 +244,7 @@ def attach_black_box(recorder: RunRecorder | None, reads: FilesRead) -> tuple[Ru
 
 
 def make_recorder(record: RecordTarget, file: Path, waits: bool) -> RunRecorder:
-    """Return a recorder of a file. If the run `waits`, this process writes it, else another process."""
+    """Return a recorder of a file. If `waits`, this process writes the file, else another process."""
 
     def make_sink() -> EntrySink:
         if waits:

@@ -138,7 +138,7 @@ class RecordingWriter:
         self._scans += 1
 
     def flush(self) -> None:
-        """Write the entries that have come; this ends a block of the journal."""
+        """Write the entries that have come as one block of the journal."""
         if not len(self._block):
             return
         check, written = 0, [pcap.secrets_block(self._secrets)] if self._secrets else []
@@ -195,7 +195,7 @@ class RecordingWriter:
         self.size += len(data)
 
     def close(self) -> None:
-        """Write the rest and the index."""
+        """Write the waiting entries and the index."""
         if self._file.closed:
             return
         self.flush()
@@ -293,7 +293,7 @@ class Recording:
                 yield kind, body
 
     def find_damage(self) -> str:
-        """Read the whole file; return the first place where it is not as it was written, "" for none."""
+        """Read the whole file; return the first damaged place, or "" for none."""
         found: list[int] = []
         try:
             for block, place in self._blocks(0, []):
@@ -332,7 +332,7 @@ class Recording:
             self.stopped = str(wrong)
 
     def _blocks(self, at: int, payloads: list[bytes], number: int = 0) -> Iterator[tuple[bytes, BlockPlace]]:
-        """Yield blocks of the journal from `number` on, keyframes and index, with their places.
+        """Yield the journal's blocks from `number` on, the keyframes and the index, with their places.
 
         Before each block, `payloads` gets the payloads of its packets. Raise UserError for a changed block.
         """
@@ -406,7 +406,7 @@ class Recording:
         return rows
 
     def list_keyframes(self) -> list[BlockPlace]:
-        """Return the places of the keyframes, in order. `scans` counts from the beginning of the run."""
+        """Return the places of the keyframes, in order. `scans` counts the scans since the run began."""
         self.read_index()
         return self._keyframes
 

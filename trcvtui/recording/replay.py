@@ -83,7 +83,7 @@ class ReplaySeam:
     def bind_call(
         self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
     ) -> Callable[..., T]:
-        """Return a function for this call. It answers from the next entry if that fits, else by `ask`."""
+        """Return a function that answers this call: from the next entry if it fits, else by `ask`."""
         nothing = cast(Callable[[], T], None)
 
         def answer_call(handle: Handle, *args: object) -> T:

@@ -2,7 +2,7 @@
 
 Rule 1: an entry points to packets in its block that carry its bytes. Else the entry keeps the bytes.
 Rule 2: a comment marks the end of a job at the packet with the last byte of the job. If this block lacks
-that packet, the comment says so. It is then at the connection's newest packet here, or at the block.
+that packet, the comment says so. The comment is then at the connection's newest packet, or at the block.
 Rule 3: files of a run share one RunPackets. So open connections keep their sequence numbers, ports and
 unread bytes in the next file.
 """

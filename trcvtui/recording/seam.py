@@ -42,7 +42,7 @@ class Seam(Protocol):
         """Return a function for a kernel call; its arguments are a handle and values, which are kept."""
 
     def handle_ledger_note(self, note: LedgerNote) -> None:
-        """Keep the note if a replay cannot make it again. The bench writes it just after this call."""
+        """Keep a note that a replay cannot make again. The bench writes the note just after this call."""
 
     def note_call(
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
@@ -104,7 +104,7 @@ class SeamRecorder:
         return record_call
 
     def note_arrival(self, owner: str, call: str, args: tuple[object, ...], answer: object) -> None:
-        """Keep a note of unread bytes, which a replay skips."""
+        """Keep a note of unread bytes; a replay skips such notes."""
         if not self.is_off:
             self._keep(_NEW_TUPLE(CallRecord, (owner, IN_GAP + call, args, answer)))
 
@@ -239,7 +239,7 @@ class _SeamKernel:
         return self._inner.recv_from(handle, into)
 
     def note_arrivals(self) -> None:
-        """Do nothing: a replay has the notes in its journal, and peers are not noted."""
+        """Do nothing: a replay has the notes in its journal, and bytes at peers are not noted."""
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
         self._buffer = data
@@ -436,7 +436,7 @@ WIRE_CALLS: Final = (  # calls of which packets are made
 
 
 class _WireKernel:
-    """A kernel that passes all calls to `inner`. It notes the calls at the wire at the seam."""
+    """A kernel that passes all calls to `inner`. Calls at the wire are also noted at the seam."""
 
     def __init__(self, seam: Seam, inner: Kernel, is_next: bool) -> None:
         self._seam, self._inner, self._is_next = seam, inner, is_next

@@ -1,8 +1,8 @@
 """Turns the state of a run into bytes and back: objects, contents, and references to the same object.
 
-Rule 1: objects that both sides have are only named: SharedObjects of the run, and constants of modules.
+Rule 1: objects that writer and reader both have are only named: SharedObjects, and constants of modules.
 Rule 2: nothing is unpickled. Classes, functions and constants come only from MAY_HOLD modules, by name.
-Rule 3: no length and no number of an object is trusted. What does not fit raises UserError.
+Rule 3: no length and no number of an object is trusted. Bytes that do not fit raise UserError.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def is_allowed_module(module: str) -> bool:
 
 
 class SharedObjects:
-    """All objects that `roots` hold at the beginning, numbered. Writer and reader both have them."""
+    """All objects that `roots` hold at the beginning, numbered. Writer and reader have the same objects."""
 
     def __init__(self, roots: Iterable[object]) -> None:
         self.objects: list[object] = []

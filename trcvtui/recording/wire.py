@@ -38,7 +38,7 @@ _PACK_SERIAL: Final = struct.Struct(">IIBBH").pack
 
 
 class WirePacket(NamedTuple):
-    """One packet. `line` is a ComBuffer, or "" for IP. The last `payload` bytes are the payload."""
+    """One packet. `line` names a ComBuffer, or is "" for IP. The last `payload` bytes are the payload."""
 
     owners: tuple[str, ...]
     line: str
@@ -54,7 +54,7 @@ class WirePacket(NamedTuple):
 class Flow:
     """One direction of a connection, a UDP socket or a serial line; places count bytes from the beginning.
 
-    A datagram counts one byte more, so that an empty one has a place, too.
+    A datagram counts one byte more than it has, so that an empty datagram has a place, too.
     """
 
     def __init__(self, is_stream: bool = False) -> None:
@@ -85,7 +85,7 @@ class Flow:
         return self.job
 
     def take_failed_job_end(self, scan: int) -> int:
-        """Return the end of the bytes that a job with ERROR took in this or the last scan, or else 0."""
+        """Return where the bytes end that a job with ERROR took in `scan` or the scan before, else 0."""
         since, place = self.ends[-1] if self.ends else (-9, self.job)
         self._end_job(place)
         return place if since >= scan - 1 else 0
@@ -320,7 +320,7 @@ class WirePackets:
             yield from self._handle_fault(call, stream, call.answer)
 
     def _handle_close(self, call: WireCall) -> Iterator[WirePacket]:
-        """Yield RST if the stack or our count has unread bytes (RFC 1122, 4.2.2.13), else FIN."""
+        """Yield RST if the stack or our own count shows unread bytes (RFC 1122, 4.2.2.13), else FIN."""
         flow = self.flows.get(call.handle, NO_FLOWS)[1]
         unread = call.args[0] if call.args else flow.whole - flow.taken
         yield from self._end_stream(call, (RST if unread else FIN) | ACK)
@@ -376,7 +376,7 @@ class WirePackets:
         at: int = -1,
         remark: str = "",
     ) -> WirePacket:
-        """Return one segment that a side sends. Side 0 is the PLC. The payload begins at place `at`."""
+        """Return one segment that a side sends. Side 0 is the PLC. The payload begins at byte `at`."""
         source, target = stream.ends[side], stream.ends[1 - side]
         flow, other = stream.flows[side], stream.flows[1 - side]
         at = flow.in_packets if at < 0 else at
@@ -398,7 +398,7 @@ class WirePackets:
     # -- the next file ----------------------------------------------------------------------------------
 
     def list_open_streams(self) -> Iterator[tuple[str, int, Flow, int]]:
-        """Yield each open stream's owner, handle, flow to the PLC, and the partner's FIN or RST, else 0."""
+        """Yield each open stream's owner, handle, flow to the PLC, partner's FIN or RST (0: none)."""
         for handle, stream in self._streams.items():
             if stream.is_open:
                 yield stream.owners[0], handle, stream.flows[1], stream.coming_end & (FIN | RST)
@@ -461,7 +461,7 @@ class WirePackets:
     def _make_ip_packet(
         self, protocol: int, source: Endpoint, target: Endpoint, head: bytes, sum_at: int, payload: bytes
     ) -> bytes:
-        """Return an IP packet. The checksum is put at offset `sum_at` in `head`."""
+        """Return an IP packet. The checksum goes to offset `sum_at` of the transport header `head`."""
         ends = _pack_address(source.address) + _pack_address(target.address)
         size = len(head) + len(payload)
         inner = checksum(ends + bytes((0, protocol)) + size.to_bytes(2, "big") + head + payload)
@@ -513,7 +513,7 @@ def _is_reset(answer: object) -> bool:  # an injected fault has nothing at the w
 
 
 def checksum(data: bytes) -> int:
-    """Return the checksum of RFC 1071: modulo 65535, all words as one number equal their sum."""
+    """Return the checksum of RFC 1071, computed modulo 65535 from all words as one number."""
     number = int.from_bytes(data + b"\0" if len(data) & 1 else data, "big")
     rest = number % 0xFFFF
     return 0xFFFF - (rest or (0xFFFF if number else 0))

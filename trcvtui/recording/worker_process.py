@@ -1,4 +1,4 @@
-"""A process that writes one answer into a file. While it runs, the file's first line shows its progress."""
+"""A process that writes one answer into a file. The file's first line shows the progress meanwhile."""
 
 from __future__ import annotations
 

@@ -1,9 +1,10 @@
-"""The writer of a recording is another process. It gets entries by a pipe, between scans, so no scan waits.
+"""The writer of a recording is another process, which gets entries by a pipe between scans: no scan waits.
 
-Rule 1: bytes that the pipe does not take wait. While over MOST_WAITING_BYTES wait, new entries are skipped.
-While over twice that size waits, whole blocks are skipped, too. `LostEntries` counts the lost entries.
+Rule 1: bytes wait if the pipe does not take them at once. While more than MOST_WAITING_BYTES wait, new
+entries are skipped. While more than twice MOST_WAITING_BYTES wait, whole blocks are skipped, too.
+`LostEntries` counts the lost entries.
 Rule 2: without the writer the bench continues. `trouble` says in one line why nothing more is recorded.
-Rule 3: when its pipe ends, even by a kill of the run, the writer writes what it has and ends the file.
+Rule 3: when the pipe ends, even by a kill of the run, the writer writes what it has and ends the file.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ class WriterProcess:
         self.advance()
 
     def add_block(self, block: bytes, entries: int = 0) -> None:
-        """Take an encoded block with this number of entries; leave it out if too much waits."""
+        """Take an encoded block with this number of entries; leave the block out if too many bytes wait."""
         if self.trouble:
             return
         if self._waiting_bytes > 2 * MOST_WAITING_BYTES:
@@ -114,7 +115,7 @@ class WriterProcess:
         self._is_finishing = True
 
     def advance(self) -> None:
-        """Write as much of the waiting bytes as the pipe takes."""
+        """Write as many of the waiting bytes as the pipe takes."""
         now = clock.now_ns()
         if not self._is_finishing and (now > self._posted_at + POST_INTERVAL_NS or self._block.is_full):
             self._posted_at = now
@@ -228,7 +229,7 @@ class BlockSink(Protocol):
 
 
 def run_writer(settings: str, sink: Callable[[RecordTarget], BlockSink], path: str) -> None:
-    """Write the blocks from stdin until it ends. Write an error, or an empty line, to stdout."""
+    """Write the blocks from stdin until stdin ends. Write an error, or an empty line, to stdout."""
     ignore_signals(GROUP_SIGNALS)  # Rule 3: they end the run, and its pipe ends us
     target, overwrite, has_secrets, limits = json.loads(settings)
     with suppress(AttributeError, OSError):

@@ -1,6 +1,6 @@
-"""The messages of a whole recording. It runs again, in slices, from the first to the last scan.
+"""The messages of a whole recording. The recording runs again, in slices, from the first to the last scan.
 
-Rule: rows that were read keep their values and numbers, whichever scan the replay shows.
+Rule: a row that was read keeps its values and its number, whichever scan the replay shows.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`trcvtui replay` runs a recording again. It compares both runs, or prints what the first run printed."""
+"""`trcvtui replay` runs a recording again, and compares both runs or prints what the first run printed."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def run_what_if(
 
 
 def replay_file(path: Path, is_check: bool, form: str | None) -> int:
-    """Run a recording again. Return 0 if it is the same, 1 if it differs or its scenario has failed."""
+    """Run a recording again. Return 0 if the run is the same, 1 if it differs or its scenario failed."""
     from trcvtui.recording.recording import Recording
 
     if not is_check and form is None:

@@ -27,7 +27,7 @@ PLAY_POLL_S: Final = 0.02  # between two frames while it plays
 
 
 def make_replay_driver(path: Path, at: str | None) -> ProcessDriver:
-    """Return the replay of a recording. It first shows the place `at`, or the first event for None."""
+    """Return the replay of a recording. The replay begins at `at`; None means the first event."""
     if at is not None:
         parse_place(at, "--at")  # refused here, before there is a screen
     return ProcessDriver(replay_main, path, at)

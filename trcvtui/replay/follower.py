@@ -1,4 +1,4 @@
-"""A run beside a writer replays the entries as they come. Its states are the keyframes.
+"""A run beside a writer replays the entries as they come. The states of this run are the keyframes.
 
 Rule 1: entries are written first. A run that cannot follow is ended, and then only keyframes are missing.
 Rule 2: a keyframe is due every SPACING_NS of the run, and at the start of a file that begins in the middle.
@@ -107,7 +107,7 @@ class KeyframingSink:
         return self._sink.trouble
 
     def add_block(self, block: bytes) -> None:
-        """Write the entries of a block at once; the run takes them later."""
+        """Write the entries of a block at once; the run replays them later."""
         self._sink.add_entries(decode_entries([block], self._where))  # Rule 1
         if not self._is_off:
             self._blocks.append(block)
@@ -144,7 +144,7 @@ class KeyframingSink:
         self._run, self._coming = None, _IncomingEntries()
 
     def advance(self, deadline_ns: int) -> bool:
-        """Let the run follow until this moment of the clock; return whether there is more to do."""
+        """Let the run replay entries until this moment of the clock; return whether there is more to do."""
         while not self._is_off:
             if self._coming.steps_ahead < 2 and (self._blocks or not self._has_all):  # a scan needs the next
                 if not self._blocks:
@@ -223,7 +223,7 @@ class LastKeyframeSink:
 
 
 class _LastStateSink(KeyframingSink):
-    """A run that follows to the end of its entries, and writes its last state."""
+    """A run that follows the entries to the end, and then writes its last state."""
 
     def close(self) -> None:
         self.advance(NO_DEADLINE)

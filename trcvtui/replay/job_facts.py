@@ -111,7 +111,7 @@ class _WaitingBytes:
             self._paths[connect] = [each for each in paths if each[0] >= second]
 
     def find_floods(self) -> Iterator[tuple[str, int, int]]:
-        """Yield each CONNECT on which unread bytes grow although jobs read: from when, for how many s."""
+        """Yield each CONNECT on which unread bytes grow although jobs read: first second, number of s."""
         for connect, least in self._least.items():
             read = self._read.get(connect, set())
             since, run = 0, 0
@@ -293,7 +293,7 @@ class _RunFacts:
             self.harms.setdefault(event.connection, []).append(self.wall_ns + t_ns)
 
     def _add_ends(self, connect: str, local: str, peer: str) -> None:
-        """Take the two ends of a socket. An unknown end is an empty text."""
+        """Note the CONNECT of a socket by the socket's two ends. An unknown end is an empty text."""
         port = int(local.rpartition(":")[2] or 0)
         for pair in ((port, peer), (port, ""), (0, peer)):
             if pair != (0, ""):

@@ -37,13 +37,13 @@ class Journal(Protocol):
 
 
 class JournalPosition:
-    """A position in a journal, as a keyframe has: the scans begun, and the entries since the last one."""
+    """A position in a journal, as in a keyframe: the scans begun, and the entries since the last scan."""
 
     def __init__(self) -> None:
         self.steps = self.beyond = 0
 
     def pass_entry(self, entry: Entry) -> bool:
-        """Pass an entry; return whether it begins a scan."""
+        """Move past an entry; return whether the entry begins a scan."""
         if type(entry) is CallRecord and entry.call == STEP:
             self.steps, self.beyond = self.steps + 1, 0
             return True
@@ -113,7 +113,7 @@ class Keyframes:
         return chain(() if replay.front is None else (replay.front,), replay.entries)
 
     def keep_if_due(self, run: ReplayRun) -> None:
-        """Keep the state of a run after a scan, if one is due."""
+        """Keep the state of a run after a scan, if a keyframe is due."""
         scan = run.bench.runtime.scans
         if scan % self._spacing == 0 and self.find_keyframe_scan(scan) + self._spacing <= scan:
             self._add_keyframe(scan, run)

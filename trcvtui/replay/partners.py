@@ -68,8 +68,9 @@ class ReplayedPartners(ReplaySeam):
 
     `recorded` advances with the recorded run, which runs first. If the scan intervals of the asking bench
     and of the recorded run differ, `intervals_ns` has both. Then each scan runs at a multiple of the asking
-    bench's interval, after the recorded run has done its scans up to that time and one more scan. From scan
-    `guess_from` of the recorded run on, the answer is a guess. None means that it is no guess.
+    bench's interval. Before this scan, the recorded run has done its scans up to that time and one more.
+    From scan `guess_from` of the recorded run on, the answer is a guess. If `guess_from` is None, the
+    answer is no guess.
     """
 
     def __init__(self, recorded: RecordedRun, peers: Collection[str]) -> None:
@@ -127,7 +128,7 @@ class ReplayedPartners(ReplaySeam):
 
     @contextmanager
     def pause_partners(self) -> Iterator[None]:
-        """Let scans pass that the recorded run only counted: in this context partners do nothing."""
+        """Let scans pass that the recorded run only counted; meanwhile the partners do nothing."""
         self._is_between, self._calls = True, LAST_CALL
         try:
             yield
@@ -246,7 +247,7 @@ class ReplayedPartners(ReplaySeam):
         return newest if at == now or not is_once else None
 
     def peek_call(self) -> CallRecord | None:
-        """Return nothing: WhatIf reads the commands of the journal for this bench."""
+        """Return None: WhatIf reads the commands of the journal for this bench."""
         return None
 
     def check_end(self) -> None:

@@ -2,7 +2,7 @@
 
 Rule 1: a place is a scan and a call in that scan. So a run that makes the same calls gets the same answers.
 Rule 2: bytes and ends count from their arrival on, not from the call that read them (arrivals.py).
-Bound: MOST_PARTNER_BYTES of all partners wait for the asking run. Further bytes are only counted.
+Bound: at most MOST_PARTNER_BYTES of all partners wait for the asking run. Further bytes are only counted.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ CLOSED, RESET, SHUT = "close", "abort", "shutdown"  # how this end of a connecti
 
 
 class CallPlace(NamedTuple):
-    """A scan, and the number of a PLC call in this scan. Call 0 is from the beginning of the scan on."""
+    """A scan, and the number of a PLC call in this scan. Call 0 means the beginning of the scan."""
 
     scan: int
     call: int = 0
@@ -87,7 +87,7 @@ class Partner:
             self._arrived.append((at, whole))
 
     def note_end(self, at: CallPlace, fault: Fault | None, is_told: bool = True) -> None:
-        """Note the end; the Fault of a call replaces a Fault that came from the state of the socket."""
+        """Note the connection's end; a call's Fault replaces a Fault that came from the socket's state."""
         self.fault = fault if is_told and fault is not None else self.fault or fault
         self.ended = min(self.ended, at)
 
@@ -108,7 +108,7 @@ class Partner:
 
 
 class DialledAttempt:
-    """One attempt of an active CONNECT. A success has the `answer` None. `gone` is when it was given up."""
+    """One attempt of an active CONNECT. On success, `answer` is None. `gone` is when it was given up."""
 
     def __init__(self, began: int) -> None:
         self.began = began  # in which scan
@@ -135,7 +135,7 @@ class InheritedSocket(NamedTuple):
 class RecordedRun:
     """All that a recorded run received so far: partners, attempts, answers by owner and call.
 
-    `first` is the last scan before these entries. `standing` has the sockets that are open after that scan.
+    `first` is the last scan before these entries. `standing` has the sockets open after scan `first`.
     """
 
     def __init__(

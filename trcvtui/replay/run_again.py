@@ -58,7 +58,7 @@ def guard_restored(is_restored: bool, where: str) -> Iterator[None]:
 
 
 class ReplayRun:
-    """The bench of a recorded run. `scenario` is None if it had none. If `is_whole`, it is at its end."""
+    """The bench of a recorded run, and its `scenario` or None. If `is_whole`, the run is at its end."""
 
     def __init__(
         self,
@@ -125,7 +125,7 @@ class ReplayRun:
         return False
 
     def _skip(self, scans: int) -> bool:
-        """Count skipped scans up to scan `limit`. Return whether all have passed before this scan."""
+        """Count skipped scans up to scan `limit`. Return whether all of them end before scan `limit`."""
         runtime = self.bench.runtime
         room = self.limit - runtime.scans
         if room < scans - self._skipped:

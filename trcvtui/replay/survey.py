@@ -1,4 +1,4 @@
-"""An index of a recording. It reads the journal once, for the time of each scan, edges and ERRORs."""
+"""An index of a recording: the time of each scan, edges and ERRORs, from one reading of the journal."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Survey:
         return self._scans[-1] if self._scans else self.first
 
     def time_of(self, scan: int) -> int:
-        """Return the time of a scan, ns, or of the nearest one that was read."""
+        """Return the time in ns of a scan, or of the nearest scan that was read."""
         if not self.times or scan <= 0:
             return 0
         scan = max(self.first + 1, min(scan, self.last_scan))
@@ -91,7 +91,7 @@ class Survey:
         return before + scans if scans == 1 or not took else before - (began - ns) * scans // took
 
     def _get_stretch(self, at: int) -> tuple[int, int, int, int]:
-        """Return the scan at index `at` - 1 and its time, and how many scans and ns later index `at` is."""
+        """Return scan and time at index `at` - 1, and how many scans and ns follow up to index `at`."""
         scan, ns = (self._scans[at - 1], self.times[at - 1]) if at else (self.first, 0)
         return scan, ns, self._scans[at] - scan, self.times[at] - ns
 
@@ -179,7 +179,7 @@ class Survey:
         return END if is_read else None
 
     def make_error_marks(self) -> bytes:
-        """Return 1 for each piece of the run in which an ERROR comes, 0 for the others."""
+        """Return a byte for each piece of the run: 1 if an ERROR comes in this piece, else 0."""
         known = self.last_scan, len(self.errors)
         if known != self._marks[0]:
             marks = bytearray(MARK_PIECES)

@@ -99,7 +99,7 @@ class ReplayController(Controller):
 
     @property
     def armed_trigger(self) -> str:
-        """Return the armed trigger, "" for none."""
+        """Return the text of the armed trigger, "" for none."""
         return self.trigger_watch.armed_text
 
     def step(self, now: int | None = None) -> bool:
@@ -275,7 +275,7 @@ class ReplayNavigator:
     # -- moving ----------------------------------------------------------------------------------------
 
     def advance(self, deadline_ns: int) -> bool:
-        """Move or read on in the recording, working until this time; return whether work remains."""
+        """Move or read on in the recording until this time of the clock; return whether work remains."""
         self._update_goal()
         if self._move(deadline_ns):
             return True

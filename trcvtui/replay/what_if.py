@@ -1,8 +1,9 @@
 """What-if: a recorded run, the same run with other parameters, their first difference, and their results.
 
 Rule 1: partners repeat their recorded acts at the recorded times (replay/partners.py).
-Rule 2: only keys that are declared replayable may change. A recording cannot show the effect of others.
-Rule 3: commands act in their recorded scans. Commands that write a held pin are left out and counted.
+Rule 2: only keys that are declared replayable may change. A recording cannot show the effect of other keys.
+Rule 3: commands act in their recorded scans. Commands that write a pin with a kept value are left out and
+counted.
 Rule 4: with another interval both runs advance by time, and the recorded run is a scan ahead.
 """
 
@@ -67,7 +68,7 @@ class _HeldPins:
         self.skipped = 0
 
     def filter_command(self, command: words.BenchCommand) -> words.BenchCommand | None:
-        """Return the command without held pins, None if nothing remains."""
+        """Return the command without pins that keep their values, None if nothing remains."""
         match command:
             case words.SetInputs(name, pins):
                 left = tuple([each for each in pins if (name, each[0]) not in self._pins])

@@ -1,4 +1,4 @@
-"""`trcvtui report` runs a recording again, or plays a capture to shadows. It writes one page."""
+"""`trcvtui report` runs a recording again, or plays a capture to shadows. The command writes one page."""
 
 from __future__ import annotations
 

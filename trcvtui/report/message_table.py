@@ -1,7 +1,7 @@
 """Messages as a table: its columns, and each row as a line of csv, jsonl or text.
 
 Rule: a value is written as by `udt decode`. A text in csv has no quotes. If a spreadsheet would run the
-text, a `'` is put before it. A member without bytes in a message is empty, never 0.
+text as a formula, a `'` is put before it. A member without bytes in a message is empty, never 0.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ def _paths(layout: Layout) -> list[str]:
 
 
 class _Fields:
-    """The columns of one type. `first` is the number of columns of other types before them."""
+    """The columns of one type. `first` is the number of columns of other types before these."""
 
     def __init__(self, layout: Layout, numbers: Sequence[int], instance: str, first: int, form: str) -> None:
         self.layout, self.first = layout, first

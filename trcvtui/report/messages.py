@@ -118,7 +118,7 @@ class _RowWriter:
         self.begun_ns = 0
 
     def begin_table(self, project: Project | None, begun_ns: int) -> None:
-        """Begin the table for a project's instances; None: for both directions of a capture."""
+        """Begin the table for a project's instances, or for both directions of a capture (None)."""
         asked, self.project, self.begun_ns = self.asked, project, begun_ns
         if project is None and asked.instance is not None:
             raise mistake("--instance", "a capture without instances", "--project beside it, or a recording")

@@ -196,7 +196,7 @@ class _PageParts:
         return self.notes.until.t_ns + self.notes.bench.runtime.interval_ns
 
     def ticks(self) -> Iterator[tuple[str, str]]:
-        """Yield the x of each grid line, and its time."""
+        """Yield the x position and the time of each grid line."""
         step = 1_000_000
         while self.end_ns > step * 10:
             step = step * 5 // 2 if str(step)[0] == "2" else step * 2
@@ -343,7 +343,7 @@ def _members(content: bytes, data: DataDecl) -> Iterable[Sequence[str]]:
 
 
 def _bars(columns: Sequence[int], bit: int, wide: float, y: int, high: int) -> Iterator[str]:
-    """Yield a bar for each unbroken row of columns with this bit, wide enough to see."""
+    """Yield a bar for each group of adjacent columns with this bit; a bar is wide enough to see."""
     begin = None
     for number, seen in enumerate((*columns, 0)):
         if seen & bit and begin is None:

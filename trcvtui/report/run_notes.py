@@ -190,7 +190,7 @@ class RunNotes:
             lane.extend_to(self.seen.t_ns)
 
     def add_outputs(self, at: ScanStamp, instance: str, args: tuple[object, ...]) -> None:
-        """Note outputs that a journal has after the last repeated scan. Their cause is not known."""
+        """Note outputs, of unknown cause, that a journal has after the last repeated scan."""
         decl = self.bench.project.instance(instance)
         if decl is None or len(args) != len(Outputs._fields) + 1 or not isinstance(args[1], int):
             return

@@ -1,1 +1,1 @@
-"""Reads, plays, judges and reports scenarios, also in several dialects. Keeps sessions as scenarios."""
+"""Reads, plays, judges and reports scenarios, also in several dialects. Saves sessions as scenarios."""

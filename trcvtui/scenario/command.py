@@ -67,7 +67,7 @@ def run_files(
 ) -> int:
     """Run scenario files. Return the worst result: 0 all held, 1 an expectation failed, 2 a file is wrong.
 
-    With `netns` each file runs in a new network of this process. With `dialects` it runs in each of them.
+    With `netns` each file runs in a new network of this process. With `dialects` it runs in each dialect.
     """
     if dialects and record is not None:
         raise mistake("--record", "--dialect beside it", "one of the two")

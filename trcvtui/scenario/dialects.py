@@ -1,7 +1,7 @@
 """One scenario in several dialects: the STATUS walks side by side, and where the walks differ.
 
 Rule 1: each dialect runs the whole scenario alone, as `trcvtui scenario` does, with its own verdict.
-Rule 2: nothing is aligned. A row is one scan, so the rows show if a dialect is later.
+Rule 2: dialects are not aligned. A row is one scan, so the rows show if a dialect is later.
 Rule 3: a partner sends the same bytes as in the scenario's own dialect, even if the layout is another.
 """
 
@@ -89,7 +89,7 @@ class DialectRun:
 
 
 class DialectReport(JsonLines):
-    """The report of files that run in all dialects. A comparison follows each file."""
+    """The report of files that run in all dialects. After each file comes a comparison."""
 
     def __init__(self, write: Write, form: str, dialects: int) -> None:
         if form not in FORMAT_NAMES:
@@ -142,7 +142,7 @@ class DialectReport(JsonLines):
 
 
 class WalkComparison:
-    """One instance in all dialects. Each of `rows` is first scan, last scan, and outputs by dialect."""
+    """One instance in all dialects. Each of `rows` has first scan, last scan, and outputs by dialect."""
 
     def __init__(self, instance: str, block: str, runs: Sequence[DialectRun]) -> None:
         self._head = f"{instance} ({block})"

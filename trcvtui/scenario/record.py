@@ -70,7 +70,7 @@ def record(
 ) -> int:
     """Record until the duration is over or a signal comes. Return 1 if the disk refuses a write, else 0.
 
-    If `is_kept` is False, the folder is temporary. Then a report of an internal error is written elsewhere.
+    If `is_kept` is False, the folder is temporary, so a report of an internal error is written elsewhere.
     """
     until = NEVER if duration is None else parse_time(duration, "--duration")
     target = RecordTarget(out, False, has_secrets, limits, follow)

@@ -1,11 +1,12 @@
 """Keeps the commands and the STATUS of a session on a bench, and writes them as a scenario file that runs.
 
 Rule 1: only commands that were carried out are kept, each with the number of scans that had passed before.
-Rule 2: a mark begins the expectations anew. Earlier commands stay, as they led to the state at the mark.
+Rule 2: a mark begins the expectations anew. Commands before the mark stay: they led to its state.
 Rule 3: commands before the first scan follow the commands of the project's `start`, which are not kept.
-Rule 4: on real sockets peers and scans act by two clocks. Then a scenario expects that jobs end with DONE
-between two events, but does not count these jobs.
-Bounds: MOST_COMMANDS commands of MOST_CHARACTERS characters. Each trace keeps its first and newest runs.
+Rule 4: on real sockets peers and scans act by two clocks. On real sockets a scenario expects that jobs end
+with DONE between two events, but does not count these jobs.
+Bounds: MOST_COMMANDS commands of MOST_CHARACTERS characters. Each trace keeps its first and its newest
+groups of equal scans.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ TURN_CONDITIONS: Final = (Condition.CONNECTED, Condition.RECEIVING, Condition.RE
 
 
 class StatusPattern:
-    """The STATUS of one instance as a pattern: its first and its newest runs of equal scans."""
+    """The STATUS of one instance as a pattern: its first and its newest groups of equal scans."""
 
     def __init__(self, of_the_wire: frozenset[int] = frozenset()) -> None:
         self._of_the_wire = of_the_wire
@@ -90,7 +91,7 @@ class StatusPattern:
         self._append(None)
 
     def mark_cut(self) -> None:
-        """Mark that runs between the first and the newest are left out."""
+        """Mark that scans between the first and the newest ones are left out."""
         self._scan, self._is_cut = None, True
         self._newest.clear()
 
@@ -153,7 +154,7 @@ class ExternalPartners(Struct, frozen=True):
 
 
 class SessionEntry(Struct, frozen=True):
-    """A line, and how many scans passed before it. It expects the trace of `traced`, if that is set."""
+    """A line after `scans` scans. If `traced` is set, the line expects the trace of that instance."""
 
     scans: int
     line: str
@@ -178,7 +179,7 @@ class _Trace:
 
 
 class RecordedSession:
-    """One bench from its first scan on: `note` keeps commands; outputs are read from the ledger."""
+    """One bench from its first scan on: `keep_command` keeps commands; outputs come from the ledger."""
 
     def __init__(self, bench: Bench, reader: LedgerReader, waves: WaveformRecorder) -> None:
         self._bench = bench
@@ -404,7 +405,7 @@ def _acts_by_clock(command: words.BenchCommand) -> bool:
 
 
 def _format_command(command: words.BenchCommand, line: str) -> str:
-    """Return the line as it was typed; bytes of a file as hex, as the file may change."""
+    """Return the line as it was typed, but bytes of a file as hex, because the file may change."""
     from_file = isinstance(command, words.PeerSend) and command.text.startswith("file")
     if line.isprintable() and not from_file:
         return line
@@ -422,7 +423,7 @@ def scenario_text(session: RecordedSession, bench: Bench, path: Path, before: st
     """Return the text of a scenario file for `path`.
 
     `before` is the project's text at the start of the session, if its file has changed since. The scenario
-    has this text, or the text of an installed project. No file names a path of the installation.
+    has this text, or the text of an installed project. The scenario names no path of the installation.
     """
     old, new = bench.project.base, path.parent
     lines = [_rebase_step(line, old, new) for line in session.steps()]

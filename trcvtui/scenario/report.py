@@ -33,7 +33,7 @@ NOT_REACHED_TEXT: Final = "not reached: an earlier wait failed"
 
 
 class JunitCase(Struct, frozen=True):
-    """One test case. `outcome` is "", failure, error or skipped. `kind`, `message`, `text` describe it."""
+    """One test case. `outcome` is "", failure, error or skipped. `kind`, `message`, `text` say why."""
 
     name: str
     ns: int = 0
@@ -60,7 +60,7 @@ class JunitSuite(Struct, frozen=True):
 
 
 class Report:
-    """The report of one command. Its methods are called file by file; this base class writes nothing."""
+    """The report of one command. Methods are called file by file; this base class writes nothing."""
 
     def __init__(self, write: Write) -> None:
         self._write = write
@@ -77,14 +77,14 @@ class Report:
         """Write the result of a scenario."""
 
     def write_error(self, path: Path, error: UserError) -> None:
-        """Write that a file could not run, or not run to its end. stderr also shows the mistakes."""
+        """Write that a file could not run, or could not run to its end. stderr also shows the mistakes."""
 
     def end(self) -> None:
         """End the report: no file follows."""
 
 
 class Junit(Report):
-    """The document of one command; it is written after the last file, when the sums are known."""
+    """The JUnit document of one command; it is written after the last file, when the sums are known."""
 
     def __init__(self, write: Write) -> None:
         super().__init__(write)

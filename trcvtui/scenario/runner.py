@@ -128,7 +128,7 @@ class StepResult(Struct, frozen=True):
 
 
 class Verdict(Struct, frozen=True):
-    """How one scenario ended. `traces` are the STATUS runs of each instance over the whole scenario.
+    """How one scenario ended. `traces` has the STATUS of each instance over the whole scenario.
 
     `taken` has the steps that were carried out, none after a failed `wait`. `errors` has the oldest first.
     """

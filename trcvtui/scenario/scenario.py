@@ -83,7 +83,7 @@ def check_bench_commands(project: Project) -> None:
 
 
 def read_start_steps(project: Project) -> tuple[Step, ...]:
-    """Return the commands of `start`, all as step 0. They run before scan 1. None may let a scan pass."""
+    """Return the commands of `start`, all as step 0. These steps run before scan 1 and let no scan pass."""
     where = f"{project.path}: start"
     steps = tuple(parse_script(project.start, project, where))
     waiting = [step for step in steps if _lets_scans_pass(step.command)]
@@ -124,7 +124,7 @@ class ScriptLine(Struct, frozen=True):
 class ScenarioFile(Struct, frozen=True):
     """A scenario file as a list shows it. `problem` is the first mistake in the file, in one line.
 
-    `blocks` (each once) and `dialect` are of the file's project. If the file has a mistake, they are empty.
+    `blocks` (each once) and `dialect` are of the file's project, and empty if the file has a mistake.
     """
 
     path: Path
@@ -203,7 +203,7 @@ class _Search:
 
 
 def read_scenario_file(path: Path) -> ScenarioFile | None:
-    """Return a file's row of the list, None if it has no scenario."""
+    """Return a file as a row of the list, None if the file has no scenario."""
     try:
         content = read_bounded(path, MOST_BYTES)
     except OSError as failed:

@@ -68,14 +68,14 @@ class Trace:
                 self._first.append((scan, 1))
 
     def take_section(self) -> TraceSection:
-        """Return the scans since the last call, and begin anew."""
+        """Return the scans since the last call of this method, and begin a new section."""
         section = TraceSection(tuple(self._since), self._lost)
         self._since.clear()
         self._lost = 0
         return section
 
     def newest_text(self, most: int) -> str:
-        """Return the newest runs in the notation of a pattern, `...` for earlier runs."""
+        """Return the newest groups of equal scans as a pattern, with `...` for earlier groups."""
         kept = self._since if self._is_cut else self._first
         runs = list(islice(reversed(kept), most))[::-1]
         older = self._is_cut or len(kept) > most
@@ -174,7 +174,7 @@ class StepRunner:
             self._fail(step, wrong)
 
     def _ask_doctor(self, step: words.Step, command: words.AskDoctor) -> Iterator[None]:
-        """Ask the doctor. Until it answers, scans pass on a live bench, but none in virtual time."""
+        """Ask the doctor. Until the doctor answers, scans pass on a live bench, but not in virtual time."""
         from trcvtui.bench.doctor_requests import BenchDoctor
 
         if self.judge is None:

@@ -21,7 +21,7 @@ class LineAnswer(Struct, frozen=True):
 class EngineTiming(Struct, frozen=True):
     """How punctual the scans are. Times are in ns. `mode` names what the operating system granted.
 
-    `late_ns` is the latest start. After 10 good seconds, `overruns` and `late_ns` are 0 again.
+    `late_ns` is how late the latest start was. After 10 good seconds, `overruns` and `late_ns` are 0 again.
     `late_by_picture` is the number of scans that a picture has delayed.
     """
 

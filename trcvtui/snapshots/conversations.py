@@ -8,10 +8,10 @@ TAP, ARMED_TAP = "tap", "armed tap"  # `kernel` of a tap's screen; armed: its ke
 
 
 class DirectionSnapshot(Struct, frozen=True):
-    """Counters of one direction. `rate` is in bytes per second, of the last second.
+    """Counters of one direction. `rate` is the number of bytes in the last second.
 
-    `held` is the number of bytes that a tap holds back, or None while it forwards them. `first` has the
-    first of these bytes. The tap has been holding for `held_ns`. `round_trip_ns` and `window` of the
+    `held` is the number of bytes that a tap holds back, or None while the tap forwards them. `first` has
+    the first held bytes. The tap has been holding for `held_ns`. `round_trip_ns` and `window` of the
     receiver are as the TCP stack of a tap knows them; None means unknown.
     """
 
@@ -47,5 +47,5 @@ class ConversationSnapshot(Struct, frozen=True):
 
     @property
     def held_ns(self) -> int | None:
-        """Return how long a tap has held a direction, of two the longer time; None: neither is held."""
+        """Return how long a tap has held a direction: the longer time of both, or None if none is held."""
         return max((w.held_ns for w in (self.to_plc, self.from_plc) if w.held is not None), default=None)

@@ -15,7 +15,7 @@ class ReplayPosition(Struct, frozen=True):
 
     The replay goes to the scan `wanted`. Times are ns of the run. `marks` has a byte for each piece of the
     run: 1 with an ERROR, else 0. `what_if` has lines about a run with another parameter. From scan
-    `parts_at` on, that run differs from the recorded run; 0 means no difference yet.
+    `parts_at` on, the what-if run differs from the recorded run; 0 means no difference yet.
     """
 
     report_scan: int

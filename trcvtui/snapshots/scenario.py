@@ -20,7 +20,7 @@ class PlayerSnapshot(Struct, frozen=True):
     """The progress of a scenario.
 
     `current` is the index of the step that runs or comes next. `scans_of_step` counts the scans of this
-    step. `traces` has the newest STATUS runs of each instance.
+    step. `traces` has the newest part of each instance's STATUS trace.
     """
 
     path: str

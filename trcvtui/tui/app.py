@@ -1,4 +1,4 @@
-"""The screen on a bench: pictures in, bench commands out. No logic of its own."""
+"""The screen on a bench: pictures in, bench commands out. The screen has no logic of its own."""
 
 from __future__ import annotations
 

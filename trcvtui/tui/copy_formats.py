@@ -176,7 +176,7 @@ class YankList(LineView, inherit_bindings=False):
 
 
 class YankScreen(ViewDialog[tuple[CopyFormat, str] | None]):
-    """Answers with the chosen format and its text. A letter chooses at once, `y` the row at the cursor."""
+    """Returns the chosen format and its text. A letter chooses at once, `y` the row at the cursor."""
 
     BINDINGS: ClassVar = [
         *[Binding(letter, f"take('{letter}')", show=False) for letter in FORMAT_LETTERS],

@@ -58,7 +58,7 @@ class TimeWindow:
 
 
 class MemberTrace(NamedTuple):
-    """A drawn member. `now` is its value in the newest message. If `curve` is None, no value is in view."""
+    """A drawn member. `now` is the newest message's value. If `curve` is None, no value is in view."""
 
     leaf: Leaf
     style: str

@@ -171,7 +171,7 @@ class FindingList(LabelledText):
 
 
 class DoctorScreen(ViewDialog[DoctorTarget | None]):
-    """Answers with the place to go to; while it is open, the doctor keeps checking."""
+    """Returns the place to go to; while this screen is open, the doctor keeps checking."""
 
     BINDINGS: ClassVar = hidden_bindings({
         "enter": "remedy", "s": "place(False)", "b": "place(True)", "a": "others", "J": "leave",

@@ -57,7 +57,7 @@ def _cut_to_width(text: str, width: int) -> str:
 
 
 def clip_middle(text: str, width: int) -> str:
-    """Return a name in at most `width` columns. Its end stays, because names often differ at the end."""
+    """Return a name in at most `width` columns. The end stays, because names often differ there."""
     if measure(text) <= width or width < 5:
         return clip(text, width)
     tail = (width - 1) // 2

@@ -33,7 +33,7 @@ def buffer_for(view_model: ViewModel) -> str:
 
 
 def find_framed_block(buffer: str, view_model: ViewModel) -> str:
-    """Return the selected instance if it cuts this ComBuffer's bytes, else the first one that does."""
+    """Return the selected instance if it cuts this ComBuffer's bytes, else the first instance that does."""
     readers = [
         i.name for i in view_model.project.instances if i.connect == buffer and block_row(i.block).affix_pins
     ]
@@ -128,7 +128,7 @@ class FramingList(LabelledText):
 
 
 class FramingScreen(ViewDialog[tuple[str, ...]]):
-    """The screen of the proposals. Its answer is the bench lines to run, none if you leave it."""
+    """The screen of the proposals. The answer is the bench lines to run, none if you leave the screen."""
 
     BINDINGS: ClassVar = hidden_bindings({"enter": "apply", "r": "again", "B": "leave"})
     DEFAULT_CSS = """

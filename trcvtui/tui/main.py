@@ -398,7 +398,7 @@ class MainScreen(FullScreen[None]):
         self.set_focus(self._focus_target(digit))
 
     def watch_focused(self) -> None:
-        """Give the pane with the focus a class, as `:focus-within` would style all of its parts again."""
+        """Give the pane with the focus a class, because `:focus-within` would style all its parts again."""
         for pane in (self.received, self.peer):
             if pane.has_class(WITHIN_CLASS) != pane.has_focus_within:
                 pane.set_class(pane.has_focus_within, WITHIN_CLASS, update=False)

@@ -62,7 +62,7 @@ class CurveWanted(Message):
 
 @dataclass
 class EdgeSelected(Message):
-    """A STATUS edge of the past was chosen, in the history or in the timing pane; None: back to now."""
+    """A STATUS edge of the past was chosen, in the history or in the timing pane; None means now."""
 
     seq: int | None
     line: Line | None = None
@@ -89,7 +89,7 @@ class LabRowSelected(Message):
 
 @dataclass
 class ProfileChosen(Message):
-    """Request to take the profile with this number in the ranking as theirs."""
+    """Request to take the profile with this number in the ranking as the sender's profile."""
 
     number: int
 

@@ -18,7 +18,7 @@ PAYLOAD_MODES: Final = (HEX, TEXT, UDT)
 
 @dataclass(frozen=True, slots=True)
 class Button:
-    """One button with letter, label and bench command for a peer. With `edit` you complete the command."""
+    """One button with letter, label and bench command for a peer. If `edit`, you complete the command."""
 
     letter: str
     label: Callable[[PeerSnapshot], str]
@@ -69,7 +69,7 @@ CLEAR_BUTTON: Final = Button("u", _always("Clear faults"), _always("fault clear"
 
 
 def buttons_for(faults: bool, peer: PeerSnapshot | None = None) -> tuple[Button, ...]:
-    """Return the buttons that make sense for a peer. While a fault is armed, `u` clears the fault."""
+    """Return the buttons that make sense for a peer. The button `u` clears an armed fault."""
     silence = (SILENCE_BUTTON,) if peer is not None and peer.link else ()
     is_udp = peer is not None and peer.udp
     always = tuple(button for button in BUTTONS if not (is_udp and button.letter in CONNECTED_LETTERS))
@@ -80,7 +80,7 @@ def buttons_for(faults: bool, peer: PeerSnapshot | None = None) -> tuple[Button,
 
 
 def make_try_splits_line(peer: str, mode: str, payload: str, instance: str, gap: str) -> str:
-    """Return the bench command that tries every split of a payload. Only `gap`'s first pause counts."""
+    """Return the bench command that tries every split of a payload, with only the first pause in `gap`."""
     options = f" gap={gap.split(',')[0].strip()}" if gap.strip() else ""
     message = _quote(payload) if mode == TEXT else payload.strip()
     return f"peer {peer} try-splits {mode} {message} on {instance}{options} differ=any"

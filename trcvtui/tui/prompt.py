@@ -1,4 +1,4 @@
-"""The command line, which `:` opens. While closed, it shows the last command and its answer."""
+"""The command line, which `:` opens. While closed, this line shows the last command and its answer."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class EchoLine(LineView, can_focus=False):
         self._fit_height()
 
     def show_preview(self, note: str) -> None:
-        """Show the effect of the line that you are typing. "" brings back the last command."""
+        """Show the effect of the line that you are typing. For an empty text, show the last command."""
         if note != self.note:
             self.note = note
             self._fit_height()
@@ -96,7 +96,7 @@ class PromptInput(EntryField):
         self._prompt.recall(step)
 
     def action_complete(self) -> None:
-        """Complete the last word at once: the drawn suggestion may be late."""
+        """Complete the last word at once, without waiting for the drawn suggestion."""
         self._prompt.complete()
 
     async def action_submit(self) -> None:
@@ -111,7 +111,7 @@ class PromptInput(EntryField):
 
 
 class Prompt(Vertical):
-    """The echo line and the input. The prompt keeps the typed lines and the lines to send next."""
+    """The echo line and the input line. The prompt stores the typed lines and the lines to send next."""
 
     DEFAULT_CSS = "Prompt { height: auto; background: $background; }"
 
@@ -155,9 +155,9 @@ class Prompt(Vertical):
         return self._open_line.display
 
     def open(self, text: str = "", *then: str) -> None:
-        """Open the command line with a text. The very next key is typed into it.
+        """Open the command line with a text. The very next key is typed into this line.
 
-        If you send the text unchanged, each line of `then` follows after the ✓ of the line before.
+        If you send the text unchanged, each line of `then` is sent after the ✓ of the line before.
         """
         self._steps, self._after = (text, *then), -1
         if not self._input.is_attached:

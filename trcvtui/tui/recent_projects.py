@@ -35,7 +35,7 @@ def recent_projects() -> list[str]:
 
 
 def remember_project(project: Path) -> None:
-    """Put a project first, unless it is the demo. Do nothing if the list cannot be read or written."""
+    """List a project first, unless it is the demo. Do nothing if the list cannot be read or written."""
     path = os.path.abspath(project)
     if project != paths.demo_path():
         with suppress(OSError, UserError):
@@ -46,7 +46,7 @@ def remember_project(project: Path) -> None:
 
 
 def make_run_line(path: str) -> str:
-    """Return the shell command that opens a project. Bytes that cannot be printed are in octal."""
+    """Return the shell command that opens a project. Unprintable bytes of the path are in octal."""
     if path.isprintable():
         return f"trcvtui run {quote(path)}"
     letters = (chr(c) if 32 <= c < 127 and c not in b"\\'" else f"\\{c:03o}" for c in os.fsencode(path))

@@ -56,7 +56,7 @@ STYLES: Final = {
 
 
 def position_bar(position: ReplayPosition, width: int) -> str:
-    """Return a bar of the whole recording: the present scan, what has passed, the ERRORs."""
+    """Return a bar of the whole recording: the shown scan, the scans before it, the ERRORs."""
     pieces, first = len(position.marks), position.first + 1
     scans = max(1, position.last_scan - position.first)
     here = max(0, position.report_scan - first) * width // scans
@@ -207,7 +207,7 @@ class ReplayScreen(MainScreen):
         self.position.show()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave `g`, home and end to an input field and to the table of messages."""
+        """Leave the keys `g`, home and end to an input field and to the table of messages."""
         is_typed = action in ("at", "prompt") and isinstance(self.focused, Input)
         is_of_table = (action, *parameters) in PRIORITY_ACTIONS and self.focused is self.received.table.first
         return not (is_typed or is_of_table) and super().check_action(action, parameters)

@@ -1,11 +1,11 @@
-"""The same screen in a browser on this machine, through textual-serve. Without `--write` it is read-only.
+"""The bench's screen in a browser on this machine, through textual-serve, read-only without `--write`.
 
-Rule 1: the server is only on 127.0.0.1 and only for its own pages. Otherwise any other page in the same
-browser could command the bench. So the Host and the Origin of every request are checked.
+Rule 1: the server listens only on 127.0.0.1 and answers only its own pages. Otherwise any other page in the
+same browser could command the bench. So the Host and the Origin of every request are checked.
 Rule 2: a request needs the printed address, as other users of this machine can reach the port. The address
-holds a random token. The browser gets a cookie for it, which every later request must show.
+holds a random token. For the token the browser gets a cookie, which every later request must show.
 Rule 3: there is one engine, which ends with this process. Each tab is a separate process that shows the
-engine. At most MOST_TABS tabs run.
+engine. At most MOST_TABS tabs are open.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def refuse_root(write: bool, as_root: bool) -> None:
 
 
 class AccessControl:
-    """Passes only requests from our own pages (rule 1) that show the token or the cookie (rule 2)."""
+    """Accepts only requests from our own pages (rule 1) that show the token or the cookie (rule 2)."""
 
     def __init__(self, port: int) -> None:
         self.token = secrets.token_urlsafe(32)
@@ -84,7 +84,7 @@ class AccessControl:
     def find_refusal(self, host: str, origin: str | None, is_socket: bool) -> str:
         """Return why a request is refused even with the right token, or "" if rule 1 allows it.
 
-        A browser always names the Origin of a websocket, so a websocket without it is not from our page.
+        A browser always names the Origin of a websocket, so one without Origin is not from our page.
         """
         if host.lower() not in self._own or (origin is None and is_socket):
             return FOREIGN_REFUSAL
@@ -92,11 +92,11 @@ class AccessControl:
         return FOREIGN_REFUSAL if origin is not None and (scheme != "http" or named not in self._own) else ""
 
     def is_token(self, shown: str | None) -> bool:
-        """Return whether a text is the token, in a time that does not show where the texts differ."""
+        """Return whether a text is the token; the time taken does not tell where they differ."""
         return hmac.compare_digest((shown or "").encode(), self.token.encode())
 
     def grant_cookie(self) -> web.Response:
-        """Set the cookie, and redirect: the address in the browser's history then has no token."""
+        """Set the cookie and redirect, so that the browser's history contains no token."""
         from aiohttp import web
 
         answer = web.Response(status=303, headers={"Location": f"{self.address}/", **QUIET_HEADERS})

@@ -1,8 +1,8 @@
-"""The user's settings in the config folder: theme and keys. Each mistake in them is one line in `problems`.
+"""The user's settings in the config folder: theme and keys. Each mistake is one line in `problems`.
 
 config.toml: theme = "dark" | "light" | "ansi" | one of Textual's, such as "nord"
-(without it the terminal's colours decide). keys.toml: action = "key", or a list of keys. Lower-case letters
-belong to pins and panes, so an action may have a lower-case letter only as its default key.
+(without a theme the terminal's colours decide). keys.toml: action = "key", or a list of keys. Lower-case
+letters belong to pins and panes, so an action may have a lower-case letter only as its default key.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ EXPECTED_KEY: Final = "one character, or a key such as f5, ctrl+k or pageup"
 
 @dataclass(frozen=True, slots=True)
 class ScreenSettings:
-    """`keymap` has the keys of each changed action, `names` the new name of each changed default key."""
+    """`keymap` has the user's keys by action; `names` has the new name of a key by its default name."""
 
     theme: str = "dark"
     keymap: Mapping[str, str] = field(default_factory=dict)
@@ -74,7 +74,7 @@ def _read_table(path: Path, problems: list[str]) -> dict[str, Any]:
 
 
 def theme_for(environ: Mapping[str, str]) -> str:
-    """Return the theme for the terminal's variables. A terminal with at most 16 colours keeps its own."""
+    """Return the theme for the environment. A terminal with at most 16 colours keeps its own colours."""
     name = environ.get("TEXTUAL_COLOR_SYSTEM", "auto")  # Textual uses it, also in a browser
     system = name if name in COLOUR_SYSTEMS else "auto"
     console = Console(color_system=system, force_terminal=True, _environ=environ)
@@ -136,7 +136,7 @@ def _parse_keys(given: object, own: set[str], kept: Mapping[str, str]) -> list[s
 
 
 def _parse_key(text: str) -> str | None:
-    """Return the name of a key in key events; None if the text is no key."""
+    """Return the name that key events use for a key; None if the text is no key."""
     if len(text) == 1:
         return _character_to_key(text) if text.isprintable() and not text.isspace() else None
     if text in KEY_NAMES or text in ("full_stop", "colon", "backslash", "question_mark"):

@@ -74,7 +74,7 @@ class TerminalApp(App[None]):
         """End the child processes of this screen. If `is_dead`, this process itself ends right after."""
 
     def get_css_variables(self) -> dict[str, str]:
-        """Return the colours of the theme; unreadable ones are replaced."""
+        """Return the colours of the theme; colours that are hard to see are replaced."""
         colours = super().get_css_variables()  # its `theme_variables`, too
         colours.update(readable_colours(self.current_theme, colours))
         return colours
@@ -120,7 +120,7 @@ class TerminalApp(App[None]):
         self.exit(return_code=128 + number)  # as a shell reports a signal
 
     def _exit_if_hung_up(self) -> None:
-        """End if the terminal is gone. Under `make` no SIGHUP comes, and reading would spin for ever."""
+        """End the process if the terminal is gone. Under `make` no SIGHUP comes, and reading would loop."""
         if not os.isatty(sys.__stdin__.fileno() if sys.__stdin__ else -1):
             self.end_children(True)
             os._exit(HANG_UP_EXIT)  # no terminal to restore
@@ -128,7 +128,7 @@ class TerminalApp(App[None]):
     # -- keys ---------------------------------------------------------------------------------------
 
     async def on_event(self, event: events.Event) -> None:
-        """Handle a key before the next key is read. Keep the keys for which the screen is not ready."""
+        """Handle a key before the next key is read. While the screen is not ready, store the keys."""
         if isinstance(event, events.Key | events.Paste) and not event.is_forwarded:
             self._keys += 1
             if (self._keeps_keys or self._kept_keys) and not self._is_quit_key(event):
@@ -147,7 +147,7 @@ class TerminalApp(App[None]):
         return bound is not None and bound.binding.action in QUIT_ACTIONS
 
     async def process_kept_keys(self) -> None:
-        """Handle the kept keys in their order; one of them may begin another wait."""
+        """Handle the stored keys in their order, until one of them makes the others wait again."""
         self._keeps_keys = False
         while self._kept_keys and not self._keeps_keys:
             if not await dispatch_key(self, self._kept_keys[0]):

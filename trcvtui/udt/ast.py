@@ -1,4 +1,4 @@
-"""What a source file declares, before names are looked up. Each name keeps its place in the file.
+"""What a source file declares, before names are looked up. Each name has its place in the file.
 
 Every source format is read into these values. `type_set.py` turns these values into types.
 """
@@ -19,7 +19,7 @@ PACK_MODES = (0, 1, 2, 4, 8)  # what a pack_mode may be
 
 
 class Formula(NamedTuple):
-    """A whole number written with names, as `GVL.MAX + 1`. It is evaluated once constants are known."""
+    """A whole number written with names, as `GVL.MAX + 1`. It is evaluated when the constants are known."""
 
     text: str
     where: str
@@ -36,7 +36,7 @@ class TypeName(NamedTuple):
 
 
 class TextSpec(NamedTuple):
-    """STRING or WSTRING whose length is a formula. A plain length makes a `StringType` right away."""
+    """STRING or WSTRING whose length is a formula. A plain length makes a `StringType` instead."""
 
     length: Formula
     wide: bool
@@ -57,7 +57,7 @@ class ArraySpec(NamedTuple):
 
 
 class MemberSpec(NamedTuple):
-    """A member of a STRUCT or UNION. With a `width` it is a bit-field of C, which only takes room."""
+    """A member of a STRUCT or UNION. With a `width` it is a bit-field of C, which has no value."""
 
     name: str
     spec: Spec
@@ -81,8 +81,8 @@ class StructSpec(NamedTuple):
 class EnumSpec(NamedTuple):
     """Enumeration. Without a `base` the layout chooses the base, which is INT for most layouts.
 
-    A number None is one more than the number before it, or 0 for the first. If `is_scoped`, the names are
-    known only inside the enumeration.
+    A number that is None is one more than the number before, or 0 for the first. If `is_scoped`, the names
+    are known only inside the enumeration.
     """
 
     base: TypeName | None
@@ -95,10 +95,10 @@ Spec = TypeName | StringType | Pointer | RawType | TextSpec | RangeSpec | ArrayS
 
 
 class Declaration(NamedTuple):
-    """One declared type. `problems` are mistakes in its text. `spec` is None if the text is unreadable.
+    """One declared type. `problems` are mistakes in the text. `spec` is None if the text is unreadable.
 
-    `notes` are shown beside the type and are not mistakes. An example is optimised access.
-    If `is_data`, it is a data block or variables, which cannot be the type of a member.
+    `notes` are shown beside the type and are not mistakes, such as a note on optimised access.
+    If `is_data`, the declaration is a data block or variables, which cannot be the type of a member.
     """
 
     name: str
@@ -141,7 +141,7 @@ class Declarations(NamedTuple):
 
 
 def strip_places(part: Any) -> Any:
-    """Return a part of a declaration as a value to compare, without places in files, in lower case."""
+    """Return a part of a declaration in lower case and without places in files, to compare it."""
     if isinstance(part, tuple):
         names = getattr(part, "_fields", ())
         kept = [each for at, each in enumerate(part) if names[at : at + 1] != ("where",)]

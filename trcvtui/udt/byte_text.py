@@ -1,6 +1,6 @@
 """Bytes as text: parses hex, writes the forms of other tools and a `hexdump -v -C`, searches bytes.
 
-Rule: nothing is guessed. The first character that is not hex is named with its place.
+Rule: nothing is guessed. An error names the first character that is not hex, and its place.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ _REAL_CODES: Final = (("REAL", "f"), ("LREAL", "d"))
 
 @dataclass(frozen=True, slots=True)
 class SearchPatterns:
-    """Any of `patterns` is a hit. `about` describes the patterns."""
+    """Bytes equal to any of `patterns` are a hit. `about` describes the patterns."""
 
     patterns: tuple[bytes, ...]
     about: str
@@ -214,7 +214,7 @@ def _make_patterns(found: list[tuple[str, bytes]]) -> SearchPatterns:
 
 
 def find_first(content: bytes, patterns: tuple[bytes, ...], start: int = 0) -> int | None:
-    """Return the first place of any pattern from `start` on."""
+    """Return the first place from `start` on at which one of the patterns begins."""
     found = [place for pattern in patterns if (place := content.find(pattern, max(0, start))) >= 0]
     return min(found, default=None)
 

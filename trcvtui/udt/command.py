@@ -146,7 +146,7 @@ def compare(args: SimpleNamespace) -> tuple[str, bool]:
 
 
 def fit(args: SimpleNamespace) -> tuple[str, bool]:
-    """Return the answer of `udt fit`, and whether a layout fits best, even if ours cannot hold the type."""
+    """Return the answer of `udt fit`, and whether one layout fits best."""
     from trcvtui.udt.compare.fit import rank
     from trcvtui.udt.compare.fit_report import fit_json, fit_text
 
@@ -236,7 +236,7 @@ def read_layout(args: SimpleNamespace) -> Layout:
 
 
 def read_file_layout(path: str) -> tuple[Layout, SenderLayout]:
-    """Return the layout of a file's only type that is in no other type, and its sender's likely layout."""
+    """Return the layout of a file's only outermost type, and the likely layout of its sender."""
     types, own = read_all_types(SimpleNamespace(file=path, others=(), constant=()), None)
     inner = {
         part.name.casefold()

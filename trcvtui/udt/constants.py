@@ -1,7 +1,8 @@
 """Formulas with names in them, and the constants of the user, of files and of enumerations.
 
-Rules: a formula is data of a file: bounded, and never evaluated as Python. A constant is found by its whole
-name, else by its end. The user's constants come before a file's. A name with two numbers has no value.
+Rules: a formula comes from a file, so it is bounded and never evaluated as Python. A constant is found by
+its whole name, else by its end. The user's constants come before a file's. A name with two numbers has no
+value.
 """
 
 from __future__ import annotations
@@ -142,7 +143,7 @@ class _LookUpResult(NamedTuple):
 
 
 class Constants:
-    """All constants of a set of types. A whole name, `Lib.GVL.MAX`, or its end, `GVL.MAX`, finds one."""
+    """All constants of a set of types. A constant is found as `Lib.GVL.MAX`, or by the end `GVL.MAX`."""
 
     def __init__(self, given: Mapping[str, int] | None = None, declared: Iterable[Constant] = ()) -> None:
         self.whole: dict[str, list[_ConstantEntry]] = {}
@@ -165,7 +166,7 @@ class Constants:
             self._add(f"{enumeration}.{name}", 2, number, offset, enumeration)
 
     def evaluate_number(self, number: Number, unknown: list[str], scope: str = "") -> int | None:
-        """Return the number's value. If it is None, `unknown` gets the unknown names. Raise UserError."""
+        """Return the number's value. Without a value, `unknown` gets the unknown names. Raise UserError."""
 
         if self.is_first:  # once in the order of the files: a long chain then refers to known values only
             self.is_first = False

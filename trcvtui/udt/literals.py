@@ -49,7 +49,7 @@ _INTEGER = r"(?ai)(?:([a-z]+)#)?([+-]?)(?:(2|8|16)#)?([0-9a-f]+(?:_[0-9a-f]+)*)"
 
 
 def quote_text(text: str, mark: str = "'", digits: int = 2) -> str:
-    """Return a text in IEC quotes. Control codes, 127 to 255 and the `*` of `(*` and `*)` become $hh."""
+    """Return a text in IEC quotes. Control codes, codes 127 to 255 and `*` in `(*` and `*)` become $hh."""
     coded = []
     for one in text:
         is_code = ord(one) < 0x20 or 0x7F <= ord(one) <= 0xFF or 0xD800 <= ord(one) <= 0xDFFF

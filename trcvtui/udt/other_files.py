@@ -1,6 +1,6 @@
-"""Files of other tools, a row each: what they are, how to recognise them, what to use instead.
+"""Files of other tools, one in each row: what they are, how to recognise them, what to use instead.
 
-Rule: the content decides before the suffix, except for zip archives. Type files and captures share rows.
+Rule: a file's content decides before its suffix, except for zip archives. Captures use the same rows.
 """
 
 from __future__ import annotations

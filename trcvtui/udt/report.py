@@ -64,8 +64,8 @@ def place_text(leaf: Leaf) -> str:
 def decoded_json(layout: Layout, data: Data, name: str = "", most: int | None = None) -> str:
     """Return the object of `udt decode`, with values by path, null past the end, and oddities as `marks`.
 
-    The object has the first `most` members. `name` is the path of a lone value. `escaped` are the paths of
-    texts with code units that are not characters.
+    The object has the first `most` members. `name` is the path of a type that is a single value. `escaped`
+    are the paths of texts with code units that are not characters.
     """
     leaves = layout.leaves(0, most)
     named = [(leaf.path or name, leaf) for leaf in leaves]

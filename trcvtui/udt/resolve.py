@@ -95,7 +95,7 @@ class Resolver:
                 self.types[key], self.depths[key] = type_, depth
 
     def order_keys(self) -> list[str]:
-        """Return all declared keys, each after the keys that it uses. Long chains need no recursion."""
+        """Return all declared keys, each after the keys that it uses. A long chain causes no recursion."""
         order: list[str] = []
         seen: set[str] = set()
         path: dict[str, Iterator[str]] = {}
@@ -122,7 +122,7 @@ class Resolver:
         return (name for name in names if name in self.declared)
 
     def key_of(self, reference: ast.TypeName) -> str:
-        """Return the key of a name such as `Lib.T`. It is the whole name if declared, else T."""
+        """Return the key of a name such as `Lib.T`. The key is the whole name if declared, else T."""
         whole = reference.name.casefold()
         return whole if self.is_declared(whole) else whole.rpartition(".")[2]
 
@@ -320,7 +320,7 @@ class Resolver:
         return first, last
 
     def evaluate_number(self, number: ast.Number, user: str) -> int | None:
-        """Return the value of a number; None, with problems, if it has none."""
+        """Return the value of a number; if it has no value, report problems and return None."""
         if isinstance(number, int):
             return number
         unknown: list[str] = []

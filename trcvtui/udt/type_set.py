@@ -45,7 +45,7 @@ class TypeSet:
         return [name for name, _ in self.types.values()]
 
     def get_type(self, name: str, where: str = "type") -> Type:
-        """Return a type by name, in any case. Raise UserError if unknown, or with all its problems."""
+        """Return a type by name, in any case. Raise UserError if unknown or bad, with all problems."""
         for known in _lookup_keys(name):
             if known in self.types:
                 return self.types[known][1]
@@ -55,7 +55,7 @@ class TypeSet:
         raise mistake(where, f"'{name}'", f"a type of {self.where}: {known}")
 
     def source_layout(self, name: str) -> str:
-        """Return the layout that the source of a type decides, "" for none."""
+        """Return the layout that the source of a type decides, "" if it decides no layout."""
         return "" if self.sender_layout(name).source else self.sender_layout(name).layout
 
     def sender_layout(self, name: str) -> SenderLayout:
@@ -97,7 +97,8 @@ def join_declarations(
     """Return the types of all files together. The types may use each other in any order.
 
     `constants` are the user's own. The types of a Siemens source may use the system types of Siemens. With
-    `has_system_types` all types may. A type that a file declares replaces the system type of its name.
+    `has_system_types` all types may use the system types. A type that a file declares replaces the system
+    type of its name.
     """
     files = tuple(files)
     known = Constants(constants, [constant for file in files for constant in file.constants])

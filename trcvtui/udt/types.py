@@ -113,7 +113,7 @@ ADDRESS = ELEMENTARY["PVOID"]  # how a pointer is stored
 class StringType:
     """STRING or WSTRING of `length` characters. If `length` is None, the layout has a default length.
 
-    With `utf8`, TwinCAT's attribute TcEncoding, it has `length` bytes of UTF-8, not characters of Latin-1.
+    With `utf8` (TwinCAT's TcEncoding) the text has `length` bytes of UTF-8, not characters of Latin-1.
     """
 
     length: int | None = None
@@ -123,7 +123,7 @@ class StringType:
 
 @dataclass(frozen=True, slots=True)
 class Subrange:
-    """A range such as `INT(0..10)`, stored as its base type. A received value may be outside its limits."""
+    """A range such as `INT(0..10)`, stored as its base type. A received value may be outside the range."""
 
     base: Elementary
     low: int
@@ -167,7 +167,7 @@ class Member:
 
 
 class BitField(NamedTuple):
-    """A bit-field of C before member number `at`. It only takes room. Its type has `size` bytes.
+    """A bit-field of C before member number `at`, without a value. Its type has `size` bytes.
 
     With `element` it is an ARRAY without a length, which has no bytes but aligns the end of the type.
     """
@@ -186,7 +186,7 @@ class Struct:
     """STRUCT with its own members in declared order. A STRUCT that is written in place has no `name`.
 
     `base` is the STRUCT after EXTENDS, whose members come first. `pack` is the pack_mode attribute in
-    bytes, or None without the attribute. 0 and 1 leave no gaps.
+    bytes, or None without the attribute. A pack_mode of 0 or 1 leaves no gaps.
     """
 
     name: str

@@ -24,9 +24,9 @@ MOST_SHOWN_BYTES: Final = 4096  # received bytes in a snapshot
 
 
 class Peer:
-    """One peer, with its queues and its transport. Its commands return "" or what is wrong.
+    """One peer, with its queues and its transport. Each command returns "" or what is wrong.
 
-    `policy` is the policy of the PLC's CONNECTs. It sets the size of buffers and allows broadcasts or not.
+    `policy` is the policy of the PLC's CONNECTs. The policy sets buffer sizes and allows broadcasts or not.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Peer:
         return self.queues.outbox.unsent
 
     def has_received(self, payload: bytes) -> bool:
-        """Return whether exactly `payload` came on this connection, in all or since the last match."""
+        """Return whether `payload` is all that came on this connection, or all since the last match."""
         return self.queues.inbox.match_exactly(payload)
 
     def snapshot(self) -> PeerSnapshot:
@@ -114,7 +114,7 @@ class Peer:
     def send(self, send: PeerSend, now: int, number: int = 0) -> str:
         """Send as much of a message as the stack takes now; `step` sends the rest.
 
-        If the message has a place for a number, `number` is filled in there.
+        `number` is the number of the first message, for messages that contain their number.
         """
         wrong = self.transport.obstacle(send)
         if wrong:
@@ -143,7 +143,7 @@ class Peer:
 
 
 def next_due(planned: int, every_ns: int, now: int) -> int:
-    """Return the planned time plus one period. If that time has passed, return one period from now."""
+    """Return the planned time plus one period, or, if that has passed, one period from now."""
     due = planned + every_ns
     return due if due > now else now + every_ns
 

@@ -1,10 +1,10 @@
 """The queues of a peer: received bytes, bytes to send, and the rules by which it answers.
 
 Inbox: the last bytes that came on a connection, and how many bytes came in all.
-Outbox: chunks are planned from the first chunk on, so that pauses do not add up to a drift. A send waits
+Outbox: pauses begin at the planned time of the chunk before, so that delays do not add up. A send waits
 until the send before it has ended, so messages of two sends never mix.
-Replies: a rule matches the received stream, in whatever pieces the stream comes. A rule keeps fewer bytes
-than its pattern. A rule on a field keeps at most one UDT. A match without room to answer counts as missed.
+Replies: a rule matches the received stream, in whatever pieces the stream comes. A rule stores fewer bytes
+than the pattern. A rule on a field stores at most one UDT. A match counts as missed if no answer fits.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Inbox:
         return bytes(self._last[-KEPT_BYTES:])
 
     def match_exactly(self, payload: bytes) -> bool:
-        """Return whether exactly `payload` came on this connection, in all or since the last match.
+        """Return whether `payload` is all that came on this connection, or all since the last match.
 
         A match stays true until more bytes arrive.
         """
@@ -141,9 +141,9 @@ class Outbox:
         self._sendings: deque[_SendProgress] = deque()
 
     def put(self, send: PeerSend, now: int, number: int = 0, pause_ns: int = 0) -> None:
-        """Queue a send. Its first chunk is due `pause_ns` after now, or after the end of earlier sends.
+        """Queue a send. The first chunk is due `pause_ns` after now, or after the end of earlier sends.
 
-        `number` is the number of the first message of this send, for the fills.
+        `number` is the number of the first message of this send, for messages that contain their number.
         """
         self._sendings.append(_SendProgress(send, now, number, pause_ns))
 
@@ -207,7 +207,7 @@ class _ContentMatcher:
 
 
 class _StartMatcher:
-    """Compares the first bytes of each scan with a pattern; an incomplete match continues in the next."""
+    """Compares each scan's first bytes with a pattern; an incomplete match continues in the next scan."""
 
     def __init__(self, match: StartsWith) -> None:
         self._wanted = match.payload
@@ -343,7 +343,7 @@ class PeerQueues:
         self.replies.reset_matchers()
 
     def handle_received(self, size: int, now: int, may_answer: bool = True) -> None:
-        """Take the first `size` bytes of `landing` as received. Queue the answers to these bytes."""
+        """Receive the first `size` bytes of the buffer `landing`. Queue the answers to these bytes."""
         self.inbox.add_bytes(self.landing[:size])
         if self.replies:
             room = self.outbox.answer_room if may_answer else 0
@@ -351,7 +351,7 @@ class PeerQueues:
                 self.outbox.put(send, now, number)
 
     def note_sent(self, count: int, local: str, remote: str, offset: int) -> None:
-        """Count bytes of the due chunk as sent. If a message begins with them, record it with `offset`."""
+        """Count bytes of the due chunk as sent. If these bytes begin a message, record it with `offset`."""
         size, begin = self.outbox.message_start
         if size:
             self.messages += 1

@@ -25,7 +25,7 @@ LARGEST_BYTES: Final = 65507  # payload of an IPv4 datagram: 65535 without its I
 
 
 class _Transport:
-    """What both transports have: the peer's queues, and one local end for all sockets of the peer."""
+    """What both transports have: the peer's queues, and one local endpoint for all sockets of the peer."""
 
     broadcasts = False  # whether datagrams to a broadcast address are sent and received
 
@@ -66,7 +66,7 @@ class _Transport:
 class StreamTransport(_Transport):
     """One TCP connection at a time, opened or accepted. A new client replaces the earlier client.
 
-    When the partner ends the connection, the peer closes it as well. A passive peer still listens.
+    When the partner ends the connection, the peer closes it as well. A passive peer continues to listen.
     """
 
     remote: Endpoint | None = None
@@ -93,8 +93,8 @@ class StreamTransport(_Transport):
     def is_in_state(self, state: str) -> bool:
         """Return whether a state word of the bench commands is true of this peer.
 
-        `closed`, `reset` and `refused` say how the last connection or attempt ended. These words stay true
-        while a passive peer listens again. After the peer's own RST, `reset` and `closed` are both true.
+        `closed`, `reset` and `refused` say how the last connection or attempt ended, also while a passive
+        peer listens again. After the peer's own RST, `reset` and `closed` are both true.
         """
         if state == self.state:
             return True
@@ -278,7 +278,7 @@ class StreamTransport(_Transport):
             self._handle_partner_end(handle)
 
     def _read(self, handle: Handle, lost: Fault | None = None) -> None:
-        """Read what has arrived. `lost` is the error of a send, handled after the arrived bytes."""
+        """Read what has arrived. If a send has failed with `lost`, handle this error last."""
         for _ in range(MOST_READS):
             got = self._kernel.recv(handle, self._queues.landing)
             if lost is not None and not (isinstance(got, int) and got):
@@ -382,7 +382,7 @@ class DatagramTransport(_Transport):
         return ""
 
     def close(self) -> str:
-        """Close the socket. Its unread datagrams and the bytes to send are lost."""
+        """Close the socket. Unread datagrams and unsent bytes are lost."""
         if self._handle is not None:
             self.free_sockets()
             self._queues.note("stopped listening")

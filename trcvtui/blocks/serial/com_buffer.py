@@ -1,4 +1,4 @@
-"""A ComBuffer: the queue of bytes between a line and its blocks. It records the received bytes."""
+"""A ComBuffer: the queue of bytes between a line and its blocks. The buffer records received bytes."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class LineRecording:
 
 
 class LineRecorder:
-    """Records one line; also the bytes that found no room in the ComBuffer."""
+    """Records the bytes of one line, including bytes for which the ComBuffer had no room."""
 
     def __init__(self) -> None:
         self._chunks: deque[LineChunk] = deque()
@@ -110,9 +110,9 @@ MOST_CONNECTION_ENDS: Final = 64  # a partner may connect and leave any number o
 
 
 class ComBuffer:
-    """One ComBuffer. `head` counts all bytes that have left it, `tail` all bytes that have entered it.
+    """One ComBuffer. `head` counts all bytes taken out, `tail` all bytes put in.
 
-    `recorded` has the bytes of the line, with times from `now` in ns.
+    `recorded` has the bytes of the line, with their times in ns.
     """
 
     def __init__(
@@ -178,7 +178,7 @@ class ComBuffer:
             self._bytes.clear()
 
     def note_held(self, is_held: bool) -> None:
-        """Note in the ledger that the line is held, or released."""
+        """Note in the ledger that the TRCV_C that feeds the ComBuffer is held, or released (FeederHold)."""
         self._write(FeederHold(self.name, is_held))
 
     # -- the reader's side ------------------------------------------------------------------------------
@@ -204,7 +204,7 @@ class ComBuffer:
 
 
 class BufferBinding(Struct, frozen=True):
-    """In `data`, `prefix` and `suffix`, None means that the pointer is 0. `priority` is the task's."""
+    """In `data`, `prefix` and `suffix`, None means a pointer of 0. `priority` is the task's priority."""
 
     env: Environment
     buffer: ComBuffer

@@ -73,7 +73,7 @@ class FrameReceiveJob:
     # -- one call ----------------------------------------------------------------------------------------
 
     def call(self, framing: Framing, target: tuple[str, int]) -> Outcome:
-        """Take the bytes that are here, up to the end of one frame."""
+        """Take the bytes that wait in the ComBuffer, up to the end of one frame."""
         received = self._buffer.peek()
         if self._buffer.ends != self._ends:  # a part never joins bytes of another connection
             self._ends = self._buffer.ends
@@ -249,7 +249,7 @@ class ReceiveString(JobBlock):
 
 
 class ReceiveString255(ReceiveString):
-    """One ReceiveString255 instance: only its length differs from ReceiveString."""
+    """One ReceiveString255 instance: ReceiveString with another maximum length of the text."""
 
     longest = 255
 

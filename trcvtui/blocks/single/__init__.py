@@ -1,1 +1,1 @@
-"""Single instructions, one job a rising edge: started, running, finished or failed."""
+"""Single instructions: a rising edge begins one job, which shows started, running, finished or failed."""

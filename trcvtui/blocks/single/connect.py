@@ -28,7 +28,7 @@ NO_ENDPOINT: Final = Cause(CauseKind.INPUT, "REQ rose, but no such connection ex
 
 
 def no_socket_outcome(port: UdpEndpoint, pin: str, asked: str) -> Outcome:
-    """Return 80A1 for a UDP_CONFIG without a socket, with the error of opening one, if there was any."""
+    """Return 80A1 for a UDP_CONFIG without a socket, with the error of opening it, if there was one."""
     return _cached_no_socket_outcome(port.failure, pin, asked)
 
 
@@ -59,7 +59,7 @@ STILL_CLOSING: Final = Cause(CauseKind.OTHER_BLOCK, "TDISCON is still closing th
 
 
 class SingleTcon:
-    """One TCON instance. After each loss it rebuilds the connection that it has established."""
+    """One TCON instance. After each loss, a TCON rebuilds the connection that it has established."""
 
     def __init__(self, bound: ConnectBinding) -> None:
         self.job = NoJob()
@@ -185,7 +185,7 @@ class SingleScriptedBlock(ScriptedBlock):
 
 
 class SingleTdiscon(SingleScriptedBlock):
-    """One TDISCON instance. It shows 80A3 without a connection to close, 80C4 while one is being built."""
+    """One TDISCON instance: 80A3 without a connection to close, 80C4 while a connection is being built."""
 
     def _advance(self) -> Outcome:
         shown = super()._advance()

@@ -189,7 +189,7 @@ class TsendC(JobBlock):
         return not_connected("REQ", "REQ rose without a connection", self._connection)
 
     def _keep_request(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
-        """Keep an edge of REQ until the connection is up. REQ must stay 1 unless `request_connects`."""
+        """Remember an edge of REQ until the connection is up. REQ must stay 1 unless `request_connects`."""
         if self._course.request_connects:
             self._edge = self._edge and not outcome.error
         else:
@@ -199,9 +199,9 @@ class TsendC(JobBlock):
         return outcome
 
     def _may_show_not_connected(self, outcome: Outcome) -> bool:
-        """Return whether 80A1 may replace this code: any 7002 but the first, or the first 7004.
+        """Return whether 80A1 may replace this code: a 7002 after the first 7002, or the first 7004.
 
-        Each edge shows its 80A1 (7.15.2), so the 7004 may come one scan later.
+        Each early edge of REQ shows 80A1 (7.15.2), so the first 7004 may come one scan later.
         """
         if outcome.condition is Condition.ESTABLISHING:
             return self._control.waits > 1

@@ -91,7 +91,7 @@ class ConnectionDemand:
             self.is_due, self.ends_by = True, self._reasons.ended
 
     def keep_connection(self) -> None:
-        """Keep the connection while it is rebuilt. The job that would have ended it no longer exists."""
+        """Keep the connection while it is rebuilt. The job whose end would close the connection is gone."""
         self.is_due = self._is_single = False
 
 
@@ -108,7 +108,7 @@ def disconnect(connection: Connection, cause: Cause) -> list[Outcome]:
 
 
 def reset(connection: Connection, cause: Cause, shown: Iterable[Condition]) -> list[Outcome]:
-    """Abort the connection with RST, but keep its listener. Return one outcome for each of `shown`."""
+    """Abort the connection with RST, but keep its listener. Return outcomes for `shown`, or one failure."""
     peer = connection.partner
     fault = connection.reset()
     if fault is not None:
@@ -214,7 +214,7 @@ class ConnectionControl:
     ) -> Outcome | None:
         """Return the outcome of this scan, or None if the connection is up and the job decides.
 
-        If `asks`, a job waits for the connection. `job_error` is what a reset shows first if a job runs.
+        If `asks`, a job waits for the connection. If a job runs, a reset first shows `job_error`.
         """
         self._asks, self._job_error = asks, job_error
         rose, fell = cont and not self.cont, self.cont and not cont

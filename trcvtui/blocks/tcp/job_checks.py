@@ -21,10 +21,10 @@ from trcvtui.net.results import ANY_ADDRESS
 
 
 class JobRequest(NamedTuple):
-    """A request for a job of at most `most` bytes. If `most` is None, the rules limit a connection's job.
+    """A request for a job of at most `most` bytes. If `most` is None, the vendor's rules set the limit.
 
-    `least` is the smallest LEN of a text, apart from 0. A claim in `rival` keeps the job from starting.
-    If `needs_len`, LEN = 0 does not mean all of DATA.
+    `least` is the smallest LEN of a text, apart from 0. `rival` is a claim that keeps the job from
+    starting. If `needs_len`, LEN = 0 does not mean all of DATA.
     """
 
     length: int
@@ -43,7 +43,7 @@ def acquire(
     claim: Claim,
     connect: str,
 ) -> Outcome | None:
-    """Check DATA, LEN, CONNECT, then a buffer; return what is wrong. None: claim and buffer are taken."""
+    """Check DATA and LEN, then claim CONNECT and a buffer. Return what is wrong, or None if all is good."""
     unfit = _find_data_misfit(env, data, request)  # 80A4, 80A5 come before 80C3 and 80A7
     if unfit is not None:
         return unfit
@@ -89,7 +89,7 @@ def _find_data_misfit(env: Environment, data: DataArea | None, request: JobReque
 
 
 def find_rival(env: Environment, connection: Connection, claim: Claim) -> Claim | None:
-    """Return a claim of another priority on this connection, if the vendor allows only one priority."""
+    """If the vendor allows only one priority, return a claim of another priority on this connection."""
     if not env.rules.one_class:
         return None
     found = (direction.find_other_priority(claim) for direction in connection.direction_claims)

@@ -86,7 +86,7 @@ def not_connected(pin: str, name: str, connection: Connection) -> Outcome:
 
 
 class StandingRequest:
-    """EN_R of a block that builds its connection. An edge of EN_R or CONT arms 80A1 for one scan."""
+    """EN_R of a block that builds its connection. An edge of EN_R or CONT lets 80A1 show in one scan."""
 
     def __init__(self, rule: NotConnectedRule) -> None:
         self._rule = rule
@@ -116,7 +116,7 @@ class StandingRequest:
 
 
 class KnownIncarnation:
-    """The incarnation of its connection that a block knows, and outcomes of a loss for later scans."""
+    """Which incarnation of its connection a block knows, and the outcomes of a loss for later scans."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -142,7 +142,7 @@ class KnownIncarnation:
         return self._incarnation != 0
 
     def end_incarnation(self, shown: list[Outcome]) -> Outcome:
-        """Forget the incarnation. Return the first of `shown` and keep the others for later scans."""
+        """Forget the incarnation. Return the first outcome of `shown`; the others show in later scans."""
         self._incarnation = 0
         self._script = deque(shown)
         return self._script.popleft() if self._script else _GONE

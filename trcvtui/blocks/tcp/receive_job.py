@@ -1,7 +1,8 @@
 """The receive job: what TRCV does between EN_R and DONE.
 
 Rule 1: a job latches LEN and the size of DATA when it starts, and reads at most its own length. ADHOC acts
-on the running job (7.15.1, ADHOC mode: "sets the current reception function"), or is latched too (rules).
+on the running job (7.15.1, ADHOC mode: "sets the current reception function"), or is latched as well if the
+vendor's rules say so.
 Rule 2: until DONE the bytes stay in the job's buffer, so DATA changes only at DONE.
 Rule 3: at least one scan of "receiving" shows before each DONE.
 """
@@ -91,7 +92,7 @@ class ReceiveJob(IncomingJob):
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether EN_R asks for a job that can start, now or once another reader frees the lock.
 
-        If `waits` is False, also return False if the lock's owner could start no job in its last call.
+        Without `waits`, also return False if the block with the lock could start no job in its last call.
         """
         if not inputs.en_r or self._unfit is not None:
             return False
@@ -157,7 +158,7 @@ class ReceiveJob(IncomingJob):
         return None
 
     def _begin_span(self, offset: int) -> None:
-        """Continue after bytes that a job of another priority has read in between."""
+        """Note that a job of another priority has read bytes, and that this job continues at `offset`."""
         if self.have:
             self._spans.append((self.span_offset, self.next_offset - self.span_offset))
         else:

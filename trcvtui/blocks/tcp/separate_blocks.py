@@ -19,7 +19,7 @@ from trcvtui.net.connection.connection import ConnectionLoss, State
 
 
 class Tcon(ScriptedBlock):
-    """One TCON instance. Once triggered, it reconnects after each loss until a disconnect (7.15.5)."""
+    """One TCON instance. Once triggered, a TCON reconnects after each loss until a disconnect (7.15.5)."""
 
     def __init__(self, bound: ConnectBinding) -> None:
         super().__init__()
@@ -91,7 +91,7 @@ class Tdiscon(ScriptedBlock):
 
 
 def queue_with_lamps(outcomes: list[Outcome], script: deque[Outcome]) -> Outcome:
-    """Return the first outcome and put the others into the script; the last has DONE, all others BUSY."""
+    """Return the first outcome and queue the others in `script`; the last has DONE, earlier ones BUSY."""
     if len(outcomes) == 1:
         return outcomes[0]  # a failed call shows nothing else
     lamps = [Lamp.BUSY] * (len(outcomes) - 1) + [Lamp.DONE]
@@ -104,7 +104,7 @@ IDLE = Outcome(Condition.NOT_CALLED, Cause(CauseKind.WAITING, "REQ has not risen
 
 
 class TReset(ScriptedBlock):
-    """One T_RESET instance. It rebuilds the connection after its reset (7.15.7). Other blocks may, too."""
+    """One T_RESET instance. T_RESET, or another block, rebuilds the connection after the reset (7.15.7)."""
 
     def __init__(self, bound: ConnectBinding) -> None:
         super().__init__()

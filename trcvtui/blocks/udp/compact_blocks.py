@@ -118,7 +118,7 @@ class UsendC(JobBlock):
         return self.job.begin(inputs.len) if req_rose else _NEXT_REQ if self.job.number else NO_REQ
 
     def _answer_not_ready(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
-        """Show 80A1 for an early edge, in place of any 0001 but the first, or of the first 7001."""
+        """Show 80A1 for an early edge of REQ, instead of the first 7001 or any 0001 after the first."""
         self.job.abandon(outcome.cause.name)
         self._edge = (self._edge or req_rose) and inputs.cont
         in_time = outcome.condition is Condition.CREATING and self._control.waits > 1

@@ -1,6 +1,7 @@
-"""Proposals for cutting recorded bytes into frames. The real framer tries each one. Work is bounded.
+"""Proposals for cutting recorded bytes into frames. The real framer tries each proposal. Work is bounded.
 
-`advise_framings` takes about 10 ms, or 50 ms and more for long recordings. Screens use a separate process.
+`advise_framings` takes about 10 ms, or 50 ms and more for long recordings.
+Screens let a separate process make the proposals.
 """
 
 from __future__ import annotations
@@ -261,7 +262,7 @@ def _cut_recording(recording: LineRecording, plain: LineRecording, guess: Guess,
 def _try_guess(
     recording: LineRecording, plain: LineRecording, guess: Guess, scale: Scale, *, is_noise: bool = False
 ) -> FramingTrial | None:
-    """Try a guess. With `is_noise`, noise before a prefix costs nothing, as other evidence shows it."""
+    """Try a guess. With `is_noise`, noise before a prefix does not count against the guess."""
     made = _cut_recording(recording, plain, guess, MOST_TRIED)
     good = made.good
     explained = sum([len(frame.content) for frame in good])
@@ -316,7 +317,7 @@ def _is_variant_of(tried: FramingTrial, better: FramingTrial) -> bool:
 
 
 def _is_chance(tried: FramingTrial, others: Sequence[FramingTrial]) -> bool:
-    """Return whether a suffix is the suffix of a better trial, with chance bytes before it."""
+    """Return whether a suffix is only a better trial's suffix, after bytes that are there by chance."""
     suffix, frames = tried.guess.framing.suffix, len(tried.cut.good)
     return frames < FEW_FRAMES and any(
         other.guess.framing.suffix != suffix

@@ -29,7 +29,7 @@ from trcvtui.udt.literals import format_duration
 
 
 def framed_instance(name: str, project: Project, where: str) -> InstanceDecl:
-    """Return an instance with prefix and suffix; raise UserError if it has none."""
+    """Return the instance; raise UserError if no instance of that name has a prefix and a suffix."""
     known = {each.name: each for each in project.instances if block_row(each.block).pointers}
     if name not in known:
         raise mistake(where, quote(name), expected_name(name, known, "ReceiveData or ReceiveString"))
@@ -37,7 +37,7 @@ def framed_instance(name: str, project: Project, where: str) -> InstanceDecl:
 
 
 def make_commands(proposal: Proposal, project: Project, name: str, where: str = "framing") -> tuple[str, ...]:
-    """Return the lines that set an instance as proposed. Raise UserError if its block cannot do that."""
+    """Return the lines that set an instance as proposed. Raise UserError if the block cannot do so."""
     decl = framed_instance(name, project, where)
     framing = proposal.framing
     if framing is None:
@@ -113,7 +113,7 @@ def find_buffer(name: str, project: Project, where: str) -> str:
 
 
 def parse_framing_words(rest: str, project: Project, where: str) -> tuple[str, str, int]:
-    """Return the name, its ComBuffer and the number of the proposal to apply. The number 0 means none."""
+    """Return the name, its ComBuffer and the number of the proposal to apply; 0: apply none."""
     words = Words(rest, where)
     name = words.next("the name of a ComBuffer, or of an instance that reads one")
     buffer = find_buffer(name, project, where)

@@ -33,7 +33,7 @@ PAUSE_RATIO: Final = 3  # times the longest pause in a burst
 
 @dataclass(frozen=True, slots=True)
 class Bursts:
-    """A recording split at its pauses. Each place in `pauses` follows a pause, or begins a connection.
+    """A recording split at its pauses. `pauses` has the positions after a pause or a connect.
 
     `within` is the longest pause inside a burst, `between` the shortest pause between two bursts, in ns.
     If `is_clear` is True, the two kinds of pauses differ clearly.
@@ -138,7 +138,7 @@ def is_alternating(starts: Sequence[int], ends: Sequence[int]) -> bool:
 
 
 def rank_mark_splits(mark: bytes, stream: bytes, pauses: Sequence[int]) -> list[int]:
-    """A mark may be a suffix, then a prefix: return likely lengths of the suffix, the likeliest first."""
+    """Return likely lengths of the suffix in a mark that may be suffix plus prefix, the likeliest first."""
     starts = sorted({0, *pauses})
     ends = [*[place for place in starts if place], len(stream)]
     votes = []
@@ -218,7 +218,7 @@ def find_length_fields(stream: bytes, bursts: Bursts) -> list[LengthField]:
 
 
 def _score_field(stream: bytes, field: LengthField, ends: Sequence[int], pauses: frozenset[int]) -> float:
-    """Return the score of following this length field from frame to frame; 0: it does not fit."""
+    """Return how well a length field leads from frame to frame; 0 means that it does not fit."""
     at, met, sizes, begun = 0, 0, set(), []
     head = field.head_size
     for end in ends:
@@ -281,7 +281,7 @@ def prefix_after_noise(
 
 
 def _prefix_candidates(bodies: Sequence[bytes], marks: Sequence[bytes]) -> Iterator[bytes]:
-    """Yield known marks, multi-byte `marks`, marks grown from a byte that nearly all bodies have once."""
+    """Yield known marks, multi-byte `marks`, and marks around a byte that nearly all bodies have once."""
     yield from dict.fromkeys((*KNOWN_STARTS, *[mark for mark in marks if len(mark) > 1]))
     if len(bodies) < FEW_FRAMES:
         return

@@ -73,7 +73,7 @@ def find_message_type(messages: Sequence[bytes]) -> FoundType | None:
 
 
 def _fill_gaps(found: Sequence[FoundMember], messages: Sequence[bytes], size: int) -> Iterator[FoundMember]:
-    """Yield the members, and the bytes between them: constant and changing ones apart."""
+    """Yield the members and, between the members, constant bytes and changing bytes separately."""
     at = 0
     for one in (*found, FoundMember(size, 0, "", "", "")):
         while at < one.at:
@@ -148,7 +148,7 @@ def _find_real(messages: Sequence[bytes], at: int) -> FoundMember | None:
 
 
 def _find_number(messages: Sequence[bytes], at: int) -> FoundMember | None:
-    """Return a whole number: one of two bytes has far fewer values than the other."""
+    """Return two bytes as a whole number if one byte has far fewer different values than the other byte."""
     different = [len({one[at + n] for one in messages}) for n in (0, 1)]
     low, high = max(different), min(different)
     if low < 2 * FEW_MESSAGES or high * 4 > low:

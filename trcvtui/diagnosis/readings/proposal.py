@@ -45,9 +45,9 @@ class Proposal:
     """One way to cut the recording.
 
     `rank` counts from 1. Proposals that cut alike share a rank. `framing` is the setting of ReceiveData.
-    It is None if ReceiveData cannot cut so. Then `field` describes the length, `instead` another way.
-    Of `of_frames` frames, `frames` ended as they should. They have `explained` of `total` bytes.
-    The rest is `noise`, `left` and `broken`. `longest` is the size of the longest frame.
+    If `framing` is None, `field` is the length field by which a program must cut, `instead` says how.
+    Of all `of_frames` frames, `frames` ended as they should, with `explained` of `total` bytes.
+    Other bytes are counted in `noise`, `left` and `broken`. `longest` is the size of the longest frame.
     """
 
     rank: int
@@ -71,7 +71,7 @@ class Proposal:
 
 @dataclass(frozen=True, slots=True)
 class FramingAdvice:
-    """The proposals, the best first. `said` says what they are based on, or why there are none."""
+    """The proposals, the best first. `said` says what the proposals are based on, or why there are none."""
 
     proposals: tuple[Proposal, ...]
     said: str
@@ -234,7 +234,7 @@ def list_doubts(kind: CutKind, framing: Framing, made: Cut, recording: LineRecor
 
 
 def _has_usual_prefix(framing: Framing) -> bool:
-    """Return whether the prefix is usual. The prefix 01 without a suffix is not: it may be an address."""
+    """Return whether the prefix is usual. Prefix 01 without a suffix is not usual: 01 may be an address."""
     if framing.prefix == framing.suffix:
         return True
     return framing.prefix in KNOWN_STARTS and (framing.suffix != b"" or framing.prefix != b"\x01")

@@ -35,7 +35,7 @@ MOST_DATA: Final = 65_536
 class Suggestion(NamedTuple):
     """One way to receive the messages of a conversation. `size` is the size of DATA.
 
-    With a `framing` ReceiveData receives, with `is_datagram` URECV_C, otherwise TRCV_C with ADHOC `adhoc`.
+    The block is ReceiveData if `framing` is set, URECV_C if `is_datagram`, else TRCV_C (ADHOC = `adhoc`).
     """
 
     line: LineFacts
@@ -258,7 +258,7 @@ def _format_connection(n: int, one: Suggestion) -> Iterator[str]:
 
 
 def _choose_dialect(frames: bool) -> str:
-    """Return the first dialect. With `frames`, it must have a block that cuts by any marks."""
+    """Return the first dialect. With `frames`, the dialect must have a block for any prefix and suffix."""
     return next(
         name
         for name, dialect in DIALECTS.items()

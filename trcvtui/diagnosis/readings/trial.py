@@ -30,7 +30,7 @@ class LocatedFrame(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class LengthField:
-    """A length field of `width` bytes at `position`. Its number plus `more` is the size of the frame."""
+    """A length field of `width` bytes at `position`. The field's value plus `more` is the frame size."""
 
     position: int
     width: int
@@ -49,7 +49,7 @@ class LengthField:
 
 @dataclass(frozen=True)  # no slots: cached_property needs a dict
 class Cut:
-    """A recording that the framer has cut. With `gaps`, a frame that a gap ended is good.
+    """A recording that the framer has cut. With `gaps`, a frame that ended at a gap counts as good.
 
     `noise` counts bytes before a prefix, in `noise_runs` pieces. `broken` counts bytes in frames that a
     disconnect cut. `left` counts bytes in the frame without an end.
@@ -195,7 +195,7 @@ class Scale:
 
 
 def make_bit_scale(stream: bytes, pauses: Iterable[int], starts: Iterable[int]) -> Scale:
-    """Return the scale of a recording. Before each place in `pauses` the line was surely quiet."""
+    """Return the scale of a recording. Before each position in `pauses` the line was surely quiet."""
     counts = Counter(stream)
     total = max(1, len(stream))
     costs = tuple([-log2(counts[byte] / total) if counts[byte] else 0.0 for byte in range(256)])
@@ -203,7 +203,7 @@ def make_bit_scale(stream: bytes, pauses: Iterable[int], starts: Iterable[int]) 
 
 
 def saved_bits(cut: Cut, scale: Scale, prefix: bytes, suffix: bytes, *, told_lengths: bool = False) -> float:
-    """Return how many bits a cut saves. With `told_lengths`, a field gives the lengths at no cost."""
+    """Return how many bits a cut saves. With `told_lengths`, the lengths of frames cost no bits."""
     good = cut.good
     if len(good) < 2:
         return 0.0
@@ -225,7 +225,7 @@ def saved_bits(cut: Cut, scale: Scale, prefix: bytes, suffix: bytes, *, told_len
 
 
 def is_word_in_lines(good: Sequence[LocatedFrame], scale: Scale, suffix: bytes) -> bool:
-    """Return whether a suffix is only a word in a text: nearly all frames have just one line end."""
+    """Return whether a suffix is only a word in a text: nearly all frames have exactly one line end."""
     if not suffix or not scale.is_text or not set(suffix) <= TEXT:
         return False
     once = [any(frame.content.count(end) == 1 for end in LINE_ENDS) for frame in good]
@@ -233,7 +233,7 @@ def is_word_in_lines(good: Sequence[LocatedFrame], scale: Scale, suffix: bytes) 
 
 
 def _column_savings(good: Sequence[LocatedFrame], scale: Scale) -> dict[int, float]:
-    """Return the bits that each place saves: 0, 1, ... from the start, -1, -2, ... from the end."""
+    """Return the bits that each column saves: column 0 is a frame's first byte, column -1 its last byte."""
     shortest = min(len(frame.content) for frame in good)
     from_end = min(COMPARED_COLUMNS, shortest // 2)
     places = [*range(min(COMPARED_COLUMNS, shortest - from_end)), *range(-from_end, 0)]

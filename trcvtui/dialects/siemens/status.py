@@ -25,7 +25,7 @@ _ACCESS_ERRORS: Final = {
 def _make_unreached_rows(
     pin: str, first: int, kinds: tuple[int, ...], blocks: tuple[str, ...], manual: str
 ) -> list[StatusRow]:
-    """Return the rows 16#8xyy of one pin that a bench without memory areas cannot show."""
+    """Return the rows 16#8xyy of one pin: codes that a bench without memory areas cannot show."""
     return [
         unreached_row(
             first + kind,

@@ -1,4 +1,4 @@
-"""Beckhoff TwinCAT, Tc2_SerialCom: rules and ComError_t; streams come by TRCV_C."""
+"""Beckhoff TwinCAT, Tc2_SerialCom: its rules and its errors (ComError_t). Streams come through TRCV_C."""
 
 from __future__ import annotations
 

@@ -47,9 +47,10 @@ class ConnectConfig(Struct, frozen=True):
     """One CONNECT. Addresses are dotted IPv4 text. Ports are 0..65535. RemotePort may be `@NAME`.
 
     `description` has the bytes as an engineer wrote them. `flaw` is the flaw that a CPU finds in the bytes.
-    `remote_name` is resolved at each attempt. If it is "", `remote_address` is used.
+    `remote_name` is resolved at each attempt. If `remote_name` is "", `remote_address` is used.
     With `any_local`, the system's routing chooses the local address of an active end.
-    With `is_datagram` (UDP), an ADDR has the partner of each datagram. `history` bytes are kept each way.
+    With `is_datagram` (UDP), an ADDR has the partner of each datagram.
+    `history` is how many bytes are stored in each direction.
     """
 
     name: str
@@ -101,7 +102,7 @@ TADDR_PARAM: Final = ADDRESSES["TADDR_Param"]
 
 
 class UdpConfig(Struct, frozen=True):
-    """One UDP_CONFIG. With LocalPort 0 it takes a free port, and keeps that port until STOP."""
+    """One UDP_CONFIG. With LocalPort 0 the socket takes a free port, and keeps the port until STOP."""
 
     name: str
     local: Endpoint = ANY_END
@@ -111,7 +112,7 @@ class UdpConfig(Struct, frozen=True):
 class AddrParam(Struct, frozen=True):
     """One ADDR_PARAM as it is in the file. A RemotePort `@NAME` is resolved at each send.
 
-    `description` has the bytes of a structure such as TADDR_Param. None means only address and port.
+    `description` has the bytes of a structure such as TADDR_Param, or None for only address and port.
     """
 
     name: str

@@ -5,7 +5,7 @@ Rule 2: a loss is found once and stored with its incarnation. Every block that a
 Rule 3: a FIN never overtakes bytes. While a block receives, or would receive (`readers`), the incarnation
 ends after the last byte. A sender that finds the loss first gets it at once. The loss is then pending until
 the receiver has read all bytes.
-Rule 4: a client that comes after the partner's FIN or RST is the next partner. It waits and is not reset.
+Rule 4: a client that comes after the partner's FIN or RST is the next partner: it waits and is not reset.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class ConnectionLoss(Struct, frozen=True):
 def classify_loss(fault: Fault | None, peer: str, may_refuse: bool = False) -> ConnectionLoss:
     """Return the loss that follows from the Fault of a call. If `fault` is None, the partner sent FIN.
 
-    With `may_refuse`, we are the active end and have received no data. A TLS alert is then a refusal.
+    With `may_refuse`, a TLS alert is a refusal: we are the active end and have received no data.
     """
     if fault is not None and fault.error == OWN_END:
         return ConnectionLoss(LossKind.OURS, peer, is_played=True)
@@ -155,7 +155,7 @@ class DeadLinkWatch:
 
 
 class Connection:
-    """One CONNECT at run time. Blocks use this, never the kernel."""
+    """One CONNECT at run time. Blocks use this class, never the kernel."""
 
     SET_UP: ClassVar[type[SetUp]] = SetUp
 
@@ -213,7 +213,7 @@ class Connection:
                 yield handle, SocketUse.DATAGRAMS if self.config.is_datagram else use
 
     def is_up_for(self, claim: Claim) -> bool:
-        """Return whether the connection is up for a claim. A reader has it until the last byte (Rule 3)."""
+        """Return whether the connection is up for a claim, for a reader until the last byte (Rule 3)."""
         return self.is_up or (self.state is State.CONNECTED and self._is_reader(claim))
 
     def _is_reader(self, claim: Claim | None) -> bool:
@@ -245,7 +245,7 @@ class Connection:
     # -- set-up: TCON ------------------------------------------------------------------------
 
     def queue_set_up(self, now: int, has_addr: bool = True) -> Fault | None:
-        """Queue the set-up job. Its steps follow, one a scan. If `has_addr`, the UDP block has an ADDR."""
+        """Queue the set-up job, which takes one step a scan. If `has_addr`, the UDP block has an ADDR."""
         fault = self._resources.queue.put(self.config.name)
         if fault is not None:
             return fault
@@ -513,7 +513,7 @@ class Connection:
         return self._look_for_loss(self.handle)  # after the partner's FIN the stack would still take bytes
 
     def send(self, data: memoryview, instance: str = "") -> int | WouldBlock | Fault | ConnectionLoss:
-        """Give bytes to the local stack; return how many it took. The only Fault is a planned EAGAIN."""
+        """Give bytes to the local stack; return how many it took. Only a fault plan's EAGAIN is a Fault."""
         assert self.handle is not None
         got = self._kernel.send(self.handle, data)
         if isinstance(got, int):

@@ -1,4 +1,4 @@
-"""Connection descriptions as bytes: TCON_IP_v4, TCON_IP_RFC, ... and TADDR_Param (STEP 7 help).
+"""Connection descriptions such as TCON_IP_v4 and TCON_IP_RFC, and TADDR_Param, as bytes (STEP 7 help).
 
 Rule: the bytes are the description. Values are read from the bytes, and any bytes can be read.
 All numbers are big-endian. The layouts of the structures are in `system_types.py`.
@@ -25,7 +25,7 @@ FieldValue = int | bool | str | bytes
 
 
 class Description(Struct, frozen=True):
-    """A structure and the bytes of one description; the bytes may be too few for it, or too many."""
+    """A structure and the bytes of one description, perhaps too few or too many for the structure."""
 
     structure: Structure
     data: bytes

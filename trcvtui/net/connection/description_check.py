@@ -425,7 +425,7 @@ _PARAM_TYPES: Final = {Transport.TCP: 17, Transport.ISO: 18, Transport.UDP: 19}
 def to_tcon_param(spec: LinkSpec, has_interface: bool) -> Description | None:
     """Return the TCON_Param with the same meaning, or None if no TCON_Param can have this meaning.
 
-    With `has_interface`, the description names an interface. The TCON_Param then names the first interface.
+    If the description names an interface (`has_interface`), the TCON_Param names the first interface.
     """
     if spec.protocol not in _PARAM_TYPES or spec.remote_name:
         return None

@@ -81,7 +81,7 @@ class BudgetShare:
 class ScanBudget:
     """The work of one PLC's scans. `clock` returns ns. A simulated clock does not move within a scan.
 
-    Call begin_scan() once a scan. `report_wait` is called at the first wait of each episode of waits.
+    Call begin_scan() once a scan. `report_wait` is called only at the first wait of a series.
     """
 
     def __init__(self, clock: Callable[[], int] = int, interval_ns: int = DEFAULT_INTERVAL_NS) -> None:
@@ -129,12 +129,12 @@ class ScanBudget:
         return (self._rest + 1) // 2 if share is None else share
 
     def count_spent(self, party: BudgetShare, units: int) -> None:
-        """Take units from what is not reserved, unless the party has a reserved share."""
+        """Take units from the unreserved rest, unless the party has a reserved share."""
         if party not in self._reserved:
             self._rest = max(0, self._rest - units)
 
     def note_waiting(self, party: BudgetShare, partner: str, what: EventKind) -> None:
-        """Reserve a share of the next scan for a party; report the party's wait when an episode begins."""
+        """Reserve a share of a later scan for a party; report its wait if this is the first of a series."""
         self._waiting[party] = None
         self._report_once(party.owner, what, partner, OVER_BUDGET_TEXT)
 
@@ -146,7 +146,7 @@ class ScanBudget:
     # -- handshakes ------------------------------------------------------------------------------------
 
     def may_handshake(self) -> bool:
-        """Return whether the next step fits into the time for handshakes, or is the first in this scan."""
+        """Return whether there is time for a handshake step; the first step of a scan always has it."""
         # Rule 4: it is assumed to take as long as the longest so far.
         until = self._handshake_ns + self._longest_step_ns
         return not self._steps or until <= self._interval // HANDSHAKE_DIVISOR
@@ -175,10 +175,10 @@ class ScanBudget:
 
 
 class Claim:
-    """The claim of an instance at its task's `priority`. If None, claims of all tasks exclude each other.
+    """The claim of an instance at its task's `priority`. Claims with the priority None exclude each other.
 
-    With `has_frame`, the job has read a whole frame, and shows it in the next call. With `is_refused`, the
-    last call could start no job. The instance then reads nothing, but keeps other instances out.
+    If `has_frame`, the job has read a whole frame, and shows the frame in its next call. With `is_refused`,
+    the last call could start no job. A refused instance reads nothing, but keeps other instances out.
     """
 
     __slots__ = ("has_frame", "instance", "is_orphan", "is_refused", "priority")
@@ -213,16 +213,16 @@ class DirectionClaims:
         return next((held for held in self._claims if held.priority != claim.priority), None)
 
     def give_back(self, claim: Claim) -> None:
-        """End a claim, if it is held."""
+        """End a claim, if this direction has it."""
         if claim in self._claims:
             self._claims.remove(claim)
 
     def release_instance(self, instance: str) -> None:
-        """End every claim of an instance, also its orphans."""
+        """End every claim of an instance, even after the instance is gone."""
         self._claims = [held for held in self._claims if held.instance != instance]
 
     def is_used_by_others(self, claim: Claim | None) -> bool:
-        """Return whether this direction has another claim; orphans do not count."""
+        """Return whether this direction has a claim besides this one; orphans do not count."""
         # Two refused claims do not count for each other: else each would wait for the other.
         only_at_work = self.holds_refused(claim)
         return any(
@@ -231,7 +231,7 @@ class DirectionClaims:
         )
 
     def holds_refused(self, claim: Claim | None) -> bool:
-        """Return whether this claim is held here, and is refused."""
+        """Return whether this direction has the claim, and its last call could start no job."""
         return claim is not None and claim.is_refused and claim in self._claims
 
     def has_frame(self) -> bool:
@@ -270,7 +270,7 @@ class IdConflict(StrEnum):  # the connection that has the ID, compared with the 
 
 
 class IdHolder:
-    """One CONNECT with its ID. With `has_been_up`, it has been connected since it took the ID."""
+    """One CONNECT with its ID. `has_been_up` is True once the CONNECT has been connected with this ID."""
 
     def __init__(self, config: ConnectConfig) -> None:
         self.name = config.name
@@ -308,7 +308,7 @@ def no_faults(call: str, owner: str) -> Fault | None:
 
 
 class JobQueue:
-    """The queue of asynchronous functions (80AC). It takes `capacity` jobs a scan. Each scan empties it."""
+    """The queue of asynchronous functions (80AC): at most `capacity` jobs, emptied in each scan."""
 
     def __init__(self, capacity: int, take: TakeFault = no_faults) -> None:
         self.capacity = capacity

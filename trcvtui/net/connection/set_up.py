@@ -1,6 +1,6 @@
 """How a connection is set up (TCON), step by step: from creating its socket to the first partner.
 
-Every failure names its SetUpStage: each vendor has a code for each stage. This module knows no codes.
+Every failure names its SetUpStage: each vendor has a code for each stage. No vendor's codes are here.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Endpoint, Fault, Would
 
 
 def find_address_error(address: str, own: tuple[LocalAddress, ...], strict: bool) -> str:
-    """Return why the address cannot be used, or "" if it can. With `strict`, loopback is an error.
+    """Return why the address cannot be used, or "" if it can. If `strict` is True, loopback is an error.
 
-    If `own` is empty, the system could not list its addresses. Then bind decides.
+    `own` is empty if the system could not list its addresses. Then bind decides.
     """
     if address == ANY_ADDRESS:
         return "0.0.0.0 names no port of the PLC"
@@ -105,7 +105,7 @@ class SetUp:
 
     @property
     def has_been_up(self) -> bool:
-        """Return whether the endpoint has had a partner since it was opened."""
+        """Return whether the CONNECT has had a partner since its endpoint was opened."""
         return self._holder.has_been_up
 
     @property
@@ -115,11 +115,11 @@ class SetUp:
 
     @property
     def deadline(self) -> int | None:
-        """Return the time in ns when the running attempt is given up; None: no attempt is running."""
+        """Return when (ns) the running attempt is given up, or None without an attempt."""
         return None if self.attempt is None else self._deadline
 
     def check_and_claim(self) -> StepFault | None:
-        """Return what prevents a block from opening this connection, before a socket is made."""
+        """Return, before a socket is made, why a block may not open this connection."""
         return self.claim_description()
 
     def claim_description(self) -> StepFault | None:
@@ -257,7 +257,7 @@ class SetUp:
         return NewClient(handle, self.remote)
 
     def accept_partner(self) -> NewClient | StepFault | None:
-        """Accept the next client that may be the partner; reset others."""
+        """Accept the next client that may be the partner; reset all other clients."""
         if self._successor is not None:
             client, self._successor = self._successor, None
             return client
@@ -268,7 +268,7 @@ class SetUp:
         return got
 
     def keep_successor(self, client: NewClient) -> None:
-        """Keep an accepted client as the next partner, since the connection before it has just ended."""
+        """Store an accepted client as the next partner: the connection before it has just ended."""
         self._successor = client
 
     def _accept_client(self) -> NewClient | StepFault | None:
@@ -338,6 +338,6 @@ class SetUp:
         return fault
 
     def forget_port(self) -> None:
-        """Give up a port that was taken for LocalPort 0 (PLC STOP)."""
+        """At PLC STOP, give up a port that was taken for LocalPort 0."""
         self._kept_port = self.config.local.port
         self.local = self.remote = None

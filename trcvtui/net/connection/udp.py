@@ -1,8 +1,8 @@
-"""A UDP endpoint. Its socket is up as soon as it is bound. An ADDR has the target or source of a datagram.
+"""A UDP endpoint. A UDP socket is up once it is bound. An ADDR has the target or source of a datagram.
 
-Rule 1: no partner can end the socket. A failed receive call ends the socket of a CONNECT, which is then set
-up again. With a UDP_CONFIG the block gets the fault, and the socket stays.
-Rule 2: `incarnation` counts the sockets. A block whose socket is gone therefore sees another number.
+Rule 1: no partner can end the socket. If a receive call of a CONNECT fails, the socket is closed and set up
+again. With a UDP_CONFIG the block gets the fault, and the socket stays.
+Rule 2: `incarnation` counts the sockets of the endpoint. So a block sees that its socket is gone.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ NO_ADDR: Final = StepFault(
 
 
 class UdpSetUp(SetUp):
-    """From socket to bound port; there is no partner to wait for."""
+    """The set-up of UDP: from socket to bound port; there is no partner to wait for."""
 
     needs_addr = False  # the block that opens it has no ADDR, and would need one
     broadcast_handle: Handle | None = None  # a second socket, for broadcasts
@@ -88,7 +88,7 @@ class UdpEndpoint(Connection):
     """One CONNECT of UDP, or one UDP_CONFIG, at run time. `peer` is the other end of the last datagram.
 
     The first block that needs the socket of a UDP_CONFIG opens it, at once and without a job. The first
-    block that ends closes this socket. All bytes of a datagram count, even bytes without room.
+    block that ends closes this socket. Byte counts include the bytes of a datagram that had no room.
     """
 
     SET_UP = UdpSetUp
@@ -142,7 +142,7 @@ class UdpEndpoint(Connection):
         self._note(EventKind.LISTENING, detail="UDP")
 
     def close(self) -> Fault | None:
-        """Free the socket of a UDP_CONFIG, with the datagrams in it; return the first Fault."""
+        """Free the socket of a UDP_CONFIG, and drop the unread datagrams; return the first Fault."""
         self.retry_at = self.failure = None
         if self.handle is None:
             return None
@@ -162,7 +162,7 @@ class UdpEndpoint(Connection):
     # -- datagrams ----------------------------------------------------------------------------------------
 
     def receive_from(self, into: memoryview, instance: str) -> Datagram | WouldBlock | Fault:
-        """Take one datagram; bytes without room are lost."""
+        """Take one datagram; bytes that do not fit into `into` are lost."""
         assert self.handle is not None
         got = receive_datagram(self._kernel, self.handle, self.set_up.broadcast_handle, into, self._local)
         if isinstance(got, Datagram):
@@ -190,7 +190,7 @@ class UdpEndpoint(Connection):
         return got
 
     def describe_target(self, to: RemoteAddress) -> str:
-        """Return where a datagram to this ADDR goes; while that is unknown, return the text of the ADDR."""
+        """Return where a datagram to this ADDR goes, or the ADDR's text while the target is unknown."""
         end = to.resolve_target(self._resolve)
         return str(end if isinstance(end, Endpoint) else to)
 

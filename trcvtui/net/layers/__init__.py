@@ -1,1 +1,1 @@
-"""What runs on a stream between the blocks and the kernel: ISO-on-TCP and TLS."""
+"""Protocols between the blocks and the kernel, on a TCP stream: ISO-on-TCP and TLS."""

@@ -1,11 +1,11 @@
 """One ISO-on-TCP connection over a stream of bytes: handshake, size, messages; no sockets (RFC 1006).
 
 Rule 1: bytes in, bytes out. `feed` takes received bytes. `take_output` returns bytes to send.
-Rule 2: at most one message is put together, up to `cap` bytes. Its bytes beyond the cap are only counted.
-Complete messages wait. Once MOST_WAITING_MESSAGES or `cap` bytes wait, no more may be fed (`wants_more`). A
+Rule 2: at most one message at a time is put together, up to `cap` bytes. Bytes beyond `cap` are only
+counted. Complete messages wait. Once MOST_WAITING_MESSAGES or `cap` bytes wait, `wants_more` is False. A
 message longer than MOST_CAPS caps ends the connection. So does a message with more pieces than the cap has
 bytes, or with too many empty pieces.
-Rule 3: invalid input raises no exception. It ends the connection, and the session stores the reason.
+Rule 3: invalid input raises no exception. Such input ends the connection; `ended` is why.
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ class _Parameter(IntEnum):
 
 
 class ConnectTpdu(NamedTuple):
-    """A CR or CC. `calling` is the TSAP of the CR's sender. `size_code` n means 2**n bytes.
+    """A CR or CC. `calling` is the TSAP of the end that sent the CR. `size_code` n means 2**n bytes.
 
-    `other_class` is the class that the TPDU asks for, or 0 if that class is taken as class 0.
+    `other_class` is a class that the TPDU asks for and that cannot be taken as class 0, or 0.
     """
 
     code: Code
@@ -99,7 +99,7 @@ class DisconnectTpdu(NamedTuple):  # DR
 
 
 class ErrorTpdu(NamedTuple):
-    """An ER: the partner could not read a TPDU of ours."""
+    """An ER TPDU: the partner could not read a TPDU that we sent."""
 
     destination_ref: int
     cause: int
@@ -131,7 +131,7 @@ class TpktReader:
 
     @property
     def held_bytes(self) -> int:
-        """Return how many bytes of an incomplete TPKT are kept."""
+        """Return how many bytes are stored; they are the beginning of an unread TPKT."""
         return len(self._held)
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> list[Tpdu]:
@@ -323,7 +323,7 @@ class IsoSettings(Struct, frozen=True):
 
 
 class IsoSession:
-    """One end. The passive end waits for a CR, and then for `accept_for` or `refuse`."""
+    """One end. A passive session waits for a CR, and then for a call of `accept_for` or `refuse`."""
 
     next_is_costly = False  # a handshake of two TPDUs needs no calculation
     partner_is_done = False  # class 0 ends with its stream (RFC 905 6.7, implicit variant)
@@ -378,7 +378,7 @@ class IsoSession:
         return self._reader.held_bytes + len(self._collected) + self._waiting_bytes()
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> int:
-        """Take bytes of the stream, and read at most `most` TPDUs. Return the number of these TPDUs."""
+        """Take bytes of the stream, and read at most `most` TPDUs. Return how many TPDUs were read."""
         tpdus = self._reader.feed(data, most)
         for tpdu in tpdus:
             if self.phase is not IsoPhase.ENDED:
@@ -406,7 +406,7 @@ class IsoSession:
         return False  # class 0 ends with its stream
 
     def note_partner_end(self) -> None:
-        """Note the end of the stream. A connection of class 0 ends with it; before the CC it is refused."""
+        """Note the end of the stream, which ends a connection of class 0; before the CC it is refused."""
         if self.phase is IsoPhase.WAITS_FOR_CC:
             self._end("ECONNREFUSED", "closed instead of a CC")
 

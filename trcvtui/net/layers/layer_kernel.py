@@ -1,8 +1,9 @@
 """A kernel in front of an inner kernel: it runs the session (ISO-on-TCP, TLS) that a CONNECT asks for.
 
 For the callers, a connection is up when its session is up. `connect_result` and `accept` wait for the
-handshake. `recv` and `recv_from` return the session's unpacked data. All other handles pass through.
-Rule 1: `poll`, and each call that finds no data, reads a bounded number of bytes of the stream.
+handshake. `recv` and `recv_from` return the session's unpacked data. Handles without a session reach the
+inner kernel.
+Rule 1: `poll` reads a limited number of bytes, and so does each call that finds no data.
 Rule 2: a client that sends nothing, too much, or nonsense is dropped. The ledger has a note on each dropped
 client, on each session that ends by itself, and on ignored TPDUs.
 """
@@ -48,11 +49,11 @@ def unknown_ready_handles() -> Mapping[Handle, str] | None:
 
 
 class LayerKernel(KernelProxy):
-    """`clock` returns the time in ns. `report_note` gets the notes of dropped clients and ended sessions.
+    """`clock` returns the time in ns. `report_note` is called with each note for the ledger.
 
-    If a CONNECT's session raises, `report_error` gets the exception, and the session is ended. With
-    `polls`, clients are put into the poll set before they are accepted. Without `polls`, there is no poll
-    set. `work` is a shared work budget. None makes a new budget.
+    If a session raises an exception, `report_error` gets it, and the session is ended. With `polls`,
+    clients are put into the poll set before they are accepted. Without `polls`, there is no poll set.
+    `work` is a work budget that others use, too. If `work` is None, this kernel makes its own budget.
     """
 
     def __init__(
@@ -85,7 +86,7 @@ class LayerKernel(KernelProxy):
     # -- what the poll saw ---------------------------------------------------------------------------------
 
     def poll(self) -> None:
-        """Poll the inner kernel and the listeners; pump streams with bytes waiting, flush the others."""
+        """Poll the inner kernel and the listeners; read streams that have bytes, flush all others."""
         if self._begins:
             self._work.begin_scan(self._clock())
         self.inner.poll()
@@ -169,7 +170,7 @@ class LayerKernel(KernelProxy):
         return made
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
-        """Set the options. Those of a client name its CONNECT: then the client's handshake is answered."""
+        """Set the options. A client's options name its CONNECT: then its handshake is answered."""
         refused = self.inner.set_options(handle, options)
         stream = self._streams.get(handle)
         if stream is None:
@@ -181,7 +182,7 @@ class LayerKernel(KernelProxy):
         return refused
 
     def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
-        """Bind to a local end; a port that is shared is bound once."""
+        """Bind to a local address and port; a port that CONNECTs share is bound once."""
         wanted = self._wanted.get(handle)
         if wanted is None or not wanted.shares_port:
             if wanted is not None and end.port:  # see `abort`
@@ -228,7 +229,7 @@ class LayerKernel(KernelProxy):
         return self.inner.poll_add(handle)
 
     def accept(self, handle: Handle) -> NewClient | WouldBlock | Fault:
-        """Take one client whose handshake is over, or that has asked for this CONNECT."""
+        """Take one client that has finished its handshake, or has asked for this CONNECT."""
         member = self._find_member(handle)
         if member is None:
             return self.inner.accept(handle)
@@ -251,7 +252,7 @@ class LayerKernel(KernelProxy):
         return fault
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
-        """Return None when the session is up, WOULD_BLOCK until then, a Fault exactly once."""
+        """Return None when the session is up, WOULD_BLOCK before that, or a Fault, only once."""
         end = self._connecting.get(handle)
         if end is None:
             return self.inner.connect_result(handle)
@@ -289,7 +290,7 @@ class LayerKernel(KernelProxy):
         return 0 if stream.is_over else WOULD_BLOCK
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
-        """Take one message. Only `loss` reports the end of the session."""
+        """Take one message. This call does not report the end of a session: `loss` does."""
         stream = self._streams.get(handle)
         if stream is None:
             return self.inner.recv_from(handle, into)
@@ -311,7 +312,7 @@ class LayerKernel(KernelProxy):
         return self.inner.loss(handle)
 
     def unread(self, handle: Handle) -> int:
-        """Return how many received bytes wait: raw bytes in the stack, unpacked bytes in the session."""
+        """Return how many received bytes are unread: in the stack, and in the session."""
         stream = self._streams.get(handle)
         return self.inner.unread(handle) + (stream.session.held_bytes if stream else 0)
 
@@ -323,7 +324,7 @@ class LayerKernel(KernelProxy):
         return self.inner.list_unread(plain) + [h for h in handles if h in self._streams]
 
     def peek(self, handle: Handle, skip: int) -> Unread:
-        """Return what is unread. For a session, return its unpacked data, but no end (see `loss`)."""
+        """Return what is unread. For a session, return its unpacked data; only `loss` tells its end."""
         stream = self._streams.get(handle)
         if stream is not None:
             return stream.session.unread(stream.peer, skip)
@@ -342,7 +343,7 @@ class LayerKernel(KernelProxy):
         return self.inner.shutdown(handle, both)
 
     def _send_goodbye(self, handle: Handle) -> bool:
-        """Let a session send its goodbye. An exception is reported, not raised, and ends the session."""
+        """Let a session send its goodbye; an exception is reported, not raised, and ends the session."""
         try:
             return handle in self._streams and self._streams[handle].send_goodbye()
         except Exception as error:
@@ -353,8 +354,8 @@ class LayerKernel(KernelProxy):
     def abort(self, handle: Handle) -> Fault | None:
         """Send RST and free the handle. A client that waits for an answer to its CR gets a DR.
 
-        A session with a goodbye (close_notify) sends the goodbye and a FIN instead of the RST. At a fixed
-        local port the RST is sent in any case. A FIN would block this port for a minute (TIME_WAIT).
+        A session with a goodbye (close_notify) sends the goodbye and a FIN instead of the RST. If the local
+        port is fixed, the RST is sent in any case. A FIN would block this port for a minute (TIME_WAIT).
         """
         stream = self._streams.get(handle)
         choice = None if stream is None else find_asking_session(stream.session)

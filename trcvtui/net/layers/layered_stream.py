@@ -1,9 +1,9 @@
 """One TCP stream with a session. The session gets the received bytes. The stream sends the session's bytes.
 
-Rule 1: a scan moves a bounded number of bytes, in a bounded number of steps (ScanBudget). The session's
-backlog is used before the bytes in the stack. Bytes that the stack does not take wait here. They are at
-most one message.
-Rule 2: if a message that has begun does not end within MESSAGE_LIMIT_NS, the session is ended.
+Rule 1: the bytes and the steps of a scan are limited (ScanBudget). The session decodes its backlog before
+it takes bytes from the stack. Bytes that the stack does not take wait here. These bytes are at most one
+message.
+Rule 2: if a message takes longer than MESSAGE_LIMIT_NS, the session is ended.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ MESSAGE_LIMIT_NS: Final = 30_000_000_000  # ns; counted only while the session t
 class LayeredStream:
     """A session at work. If `is_over` and `fault` is None, the partner has sent FIN or close_notify.
 
-    The work on the partner's bytes is charged to `party`. If `is_held_back`, some bytes were not looked at.
+    `party` pays for the work on the partner's bytes. `is_held_back` means that some bytes were not decoded.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class LayeredStream:
 
     @property
     def has_backlog(self) -> bool:
-        """Return whether the session has bytes to look at, even if the stack has no new bytes."""
+        """Return whether the session has undecoded bytes, even if the stack has no new bytes."""
         return not self.is_over and self.session.has_backlog
 
     def _may_work(self) -> bool:
@@ -133,14 +133,14 @@ class LayeredStream:
 
     @property
     def end_fault(self) -> Fault | None:
-        """Return what ended the session: the kernel's Fault, or a Fault with the session's own reason."""
+        """Return why the session ended: the kernel's Fault, or a Fault with the session's reason."""
         if self.fault is not None:
             return self.fault
         ended = self.session.ended
         return None if ended is None else Fault("session", ended.error, words=ended.words)
 
     def fail(self) -> None:
-        """End the stream after an exception; the session is not called again."""
+        """End the stream after an exception; do not call the session again."""
         self.fault, self.is_over, self.has_failed = self.fault or Fault("session", "EPROTO"), True, True
 
     def time_out(self, why: str) -> None:
@@ -186,8 +186,8 @@ class LayeredStream:
     def send(self, data: memoryview) -> int | WouldBlock | Fault:
         """Send data and return how many bytes of it the stack has taken now.
 
-        The caller calls again with the rest of the same data until the stack has all of it. Encoded data must
-        be sent: the first byte counts as taken even if the stack had no room.
+        The caller repeats the call with the rest of the data until the stack has all of it. Encoded data
+        must be sent: the first byte counts as taken even if the stack had no room.
         """
         self.flush()
         if self.session.ended is not None:
@@ -287,7 +287,7 @@ class ConnectChoiceSession(Protocol):
 
 
 def find_asking_session(session: object) -> ConnectChoiceSession | None:
-    """Return the session if its partner has asked for a CONNECT; return None for any other session."""
+    """Return the session if its partner has asked for a CONNECT, or else None."""
     found: ConnectChoiceSession | None = session if getattr(session, "has_asked", False) else None  # type: ignore[assignment]
     return found
 
@@ -302,7 +302,7 @@ class ListeningConnect:
 
 
 class SharedListener:
-    """One listening socket with its members, and the clients that have not finished their handshake."""
+    """One listening socket, its CONNECTs, and the clients whose handshake is not finished."""
 
     def __init__(
         self,
@@ -340,9 +340,9 @@ class SharedListener:
                 self._kernel.abort(got.handle)
 
     def _keeps_clients_waiting(self) -> bool:
-        """Return whether new clients stay in the stack because the only CONNECT at the port is full.
+        """Return whether new clients wait in the stack, because the port's only CONNECT is full.
 
-        If CONNECTs share the port, each client is accepted. It is refused if its CONNECT is full.
+        If CONNECTs share the port, each client is accepted. A client is refused if its CONNECT is full.
         """
         member = self._any_member()
         return not member.settings.shares_port and self._is_full(member)

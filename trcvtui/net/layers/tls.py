@@ -1,9 +1,9 @@
-"""One end of TLS over a stream of bytes, by the standard library's ssl; no sockets.
+"""One end of a TLS connection over a stream of bytes, made with Python's ssl; no sockets.
 
 Rule 1: bytes in, bytes out. A wrong input raises no exception, but ends the session.
 Rule 2: at most MOST_HELD_BYTES wait here, read or unread. Then no more may be fed (`wants_more`).
 One feed reads at most `most` records. The other records wait in front of the library (`has_backlog`).
-Rule 3: a partner whose certificate was not verified is refused, unless the project allows it explicitly.
+Rule 3: a partner without a verified certificate is refused, unless the project allows it explicitly.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ _ALERT_INFIX: Final = "_ALERT_"  # SSLV3_ALERT_BAD_CERTIFICATE: an alert that th
 
 
 def session_end_of(problem: Exception) -> SessionEnd:
-    """Return the reason of a session's end from an exception of the ssl library."""
+    """Return why a session ends, from an exception of the ssl library."""
     if isinstance(problem, ssl.SSLCertVerificationError):
         error = _VERIFY_ERRORS.get(problem.verify_code, TlsError.DISCARDED)
         return SessionEnd(error, f"the partner's certificate: {problem.verify_message}")
@@ -76,7 +76,7 @@ def _format_reason(reason: str) -> str:
 
 
 class TlsSettings(Credentials, frozen=True):
-    """Credentials that make sessions. Bytes flow as on plain TCP: no messages."""
+    """Credentials with which TLS sessions are made. As on plain TCP, there are no messages."""
 
     is_message_oriented: bool = False
     shares_port: bool = False
@@ -98,7 +98,7 @@ _LIBRARY_ERRORS: Final = (ssl.SSLError, OSError, ValueError)
 
 
 class TlsSession:
-    """One end. `ended` is the reason of a failure. `partner_is_done` means that close_notify has come."""
+    """One end. `ended` is why the session failed. `partner_is_done` means that close_notify has come."""
 
     open_message = 0  # no time limit: a record is no message, and an incomplete one is bounded in size
 
@@ -149,7 +149,7 @@ class TlsSession:
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> int:
         """Take bytes of the stream, and read at most `most` records. Return the units of work (ScanBudget).
 
-        With most=0, only the first byte is looked at.
+        If `most` is 0, only the first byte is checked.
         """
         if self.ended is not None or self.partner_is_done:
             return 0
@@ -172,7 +172,7 @@ class TlsSession:
         return not self.is_up  # signatures and key exchange: ms, while a record takes us
 
     def note_partner_end(self) -> None:
-        """Note the end of the stream: without a close_notify an attacker may have cut it (TRUNCATED)."""
+        """Note the end of the stream; without close_notify, an attacker may have cut it (TRUNCATED)."""
         if self.ended is not None or self.partner_is_done:
             return
         self._incoming.write_eof()
@@ -189,7 +189,7 @@ class TlsSession:
             self._end(SessionEnd(TlsError.SILENT, "the handshake does not continue"))
 
     def say_goodbye(self) -> bool:
-        """Send close_notify, once; return whether it was sent, now or earlier."""
+        """Send close_notify, only once; return whether it has been sent."""
         if self.is_up and self.ended is None and self._engine is not None and not self._has_said_goodbye:
             self._has_said_goodbye = True
             with suppress(*_LIBRARY_ERRORS):  # ours is in the output; unwrap raises until the partner's comes
@@ -329,7 +329,7 @@ def _no_password() -> str:
 
 
 def find_certificate_flaw(certificate: str, key: str) -> str:
-    """Return what is wrong with PEM files, or "". If `key` is "", the certificate is one to trust."""
+    """Return what is wrong with PEM files, or "". If `key` is "", only the certificate is checked."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     try:
         check_readable(certificate)  # the library would wait for the other end of a FIFO

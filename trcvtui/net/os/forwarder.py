@@ -1,7 +1,7 @@
 """The tap's loop forwards bytes, FINs and RSTs as they come. It reports them as events to one process.
 
-Rule 1: nothing here waits for that process. If it does not read, it misses events, and gets their number.
-Rule 2: while that process does not run, no bytes are held. Nobody could order their release.
+Rule 1: nothing here waits for that process. A process that is too slow misses events; it gets their number.
+Rule 2: without that process, no bytes are held, since nobody could release them.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Forwarder(TapLoop):
         self._ticks = 0
 
     def open_route(self, route: Route) -> None:
-        """Listen, or open the ports. Raise UserError if that fails."""
+        """Listen at the tap's address, or open its serial ports. Raise UserError if that fails."""
         kinds: dict[str, Callable[..., TcpRoute | UdpRoute | TapSerialConversation]] = {
             "tcp": TcpRoute,
             "udp": UdpRoute,
@@ -97,7 +97,7 @@ class Forwarder(TapLoop):
                 self.execute_order(order)
 
     def _report_time(self) -> None:
-        """Report the time, which the shadows need, and every FIGURES_TICKS ticks the ends' figures."""
+        """Report the time for the shadows, and every FIGURES_TICKS ticks the figures of the ends."""
         self._ticks += 1
         if self.pipe is not None and not self.pipe.is_behind:
             if not self._ticks % FIGURES_TICKS:
@@ -153,7 +153,7 @@ class Forwarder(TapLoop):
             self._newest = max(self._newest, number)
 
     def _report_missed(self, events: int, size: int, ends: bytes) -> None:
-        """Report how much was missed, what has ended meanwhile, and what is open now."""
+        """Report how many events and bytes were missed, what has ended since, and what is open."""
         heads = [ends[at : at + EVENT_HEAD.size] for at in range(0, len(ends), EVENT_HEAD.size)]
         numbers = [number.to_bytes(4, "little") for route in self.routes for number in route.talks]
         numbers += [head[4:8] for head in heads]
@@ -173,7 +173,7 @@ class Forwarder(TapLoop):
     # -- orders --------------------------------------------------------------------------------------------
 
     def execute_order(self, order: TapOrder) -> None:
-        """Do an order; report what was done, or why it cannot be done."""
+        """Carry out an order; report what was done, or why it cannot be done."""
         route = self.routes[order.route]
         number = order.number or max((n for n, talk in route.talks.items() if talk.lanes), default=NEWEST)
         talk = route.talks.get(number)
@@ -236,7 +236,7 @@ class Forwarder(TapLoop):
 
 
 def write_or_drop_line(line: str) -> None:
-    """Write a line for the user to stderr, or drop it if stderr is not read. Forwarding must not wait."""
+    """Write a line for the user to stderr, or drop it if stderr is not read. The tap must not wait."""
     with suppress(OSError, ValueError):
         if HAS_POLL and (stderr := sys.__stderr__) is not None and sys.stderr is stderr:
             poller = select.poll()

@@ -1,8 +1,8 @@
-"""The real network: non-blocking IPv4 sockets that answer as the Kernel seam says.
+"""The real network: non-blocking IPv4 sockets that answer as `Kernel` says.
 
 A handle is the socket's descriptor. The result of `poll` holds for the whole scan. Until the next poll, a
-handle of the poll set that was not ready costs no system call. A handle outside the set is always tried.
-Without RDHUP (not Linux) a FIN is seen only after the data before it has been read.
+handle of the poll set that was not ready costs no system call. Handles outside the set are always tried.
+Without RDHUP (not Linux), a FIN is seen only once all data before it has been read.
 """
 
 from __future__ import annotations
@@ -87,7 +87,8 @@ class OsKernel:
     def local_addresses(self) -> tuple[LocalAddress, ...]:
         """Return the addresses of this machine. If no descriptor is free, return the last list.
 
-        If the C library has no list (Windows), return (). Then bind decides, and no name server is asked.
+        If the C library has no list (Windows), return () without asking a name server. Then bind decides
+        what is valid.
         """
         own = None if self._addresses_are_new else interface_addresses()
         if own is not None:
@@ -200,7 +201,7 @@ class OsKernel:
         return self._questions.ask(handle, name) if handle in self._sockets else Fault("resolve", "EBADF")
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
-        """Start to connect. None means pending, even if the stack has connected at once."""
+        """Start to connect. None means that the attempt is pending, even if it has already succeeded."""
         fault = self._call("connect", handle, lambda sock: sock.connect(sockaddr(end)))
         return None if fault and fault.error in ("EINPROGRESS", "EAGAIN") else fault
 
@@ -225,7 +226,7 @@ class OsKernel:
     # -- data ----------------------------------------------------------------------------------------
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
-        """Read straight into the view until it is full or the stack is empty; 0 = the partner's FIN."""
+        """Read into the view until the view is full or the stack is empty; 0 = the partner's FIN."""
         if handle not in self._ready and handle in self._polled:
             return WOULD_BLOCK
         if handle in self._held and not self.unread(handle):
@@ -396,7 +397,7 @@ class OsKernel:
     # -- errors --------------------------------------------------------------------------------------
 
     def _call(self, call: str, handle: int, act: Callable[[Socket], object]) -> Fault | None:
-        """Make one call on the handle's socket; EBADF if there is none."""
+        """Call a function with the handle's socket; EBADF if there is no such socket."""
         try:
             act(self._sockets[handle])
         except (

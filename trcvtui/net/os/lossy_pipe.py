@@ -1,4 +1,4 @@
-"""A socket to a reader that may be slow. Parts without room are left out, counted, and reported later."""
+"""A socket to a reader that may be slow. Data without room is left out, counted, and reported later."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class LossyPipe:
     """Writes without waiting. While the reader is behind, whole parts are left out.
 
     `report_gap` gets the (events, bytes, ends) that were left out, as soon as all parts before the gap were
-    sent. `handle_line` gets each line of the reader. `handle_end` is called once, when the pipe is closed.
+    sent. `handle_line` gets each line that the reader sends. `handle_end` is called once, at the end.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class LossyPipe:
         loop.register(sock.fileno(), IN, self._handle_ready)
 
     def put(self, *parts: bytes | memoryview, events: int = 1, size: int = 0, ends: bytes = b"") -> None:
-        """Send or queue parts. If the queue is full, drop them; add the other arguments to the gap."""
+        """Send or queue parts. If the queue is full, drop the parts, and count them for `report_gap`."""
         if self.is_gone:
             return
         if self.is_behind or self._size > self.most:  # until the queue is empty: one gap, not many
@@ -121,7 +121,7 @@ class LossyPipe:
             self._handle_end()
 
     def send_rest(self, until_ns: int) -> None:
-        """Send the waiting parts until `until_ns` of the monotonic clock at the latest. Then close."""
+        """Send the waiting parts, at the latest until `until_ns` of the monotonic clock. Then close."""
         while self.waiting and (rest := until_ns - time.monotonic_ns()) > 0:
             self._loop.run_once(rest / 1e9)
         self.close()

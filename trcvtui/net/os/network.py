@@ -1,4 +1,4 @@
-"""The network of this machine: its addresses, its resolver, and a network for this process alone."""
+"""The network of this machine: addresses, resolver, and a network namespace for this process."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def enter_namespace(addresses: Sequence[str] = (), not_ethernet: Sequence[str] =
 
 
 def set_loopback(up: bool) -> str:
-    """Set `lo` of the own network up or down; return what is wrong, or ""."""
+    """Set the interface `lo` of its own network up or down; return what is wrong, or ""."""
     if not _own_network:  # never the `lo` of the machine
         return "this is no network of its own"
     try:
@@ -82,7 +82,7 @@ def set_loopback(up: bool) -> str:
 
 
 def _unshare() -> str:
-    """Move to a new, empty network; return the errno of a refusal, or ""."""
+    """Move to a new, empty network; return "" or the errno of the system's refusal."""
     global _own_user, _own_network
     unshare = ctypes.CDLL(None, use_errno=True).unshare
     outside = os.getuid(), os.getgid()
@@ -97,7 +97,7 @@ def _unshare() -> str:
 
 
 def _map_ids(user: int, group: int) -> None:
-    """Become root in this namespace, so that child programs keep the rights; files are the user's."""
+    """Become root in this namespace: child programs keep the rights, and files stay the user's."""
     with suppress(OSError):  # this process has the rights also without a map: only its programs need one
         Path("/proc/self/setgroups").write_text("deny")  # required before gid_map: user_namespaces(7)
         Path("/proc/self/uid_map").write_text(f"0 {user} 1")
@@ -157,7 +157,7 @@ class NameResolver:
         self._processes: dict[int, subprocess.Popen[bytes]] = {}  # by the handle that needs the address
 
     def ask(self, handle: int, name: str) -> str | WouldBlock | Fault:
-        """Return the address, WOULD_BLOCK while there is no answer, else a Fault."""
+        """Return the address of a name, WOULD_BLOCK while there is no answer, else a Fault."""
         program = self._processes.get(handle)
         if program is None:
             return self._start_process(handle, name)
@@ -220,7 +220,7 @@ _IfAddrs._fields_ = [
 
 @functools.cache
 def _c_library() -> ctypes.CDLL | None:
-    """Return the C library that the process has already loaded, None if it has no getifaddrs."""
+    """Return the loaded C library, or None if it has no getifaddrs."""
     # CDLL(None), once: a bind asks in the middle of a scan, and ctypes.util.find_library starts a process.
     try:
         library = ctypes.CDLL(None)
@@ -265,7 +265,7 @@ def _broadcast_address(address: str, item: _IfAddrs) -> str:
 
 
 def _read_ipv4(address: int | None) -> str | None:
-    """Return the dotted text of a `struct sockaddr`, or None if it is not of IPv4."""
+    """Return the address in a `struct sockaddr` as dotted text, or None if it is not IPv4."""
     if not address:
         return None
     head = ctypes.string_at(address, 2)

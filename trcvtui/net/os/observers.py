@@ -56,7 +56,7 @@ def is_trusted(peer: socket.socket) -> bool:
 
 
 def connect_to_tap(path: Path, expected: str) -> int:
-    """Return the descriptor of a connection to the tap at a path; raise UserError without one."""
+    """Return the descriptor of a connection to the tap at a path; raise UserError if that fails."""
     name, made = _require_private_path(path), socket.socket(socket.AF_UNIX)
     made.settimeout(CONNECT_TIMEOUT_S)
     found = "no tap"
@@ -111,7 +111,7 @@ class Encoder(Protocol):
     def encode_event(self, event: TapEvent) -> bytes: ...
 
     def encode_interfaces(self, since: int) -> list[bytes]:
-        """Return the interface blocks of serial lines, except the first `since` blocks."""
+        """Return the pcapng blocks that declare serial lines, without the first `since` blocks."""
 
     def encode_loss(self, ns: int, dropped: int, events: int, size: int) -> bytes:
         """Return the block for a loss of one observer. `dropped` events were lost since it connected."""
@@ -121,9 +121,9 @@ class Encoder(Protocol):
 
 
 class ObserverKind(NamedTuple):
-    """What an observer reads, and how many bytes may wait for it.
+    """A kind of observer: which events it reads, and how many bytes may wait for it.
 
-    With `holds`, a tap may hold all directions from the tap's start until the observer leaves.
+    If `holds`, the tap may hold all directions from its start until the observer leaves.
     """
 
     events: frozenset[int]
@@ -157,7 +157,7 @@ class Observer:
         )
 
     def handle_events(self, events: Sequence[tuple[TapEvent, bytes]]) -> None:
-        """Write the blocks of events."""
+        """Send the observer the blocks of events."""
         # Ends are never lost: else this observer would keep the conversation open for ever.
         kept = [block for event, block in events if event.kind in END_KINDS and event.number <= self._newest]
         size = sum(len(event.data) for event, _ in events if event.kind == TapEventKind.BYTES)
@@ -199,7 +199,7 @@ class Observer:
 class ObserverServer:
     """Serves observers with a `capture` of the events that the tap reports on `events`.
 
-    The tap hands over sockets of its own observers on `channels`. Guests connect to the socket at `path`.
+    The tap passes its own observers' sockets through `channels`. Guests connect to the socket at `path`.
     """
 
     def __init__(
@@ -216,7 +216,7 @@ class ObserverServer:
         self.loop.register(events, IN, self._read_events)
 
     def run(self) -> None:
-        """Serve until the tap ends; then let observers read the rest."""
+        """Serve until the tap ends; then give observers time to read the rest."""
         self._keep_listening()
         while not self._has_ended:
             self.loop.run_once(-1)

@@ -1,4 +1,4 @@
-"""Packets that another program pipes to us, read as they come. While none come, a callback is called."""
+"""Packets that another program pipes to us, read as they come. While none come, `report_wait` is called."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MOST_CHUNKS: Final = 4  # read ahead by a thread
 
 
 class PacketPipe:
-    """A descriptor of packets. `report_wait` gets for how many ns the running `read` found nothing."""
+    """Packets from a descriptor. `report_wait` gets how long (ns) the running `read` has found nothing."""
 
     def __init__(
         self,
@@ -38,7 +38,7 @@ class PacketPipe:
         self._stops_at: float | None = None
 
     def end(self) -> None:
-        """End the pipe as soon as it is empty, but not before STOP_WAIT_S is over."""
+        """End the pipe as soon as it is empty, but at the earliest after STOP_WAIT_S."""
         self._stops_at = time.monotonic() + STOP_WAIT_S
 
     @property
@@ -47,7 +47,7 @@ class PacketPipe:
 
     @property
     def since_empty_ns(self) -> int:
-        """Return the ns since the pipe was last seen empty."""
+        """Return how many ns ago the pipe was last seen empty."""
         return time.monotonic_ns() - self.empty_at
 
     def read(self, _most: int) -> bytes:
@@ -107,7 +107,7 @@ def _read_or_end(fd: int) -> bytes:
 
 
 def detach_stdin(with_keyboard: bool) -> int:
-    """Return a new descriptor of the piped stdin. With `with_keyboard`, stdin is then the terminal."""
+    """Return a new descriptor of the piped stdin. If `with_keyboard`, stdin becomes the terminal."""
     fd = os.dup(0)
     if with_keyboard:
         keyboard = os.open("CONIN$" if os.name == "nt" else "/dev/tty", os.O_RDWR)

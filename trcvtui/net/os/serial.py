@@ -1,7 +1,7 @@
 """Real serial ports, through pyserial (the extra `serial`): a device, or a URL that pyserial knows.
 
-Rule: no call waits. Threads open and close ports, with one attempt at a time for each port. While a device
-hangs, there is no second attempt.
+Rule: no call waits. Threads open and close ports, with one attempt at a time for each port. While an
+attempt hangs, there is no second one.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from trcvtui.net.serial_line import OPENING, LineErrors, PortOpening, SerialSett
 
 
 class OpenAttempt:
-    """An attempt to open a port. Once `is_over` is True, there is a `port` or a `problem`."""
+    """An attempt to open a port. When `is_over` is True, either `port` or `problem` is set."""
 
     def __init__(self, make_port: Callable[[], Any]) -> None:
         self.port: Any = None
@@ -179,7 +179,7 @@ class OsSerialPort:
         return False
 
     def line_errors(self) -> LineErrors | None:
-        """Return Linux's counts of line errors at a UART (TIOCGICOUNT). Elsewhere return None."""
+        """Return how many line errors Linux has counted at a UART (TIOCGICOUNT). Elsewhere return None."""
         try:
             from fcntl import ioctl
 
@@ -190,7 +190,7 @@ class OsSerialPort:
         return framing, parity, breaks, overruns + full
 
     def _has_room(self) -> bool:
-        """Return whether the port has room for bytes now; without room pyserial's own write would wait."""
+        """Return whether the port takes bytes now; if not, pyserial's own write would wait."""
         try:
             number = (getattr(self._port, "_socket", None) or self._port).fileno()
         except (AttributeError, OSError, ValueError):  # Windows: a queue of its own

@@ -1,4 +1,4 @@
-"""Messages to systemd from a service with `Type=notify`: that it is ready, or alive (sd_notify(3))."""
+"""Messages from a service with `Type=notify` to systemd: "ready" or "alive" (sd_notify(3))."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import suppress
 
 
 def notify(line: str) -> None:
-    """Send the service manager a line such as READY=1; do nothing if none listens."""
+    """Send the service manager a line such as READY=1; do nothing if there is none."""
     place = os.environ.get("NOTIFY_SOCKET", "")
     if place[:1] not in ("/", "@"):  # other families (vsock:) are not sent to
         return

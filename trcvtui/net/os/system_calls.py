@@ -1,4 +1,4 @@
-"""Differences between systems: poll sets, socket options, what a stack holds, cut links."""
+"""What differs between systems: poll sets, socket options, unread bytes, cut links."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class PollSet(Protocol):
 
 
 class PollList:
-    """The poll set of a system without epoll. It may see an RST late if the socket is not read."""
+    """The poll set of a system without epoll. It may see an RST late if nobody reads the socket."""
 
     def __init__(self) -> None:
         self._wanted: dict[int, int] = {}
@@ -89,7 +89,7 @@ ERROR_ALIASES: Final = {"EWOULDBLOCK": "EAGAIN", "ENOTSUP": "EOPNOTSUPP"}
 
 
 def error_name(problem: OSError | ValueError | KeyError) -> str:
-    """Return the POSIX name of a failure; an unknown handle and a closed socket object are EBADF."""
+    """Return the POSIX name of a failure; EBADF for an unknown handle or a closed socket."""
     if not isinstance(problem, OSError):
         return "EBADF"
     name = errno.errorcode.get(problem.errno or 0, f"E{problem.errno}").removeprefix("WSA")
@@ -200,7 +200,7 @@ LONG_TCP_INFO_BYTES: Final = 232
 
 
 def count_unread(sock: socket.socket | None) -> int:
-    """Return how many received bytes wait in the stack; at most 65536 if it does not count them."""
+    """Return how many received bytes are unread; at most 65536 if the system does not count them."""
     try:
         if sock is None:
             return 0
@@ -212,7 +212,7 @@ def count_unread(sock: socket.socket | None) -> int:
 
 
 def may_have_unread(sock: socket.socket) -> bool:
-    """Return whether a socket that the poll saw may have unread data. For a listener or UDP it is True."""
+    """Return whether a socket that the poll saw may have unread data. For listeners and UDP: True."""
     if not CAN_IOCTL:
         return True
     try:
@@ -225,7 +225,7 @@ def may_have_unread(sock: socket.socket) -> bool:
 def peek_at(sock: socket.socket, skip: int, is_gone: bool) -> Unread:
     """Return what is unread at a socket that the poll saw. `is_gone` means that the poll saw an end.
 
-    If the system has no FIONREAD, bytes are peeked only before an end was seen.
+    If the system has no FIONREAD, peek at bytes only while no end was seen.
     """
     try:
         if sock.type == socket.SOCK_DGRAM:
@@ -277,7 +277,7 @@ def discard_unread(sock: socket.socket | None, most: int) -> int:
 
 
 def tcp_info(sock: socket.socket | None) -> PathInfo | None:
-    """Return the send side's state from TCP_INFO, None if the system does not provide it."""
+    """Return the state of sending from TCP_INFO, or None if the system does not provide it."""
     if sock is None or sys.platform != "linux":
         return None
     try:
@@ -332,7 +332,7 @@ SocketEnds = tuple[object, object]
 
 
 class CutLinks:
-    """The owners whose wires are cut. For each socket that gets no packets, the owners that cut it off."""
+    """The owners whose wires are cut. Also, for each socket without packets, the owners that cut it off."""
 
     def __init__(self, sockets: Mapping[int, socket.socket]) -> None:
         self._sockets = sockets
@@ -370,7 +370,7 @@ class CutLinks:
         return ""
 
     def _deafen_wires(self, handles: Iterable[int]) -> str:
-        """Silence both ends of each cut wire among these handles; return the errno of a refusal, or ""."""
+        """Stop the packets at both ends of each cut wire; return the errno of a refusal, or ""."""
         by_ends = {ends: handle for handle, sock in self._sockets.items() if (ends := _read_ends(sock))}
         refused = ""
         for handle in handles:
@@ -403,7 +403,7 @@ class CutLinks:
 
 
 def _read_ends(sock: socket.socket) -> SocketEnds | None:
-    """Return the local and the remote end of a connection, None before there is one."""
+    """Return both ends of a connection, or None before it is connected."""
     try:
         return sock.getsockname(), sock.getpeername()
     except (OSError, ValueError):

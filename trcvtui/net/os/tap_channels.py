@@ -15,14 +15,14 @@ BLOCK: Final = struct.Struct("<4xI")  # the head of a pcapng block: its type, it
 
 
 class ChannelServer:
-    """The tap's end. `fd` is readable when a child asks, and when no child is left that could ask."""
+    """The tap's end. `fd` is readable when a child asks, and when no child process is left."""
 
     def __init__(self) -> None:
         self._asks, self.theirs = socket.socketpair()
         self.fd = self._asks.fileno()
 
     def read_question(self) -> bytes:
-        """Wait for a question of the children; return it, b"" when all of them have ended."""
+        """Wait for a question of the child processes; return the question, or b"" when all have ended."""
         with suppress(OSError):
             return self._asks.recv(1)
         return b""
@@ -32,7 +32,7 @@ class ChannelServer:
             self._asks.sendall(f"{text}\n".encode())
 
     def hand_over_channel(self) -> socket.socket | None:
-        """Hand a channel over to a child; return the tap's end of it, None if no descriptor is left."""
+        """Give a child one end of a new channel; return the tap's end, or None if no descriptor is left."""
         try:
             ours, theirs = socket.socketpair()
         except OSError:
@@ -84,7 +84,7 @@ def ask_open_count(fd: int) -> str:
 
 
 class TapChannel:
-    """A child's end of a channel. Whole blocks of pcapng come on `fd`, and orders go back.
+    """A child process's end of a channel. Whole blocks of pcapng come on `fd`, and orders go back.
 
     If the process that serves the channel ends, another process takes over and begins a new section.
     """
@@ -94,7 +94,7 @@ class TapChannel:
         self.fd = os.open(os.devnull, os.O_RDONLY)  # it is at its end, and `feed` then asks for a channel
 
     def feed(self, data: bytes) -> bytes | None:
-        """Return the whole blocks that were read, None if none is whole, or b"" if the tap has ended."""
+        """Return the complete blocks read so far, None if there is none, or b"" if the tap has ended."""
         if not data:
             self._part = b""  # half a block of a server that has ended
             channels = _ask_tap(self._asks, ASK_CHANNEL)[1]

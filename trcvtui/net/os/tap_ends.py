@@ -28,7 +28,7 @@ LACK_REPORT_NS: Final = 10_000_000_000  # between two reports of a lack
 
 
 class TapTcpConversation(TapConversation):
-    """A TCP conversation: the near end was accepted, the far end is being called."""
+    """A TCP conversation: a client was accepted at the near end, and the far end is being called."""
 
     has_ends = True
 
@@ -71,7 +71,7 @@ class TapTcpConversation(TapConversation):
             self._finish_attempt(errno.ETIMEDOUT)
 
     def _finish_attempt(self, error: int) -> None:
-        """Start forwarding if the far end has answered; otherwise reset the near end."""
+        """Start forwarding if the far end has answered; else send RST to the near end."""
         # Unread bytes prove that it has answered, also if its RST followed at once: they are forwarded.
         if error and not count_unread(self._far):
             self.has_ended = True
@@ -120,7 +120,7 @@ class TapTcpConversation(TapConversation):
         self.close(reset=True)
 
     def close(self, reset: bool = False) -> None:
-        """Close both ends, with RST or without."""
+        """Close both ends; with `reset`, send RST."""
         if not self.has_ended:
             self.has_ended = True
             for lane in self.lanes:
@@ -150,7 +150,7 @@ class TapTcpConversation(TapConversation):
 
 
 class _LackReporter:
-    """Reports that a route cannot accept clients: one line and one event each 10 s at most."""
+    """Reports that a route cannot accept clients: at most one line and one event in 10 s."""
 
     def __init__(self, route: TcpRoute | UdpRoute, unit: str) -> None:
         self._route, self._unit = route, unit
@@ -179,7 +179,7 @@ class _LackReporter:
 class TcpRoute:
     """A tap between two TCP ends, for many clients.
 
-    While no descriptor is free, a client waits in the queue of the listener, LACK_WAIT_NS at most.
+    Without a free descriptor, clients wait in the listener's queue, at most LACK_WAIT_NS.
     """
 
     has_stack = True  # TCP_INFO has figures of each end
@@ -222,7 +222,7 @@ class TcpRoute:
                 self.talks[talk.number] = talk
 
     def _defer_clients(self, failed: OSError) -> None:
-        """Let clients wait in the queue of the listener; reset those that have waited for too long."""
+        """Let clients wait in the listener's queue; send RST to those that waited too long."""
         self.loop.set_mask(self._door.fileno(), 0)  # else the poll set would report them all the time
         now, come = time.monotonic_ns(), self._taken + (peek_at(self._door, 0, False).clients or 1)
         if not self._due or come > self._due[-1][1]:
@@ -271,7 +271,7 @@ class TcpRoute:
 
 
 class UdpRoute:
-    """A tap between UDP ends. Each client has its own far socket, whose datagrams go to the client."""
+    """A tap between UDP ends. Each client has its own socket to the far end, for both directions."""
 
     has_stack = False
 
@@ -328,7 +328,7 @@ class UdpRoute:
 
 
 class _DatagramEnd(TapEnd):
-    """One end of datagrams. It is always read: datagrams without room are lost, not held back."""
+    """One end of a UDP conversation. It is always read: without room, a datagram is lost."""
 
     def __init__(self, port: socket.socket, send: Callable[[Any], int]) -> None:
         self.port, self.sends = port, send
@@ -373,7 +373,7 @@ class TapUdpConversation(TapConversation):
 
 
 class TapSerialConversation(TapConversation):
-    """Two serial ports, route and conversation in one. A port that is gone is opened again."""
+    """Two serial ports; they are the route and its only conversation. A lost port is opened again."""
 
     said = b""
     has_stack = False
@@ -446,7 +446,7 @@ class TapSerialConversation(TapConversation):
             self.handle_source_reset(lane.target.reads, failed)
 
     def stop(self) -> None:
-        """Do nothing: there is no listener."""
+        """Do nothing: serial ports have no listener."""
 
     def finish(self) -> None:
         for lane in self.lanes:
@@ -464,7 +464,7 @@ def _encode_open_event(place: TapPlace, near: Sequence[Any]) -> bytes:
 
 
 def _bind_socket(place: TapPlace, kind: int) -> socket.socket:
-    """Return a socket bound to a place; raise UserError if the system refuses."""
+    """Return a socket bound to a place (address and port); raise UserError if the system refuses."""
     family = socket.AF_INET6 if ":" in place.address else socket.AF_INET
     sock = socket.socket(family, kind)
     try:

@@ -1,9 +1,10 @@
 """One direction of a tapped conversation: the bytes that wait between its ends, and the orders on them.
 
-Rule 1: a direction is bounded. Bytes that the target has not taken, held bytes and delayed bytes count. If
-the direction is full, the tap does not read its source, and the source's stack closes the window.
+Rule 1: the bytes that wait in a direction are limited. Bytes that the target has not taken, held bytes and
+delayed bytes count. At the limit, the tap does not read the source, and the source's stack closes the
+window.
 Rule 2: a FIN or RST passes after the bytes before it. An RST waits at most RESET_WAIT_NS for these bytes.
-Rule 3: a held direction holds its FIN or RST, too.
+Rule 3: in a held direction, FIN and RST are held, too.
 """
 
 from __future__ import annotations
@@ -107,10 +108,10 @@ class TapConversation:
         """Handle the FIN of a lane's source."""
 
     def handle_source_reset(self, lane: TapLane, failed: OSError) -> None:
-        """Handle the RST of a lane's source: nothing is left to read."""
+        """Handle the RST of a lane's source: no bytes are left to read."""
 
     def handle_target_reset(self, lane: TapLane, failed: OSError) -> None:
-        """Handle the RST of a lane's target. Earlier bytes of the target may be unread."""
+        """Handle the RST of a lane's target. The target may have sent bytes that are still unread."""
 
     def has_unacknowledged(self, end: TapEnd) -> bool:
         """Return whether the stack has bytes that the end has not acknowledged."""
@@ -124,7 +125,7 @@ class TapConversation:
 
 
 class TapEnd:
-    """One end of a conversation: its socket or port. `reads` is the lane that begins here."""
+    """One end of a conversation: its socket or port. `reads` is the lane whose source is this end."""
 
     reads: TapLane
     writes: TapLane
@@ -236,13 +237,13 @@ class TapLane:
             self.forward(data)
 
     def report_held(self) -> None:
-        """Report the held bytes, or that nothing is held any more."""
+        """Report the held bytes, or that this direction is not held any more."""
         held = self.held
         shown = b"" if held is None else b"!" + held[:MOST_HELD_SHOWN]
         self.talk.report(TapEventKind.HELD, self.way, memoryview(shown), len(held or b""))
 
     def delay_data(self, data: bytes) -> None:
-        """Queue bytes to be forwarded later, split as ordered."""
+        """Queue bytes to be forwarded later, split as the order says."""
         now = time.monotonic_ns()
         due = max(now + self.delay_ns, self.late[-1][0] if self.late else 0)
         if not data:  # a datagram may be empty
@@ -263,7 +264,7 @@ class TapLane:
         self.late_size += len(data)
 
     def pass_late(self, is_all: bool = False) -> None:
-        """Forward the delayed bytes whose time has come. With `is_all`, forward all delayed bytes."""
+        """Forward the delayed bytes whose time has come. If `is_all`, forward all delayed bytes now."""
         now = time.monotonic_ns()
         while self.late and (is_all or self.late[0][0] <= now) and not self.is_over:
             _, data = self.late.popleft()
@@ -364,12 +365,12 @@ class TapLane:
         self.pass_end()
 
     def start_reset_timer(self) -> None:
-        """Start RESET_WAIT_NS, the time for the bytes before an RST."""
+        """Start the time limit RESET_WAIT_NS for sending the bytes before an RST."""
         self.gives_up_ns = time.monotonic_ns() + RESET_WAIT_NS
         self.loop.call_at(self.gives_up_ns, self.pass_end)
 
     def pass_end(self) -> None:
-        """Pass the end on, when all bytes before it were sent."""
+        """Send the FIN or RST on, when all bytes before it were sent."""
         if self.end is None or self.held is not None or not self.target.is_open:  # Rule 3
             return
         if self.end is TapEventKind.RST:
@@ -388,7 +389,7 @@ class TapLane:
 
 
 class DatagramLane(TapLane):
-    """One direction of datagrams: they are never joined; a datagram without room is lost."""
+    """One direction of datagrams; datagrams are never joined, and are lost without room."""
 
     def __init__(self, talk: TapConversation, way: int, source: TapEnd, target: TapEnd) -> None:
         super().__init__(talk, way, source, target)
@@ -424,7 +425,7 @@ class DatagramLane(TapLane):
         super().insert(data)
 
     def drop_held(self, size: int) -> None:
-        """Drop the first `size` held bytes, and each datagram that then has no bytes left."""
+        """Drop the first `size` held bytes, and each datagram that is then empty."""
         super().drop_held(size)
         while size and self._sizes:
             first = self._sizes.popleft()
@@ -454,7 +455,7 @@ def find_refusal(lane: TapLane, order: TapOrder) -> str:
 
 
 def apply_order(lane: TapLane, order: TapOrder) -> None:
-    """Do an order that `find_refusal` has allowed."""
+    """Carry out an order that `find_refusal` has allowed."""
     held = lane.held
     match order.verb:
         case "hold":

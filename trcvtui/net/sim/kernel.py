@@ -71,7 +71,7 @@ class DatagramWire:
         return True in [target.queue_datagram(source, data) for target in self._find_sockets(remote)]
 
     def withdraw(self, end: Endpoint) -> list[tuple[Endpoint, bytes]]:
-        """Take back what is unread at an end, and return it."""
+        """Remove the unread datagrams at an address and port; return them."""
         return [each for target in self._find_sockets(end) for each in target.withdraw()]
 
     def _find_sockets(self, end: Endpoint) -> list[SimDatagramSocket]:
@@ -154,7 +154,7 @@ class SimDatagramSocket(SimSocket):
         return True
 
     def withdraw(self) -> list[tuple[Endpoint, bytes]]:
-        """Take back what is unread, and return it."""
+        """Remove the unread datagrams, and return them."""
         unread = list(self._queue)
         self._queue.clear()
         self._used = 0
@@ -191,7 +191,7 @@ class SeededRandom(random.Random):
 
 
 class SimKernel:
-    """A Kernel whose network, with its peers, is in memory."""
+    """A Kernel with a network in memory, and with the peers of that network."""
 
     def __init__(
         self,
@@ -223,11 +223,11 @@ class SimKernel:
 
     @property
     def next_due_ns(self) -> int | None:
-        """Return when the next timer is due, None: there is none."""
+        """Return the time of the next timer, or None if there is no timer."""
         return self.wire.agenda.next_due
 
     def advance(self, now_ns: int) -> None:
-        """Move the clock to now_ns. Everything that is due until then happens at its own time."""
+        """Move the clock to now_ns. Each timer that is due by then is called at its own time."""
         if now_ns < self.wire.now:
             raise ValueError(f"time runs forwards: {now_ns} is before {self.wire.now}")
         self.wire.agenda.run_until(now_ns)
@@ -269,7 +269,7 @@ class SimKernel:
         self._seen = {handle: socket.is_gone for handle, socket in self._ready.items()}
 
     def readable(self, handle: Handle) -> bool:
-        """Return whether the last poll saw the handle; a handle outside the poll set is tried now."""
+        """Return whether the last poll saw the handle; for a handle outside the poll set, look now."""
         if handle in self._seen:
             return True
         socket = self._sockets.get(handle)
@@ -364,7 +364,7 @@ class SimKernel:
         return NewClient(self._add_socket(SimSocket(self.wire, socket.owner, stream)), stream.remote)
 
     def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
-        """Return the address of a name. Only the names in `names` and localhost are known."""
+        """Return the address of a name. Only localhost and the names given to the kernel are known."""
         if handle not in self._sockets:
             return Fault("resolve", "EBADF")
         if name in ("localhost", "localhost."):

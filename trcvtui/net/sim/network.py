@@ -55,7 +55,7 @@ class PortTable:
         return ""
 
     def claim_free_port(self, claim: PortClaim, address: str) -> bool:
-        """Give a claim of a connect a free port if it has none; return whether the claim has a port now."""
+        """Give a connecting socket's claim a free port if it has none; return whether it has a port now."""
         claim.address = address
         if claim.port:
             return True
@@ -94,7 +94,7 @@ class PortTable:
         )
 
     def _free_port(self) -> int:
-        """Return a port without a claim, 0 if there is none."""
+        """Return a port that no claim has, or 0 if there is none."""
         for _ in range(FIRST_FREE_PORT, LAST_FREE_PORT + 1):
             port = self._next
             self._next = port + 1 if port < LAST_FREE_PORT else FIRST_FREE_PORT
@@ -175,7 +175,7 @@ class SimHost:
     # -- segments ------------------------------------------------------------------------------------
 
     def carry(self, source: SimStream, segment: Segment) -> None:
-        """Carry a segment to the partner, unless a link is down when the segment leaves or arrives."""
+        """Carry a segment to the partner; drop it if a link is down when it leaves or when it arrives."""
         partner = source.partner
         if partner is None or (self._down and not self.is_up(source.owner, partner.owner)):
             return
@@ -213,7 +213,7 @@ class SimHost:
         return old is not None and not old.lingering  # TIME_WAIT may be reused, with timestamps (RFC 6191)
 
     def connect(self, client: SimStream) -> None:
-        """Begin a connection whose ends are free."""
+        """Begin a connection; the caller has checked that no other connection has the same ends."""
         ends = (client.local, client.remote)
         if ends in self._streams:  # TIME_WAIT: the caller has asked `has_connection`
             self._remove_stream(self._streams[ends])
@@ -248,7 +248,7 @@ class SimHost:
                 self.carry(server, server.make_syn_ack())
 
     def connect_as_partner(self, local: Endpoint, target: Endpoint) -> SimStream | None:
-        """Let a played partner call a listener. Return the partner's end, or None if they are connected."""
+        """Let a played partner connect to a listener. Return its end, or None if already connected."""
         client = self._make_played_stream(local, target)
         if self.has_connection(client):
             return None
@@ -268,7 +268,7 @@ class SimHost:
         return server
 
     def refuse_as_partner(self, owner: str) -> bool:
-        """Let a played partner refuse the newest call of an owner; return False if there is no call."""
+        """Let a played partner refuse an owner's newest attempt; return False if there is none."""
         client = self._take_newest_attempt(owner)
         if client is not None:
             client.handle_segment(RESET_SEGMENT)
@@ -292,7 +292,7 @@ class SimHost:
             client.handle_segment(RESET_SEGMENT)
 
     def _admit(self, listener: SimListener, client: SimStream) -> SimStream | None:
-        """Return the server side of a new connection, None when the queue holds backlog + 1 already."""
+        """Return the server's end of a new connection, or None if backlog + 1 clients wait already."""
         ends = (client.remote, client.local)
         old = self._streams.get(ends)
         if old is not None:  # the client has lost it, else it could not use the same ends again
@@ -312,7 +312,7 @@ class SimHost:
     # -- the end -------------------------------------------------------------------------------------
 
     def remove_ended(self, stream: SimStream, linger: bool) -> None:
-        """Remove an ended connection from the tables, at once or, with `linger`, after TIME_WAIT."""
+        """Remove an ended connection from the tables: with `linger` after TIME_WAIT, otherwise at once."""
         stream.lingering = linger
         if linger:
             self.call_at(self.now + TIME_WAIT, lambda: self._remove_stream(stream))
@@ -328,7 +328,7 @@ class SimHost:
             self.ports.release(stream.claim)
 
     def release_port(self, stream: SimStream) -> None:
-        """Free the port of a connection that had ended before its handle was freed."""
+        """Free the port of a connection whose handle is freed only after the connection has ended."""
         if stream.phase is StreamPhase.OVER and not stream.lingering:
             self.ports.release(stream.claim)
 
@@ -379,7 +379,7 @@ class SimSocket:
         return self.stream.local if self.stream is not None else self.claim.end
 
     def __str__(self) -> str:
-        """Return owner, state and ends for a list of leaks."""
+        """Return the owner, the state and the ends, for a list of sockets that were never closed."""
         if self.stream is not None:
             return f"{self.owner} {self.stream.phase.value} {self.stream.local} {self.stream.remote}"
         state = "fresh" if self.listener is None else "listening"
@@ -481,7 +481,7 @@ class SimSocket:
         return ""
 
     def free(self, abort: bool) -> None:
-        """Free the connection, the listener and the port."""
+        """Free the connection, the listener and the port of this socket."""
         self._stop_listening()
         if self.stream is None:
             self._wire.ports.release(self.claim)

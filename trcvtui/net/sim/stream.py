@@ -1,7 +1,7 @@
 """One end of a simulated TCP connection, as a program on Linux sees it: handshake, data, end and timers.
 
-Rule 1: change the state before a call of `carry`. Without latency the answer comes inside that call.
-Rule 2: an error is reported to one call. After that, `read` returns 0 and `write` returns EPIPE.
+Rule 1: change the state before you call `carry`. Without latency, the answer comes before `carry` returns.
+Rule 2: an error is reported by only one call. After that error, `read` returns 0 and `write` returns EPIPE.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SEGMENT_BYTES: Final = 1460
 
 
 class SegmentFlag:
-    """Meanings of a segment besides its data. Plain numbers, for speed: each segment is checked often."""
+    """Meanings of a segment besides its data. Flags are plain numbers, for speed: all are checked often."""
 
     NONE = 0
     SYN_ACK = 1
@@ -42,7 +42,7 @@ class SegmentFlag:
 
 
 class Segment(NamedTuple):
-    """A TCP segment: position `seq` of its data, acknowledged position `ack`, end `edge` of the window."""
+    """A TCP segment: `seq` is where its data begins, `ack` what it acknowledges, `edge` the window end."""
 
     seq: int
     ack: int
@@ -83,12 +83,12 @@ class SendHalf:
 
     @property
     def is_in_flight(self) -> bool:
-        """Return whether data or FIN is sent and unacknowledged."""
+        """Return whether data or a FIN was sent and is not acknowledged."""
         return self._first < self.next
 
     @property
     def is_waiting(self) -> bool:
-        """Return whether anything is unacknowledged, or waits for the window."""
+        """Return whether any data or a FIN is unacknowledged or unsent."""
         return self._first < self.next or bool(self._queue)
 
     def put(self, data: memoryview) -> int:
@@ -154,14 +154,14 @@ class ReceiveHalf:
         self._offered = room  # the end of the window that the partner knows
 
     def read(self, into: memoryview, most: int) -> int:
-        """Move bytes to the program; return how many."""
+        """Move at most `most` bytes to the program; return how many."""
         size = min(len(into), len(self.inbox), most)
         into[:size] = self.inbox[:size]
         del self.inbox[:size]
         return size
 
     def offer_window(self) -> int:
-        """Return the end of the window now."""
+        """Return the position where the offered window ends now."""
         self._offered = max(self._offered, self.next + self.room - len(self.inbox))
         return self._offered
 
@@ -172,7 +172,7 @@ class ReceiveHalf:
         return 2 * offered <= self.room and free >= 2 * offered and free >= min(self.room // 2, SEGMENT_BYTES)
 
     def has_new_bytes(self, segment: Segment) -> bool:
-        """Return whether a segment carries bytes that are not here yet."""
+        """Return whether a segment carries bytes that were not received before."""
         return segment.seq + len(segment.data) > self.next
 
     def accept(self, segment: Segment) -> None:
@@ -196,9 +196,9 @@ RTO_MAX: Final = 1 * SECOND  # as on a Linux that accepts TCP_RTO_MAX_MS
 
 
 class PortClaim(Struct, eq=False):
-    """A local end that a socket occupies. Port 0 means that the socket has no port yet.
+    """A local address and port that a socket occupies. Port 0 means that the socket has no port yet.
 
-    With `fixed`, the program chose this port. The port is then occupied until the handle is freed.
+    If `fixed`, the program chose the port. A chosen port is occupied until the handle is freed.
     """
 
     address: str = ANY_ADDRESS
@@ -219,7 +219,7 @@ class StreamPhase(Enum):  # as its program sees it: FIN and TIME_WAIT are no pha
 
 
 class Tuning(Struct):
-    """The socket options that have an effect. Times are in ns. A stream shares the Tuning of its socket."""
+    """The socket options that have an effect. Times are in ns. A stream and its socket share one Tuning."""
 
     keep_alive: int = 0
     user_timeout: int = 0
@@ -240,7 +240,7 @@ class Wire(Protocol):
 
 
 def ignore_change() -> None:
-    """Do nothing: the `changed` of a stream without a handle."""
+    """Do nothing: a stream without a handle calls this in place of `changed`."""
 
 
 class SimStream:
@@ -315,7 +315,7 @@ class SimStream:
         self._start_keep_alive()
 
     def read(self, into: memoryview, most: int) -> int | WouldBlock | str:
-        """Move at most `most` bytes into the view. A returned str is an errno name."""
+        """Move at most `most` bytes into the view. If a str is returned, it is an errno name."""
         if self._in.inbox:  # bytes come before FIN, and FIN before an error, as on Linux
             return self._read_inbox(into, most)
         if self._in.fin:

@@ -23,7 +23,7 @@ SYN_WAITS: Final = (1024 * MS,) * 5 + tuple(1024 * MS << n for n in range(1, 7))
 
 
 class Ticket:
-    """One timer of the queue; `act` is None once the timer has run or was cancelled."""
+    """One timer of the queue; `act` is None once the timer was called or cancelled."""
 
     __slots__ = ("act",)
 
@@ -98,7 +98,7 @@ class KeepAliveTimer:
         self._asked_at = 0
 
     def decide_at_due(self, now: int, heard: int, busy: bool, user_timeout: int) -> Verdict:
-        """Return what to do now, and set the next `due`. `busy` means unsent or unacknowledged data."""
+        """Return what to do, and set the next `due`. `busy` means that data is unsent or unacknowledged."""
         silent = now - heard
         if heard >= self._asked_at:  # the last probe was answered
             self._probes = 0
@@ -117,7 +117,7 @@ class KeepAliveTimer:
 
 
 class RetryTimer:
-    """Retransmission and window probes with growing waits, until the user timeout or 16 tries in vain."""
+    """Retransmissions and window probes: the waits grow, up to the user timeout or 16 unanswered tries."""
 
     __slots__ = ("_since", "_tries", "_unanswered", "due")
 

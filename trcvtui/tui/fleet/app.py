@@ -104,7 +104,7 @@ class FleetHeader(WordLine):
 
 
 class FleetScreen(Screen[None]):
-    """Header, filter, list, message, keys."""
+    """The screen: header, filter, list, message and keys."""
 
     BINDINGS: ClassVar = hidden_bindings({
         "slash": "filter", "g": "group", "escape": "calm", "question_mark,f1": "help",

@@ -1,7 +1,7 @@
 """The list of `trcvtui fleet`. A row is a production line or a group's head; only rows in view are made.
 
 Rule: the list is sorted again while you read. The cursor stays on the worst row until you move the cursor.
-From then on it stays on the same line, and this line keeps its place on the screen.
+From then on the cursor stays on the same line, and this line keeps its place on the screen.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ def age_since_text(t: float | None, wall: float) -> str:
 
 
 def state_of(line: FleetLine) -> str:
-    """Return offline, no scan, finding or stuck. For any other line, return the state of its connection."""
+    """Return a line's state: offline, no scan, finding or stuck, else the state of its connection."""
     if line.shows in (ERROR, AWAY, HAD, GOOD):
         return line.figures.state if line.figures else "?"
     return STATES[line.shows]
 
 
 def describe_status(line: FleetLine) -> str:
-    """Return the worst instance's finding, or received of wanted bytes if it is stuck, else its STATUS."""
+    """Return the worst instance's finding, or `5 of 8 bytes` if it is stuck, else its STATUS."""
     status = line.worst_instance.status if line.worst_instance is not None else None
     if status is None:
         return ""

@@ -1,4 +1,4 @@
-"""The forms that add or change a part of the project. They have fields with choices and make a command."""
+"""The forms that add or change a part of the project: fields with choices, which make a command."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ FILE_HINT = "a file of types: tab completes its path, ↑↓ choose one beside t
 
 
 class ChoiceField(FormField):
-    """One field. If it has `choices`, up and down walk through them."""
+    """One field. If a field has `choices`, the keys up and down walk through them."""
 
     def __init__(self, key: str, choices: tuple[str, ...], value: str, proposed: str = "") -> None:
         super().__init__(value)

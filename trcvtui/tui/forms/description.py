@@ -91,7 +91,7 @@ class DescriptionText(TextView):
 
 
 class DescriptionScreen(ViewDialog[None]):
-    """Escape closes it; ← → show the other descriptions of the project."""
+    """Escape closes the screen; ← → show the other descriptions of the project."""
 
     BINDINGS: ClassVar = hidden_bindings({
         "right": "other(1)", "left": "other(-1)", "y": "yank", "s": "source", "C": "leave",

@@ -20,7 +20,7 @@ BENCH_KEYS: Final = frozenset(("LocalAddress", "ListenPort"))  # of the bench, n
 
 
 def kinds_of(project: Project) -> tuple[str, ...]:
-    """Return the kinds of parts that you can add. A ComBuffer needs a dialect with blocks for it."""
+    """Return the kinds of parts that you can add. A ComBuffer needs a dialect with ComBuffer blocks."""
     has_buffers = any(block_row(block).buffer_pin for block in project.dialect.blocks)
     return OFFERED_KINDS if has_buffers else tuple(kind for kind in OFFERED_KINDS if kind != "combuffer")
 

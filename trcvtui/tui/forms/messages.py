@@ -87,7 +87,7 @@ class LibraryList(LineView):
 
 
 class LibraryScreen(ViewDialog[str]):
-    """The list of messages. Its answer is the command of the chosen entry, "" if you choose none."""
+    """The list of messages. The answer is the command of the chosen entry, "" if you choose none."""
 
     DEFAULT_CSS = "LibraryScreen LibraryList { width: 110; height: 60%; border-subtitle-color: $text-muted; }"
 
@@ -126,7 +126,7 @@ class MemberField(FormField):
 
 
 class UdtForm(FieldsDialog[str, MemberField]):
-    """The form of one UDT. Its answer is the payload of `send udt`, "" if you leave the form."""
+    """The form of one UDT. The answer is the payload of `send udt`, "" if you leave the form."""
 
     DEFAULT_CSS = """
     UdtForm #form { width: 84; }

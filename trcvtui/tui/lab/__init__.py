@@ -1,4 +1,4 @@
-"""The UDT lab on the screen. This file only recognizes its prompt lines, before the lab is loaded."""
+"""The UDT lab on the screen. This file only recognizes the lab's prompt lines, before the lab is loaded."""
 
 from __future__ import annotations
 

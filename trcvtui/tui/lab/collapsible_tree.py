@@ -1,6 +1,6 @@
 """The visible rows of a type in two layouts: members, elements and gaps of the open branches.
 
-Rule: a long array is closed at first, so that few rows are listed until you open it.
+Rule: a long array is closed at first, so that few rows are listed until you open the array.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ Key = tuple[int, ...]  # the number of the member or element at each level; the 
 class TreeRow(NamedTuple):
     """One row. `is_open` is None if the row cannot be folded. `leaf` is the number of the row's first leaf.
 
-    A gap has no type. Its size is 0 on a side without this gap. If `moved`, the place of the row, or of a
-    part of the row, differs between the sides.
+    A gap has no type. A gap has size 0 on a side without it. If `moved`, the place of the row, or of a part
+    of the row, differs between the sides.
     """
 
     key: Key

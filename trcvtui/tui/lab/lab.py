@@ -1,6 +1,7 @@
 """The model of the lab: types from files, one type laid out in two profiles, and the bytes to decode.
 
-Rule: nothing here commands the PLC. If a type changes in its file, the lab changes, but DATA does not.
+Rule: this file sends no command to the PLC. If a type changes in its file, the lab changes, but DATA does
+not.
 """
 
 from __future__ import annotations
@@ -135,7 +136,7 @@ class LabBytes:
         return any(one.jobs_done for one in snapshot.instances if one.data == instance.data and not one.sends)
 
     def make_request(self) -> HistoryRequest | None:
-        """Return the request for the stream. Its messages rank the profiles, even while DATA is shown."""
+        """Return the request for the stream. The messages rank the profiles, even while DATA is shown."""
         instance = self._view_model.instance
         if instance is None:
             return None

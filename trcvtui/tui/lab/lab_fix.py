@@ -46,7 +46,7 @@ def make_cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) -
 def format_cures(ours: LayoutRules, theirs: Layout, form: str) -> str:
     """Return the output of `udt cure`: the type for our side, and the swap code if byte orders differ.
 
-    `form` is the language `st` or `scl`. `padded` returns only the type, in the language of our side.
+    `form` is the language `st` or `scl`, or `padded`: only the type, in the language of our side.
     """
     from trcvtui.udt.cure.swap import language_of
 
@@ -81,7 +81,7 @@ def _type_cure(wanted: Layout, own: LayoutRules, kind: str, language: Language) 
 
 
 def _find_unions(type_: Type) -> list[str]:
-    """Return the names of members that are UNIONs or ARRAYs of UNIONs. Inner ones are `STRUCT.member`."""
+    """Return the names of members that are UNIONs or ARRAYs of UNIONs. Inner names are `STRUCT.member`."""
     found = ["all of it"] if isinstance(type_, Union) else []
     for one in (part for part in all_parts(type_) if isinstance(part, Struct)):
         for member in all_members(one):

@@ -58,7 +58,7 @@ class NumberField(FormField):
 
 
 class ConstantsForm(FieldsDialog[dict[str, int], NumberField]):
-    """The form of the constants. Its answer is the values that you entered, none if you leave the form."""
+    """The form of the constants. The answer is the values that you entered, none if you leave the form."""
 
     DEFAULT_CSS = """
     ConstantsForm #form { width: 72; }
@@ -98,7 +98,7 @@ MOST_CURED_LEAVES: Final = 20_000  # the cure of a larger type is written only w
 
 
 class LabHex(HexView):
-    """Bytes. Signs in the text column mark our padding, and padding that only their layout has."""
+    """Bytes. Signs in the text column mark our padding, and padding that only the sender's layout has."""
 
     KEYS: ClassVar = (("hjkl", "byte"), ("b", "which bytes"), ("[ ]", "message"))
 

@@ -372,7 +372,7 @@ class LabScreen(SideScreen[None]):
         self.show()
 
     def action_data_as_theirs(self) -> None:
-        """Send the bench line that gives DATA their layout. This is another way to cure a mismatch."""
+        """Send the bench line that gives DATA the sender's layout. This is another cure of a mismatch."""
         from trcvtui.diagnosis.data_view import make_choice, make_view_command
 
         declared, theirs = self._view_model.declaration, self.lab.profiles["theirs"]

@@ -96,7 +96,7 @@ class TreeColumns(NamedTuple):
 
 
 def columns(width: int, lab: Lab) -> TreeColumns:
-    """Return the width of each column in a pane `width` wide. Offset and size get what the type needs."""
+    """Return the width of each column in a pane of this `width`: offset and size as the type needs."""
     layouts = [layout for side in (OURS, THEIRS) if (layout := lab.layout(side)) is not None]
     digits = len(str(max((layout.size for layout in layouts), default=0)))
     bits = 2 if any(layout.rules.bits & {"BOOL"} or layout.rules.takes_pack for layout in layouts) else 0
@@ -230,7 +230,7 @@ class LabTree(LineView):
         return "░" * min(place.size, 4) + (" not 0!" if any(there) else "")  # perhaps it is no padding
 
     def differs(self, found: TreeRow) -> bool:
-        """Return whether a row differs: a leaf in place, type or value, a branch in any part's place."""
+        """Return whether a row differs: a leaf by place, type or value; a branch by any part's place."""
         if self._lab.layout(THEIRS) is None:
             return False
         ours, theirs = self._cells.get((OURS, found.leaf)), self._cells.get((THEIRS, found.leaf))

@@ -61,7 +61,7 @@ class ConversationList(LineView):
         return f"Line · {open_count} open of {len(talks)}"
 
     def row_count(self) -> int:
-        """Return two rows for each conversation; before the first conversation, one row for each tap."""
+        """Return the number of rows: two for each conversation; without conversations, one for each tap."""
         return 2 * len(self._view_model.conversations) or len(self._view_model.project.taps)
 
     def row_at(self, y: int) -> Row:

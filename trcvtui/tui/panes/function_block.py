@@ -1,4 +1,4 @@
-"""Pane 2: the function block as it is drawn in a program. Its input pins are the toggles."""
+"""Pane 2: the function block as it is drawn in a program. The input pins of the block are toggles."""
 
 from __future__ import annotations
 

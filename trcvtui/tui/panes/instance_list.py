@@ -28,7 +28,7 @@ EMPTY_HINTS: Final = (
 
 
 class ListColumns(NamedTuple):
-    """Widths of columns. With `both` a line shows both ends. With `bar` 0 it has no bar, number or age."""
+    """Widths of columns. With `both` a line shows both ends, with `bar` 0 no bar, number or age."""
 
     name: int
     partner: int
@@ -74,7 +74,7 @@ class InstanceList(LineView):
         return len(self._view_model.instances) or len(self._view_model.project.instances) or len(EMPTY_HINTS)
 
     def show(self) -> None:
-        """Repaint changed rows. The title counts instances that pass the filter, and those with ERROR."""
+        """Repaint changed rows. The title counts the matching instances, and instances with ERROR."""
         instances = self._view_model.instances
         self._listed = [each for each in instances if self._has_words(each)] if self.words else instances
         details = [f"{len(self._listed)} of {len(instances)} with {' '.join(self.words)}, esc: all"]
@@ -113,7 +113,7 @@ class InstanceList(LineView):
         return describe_condition(self._view_model.project, instance.name, instance)
 
     def _pulses(self, instance: InstanceSnapshot) -> dict[str, PinPulse]:
-        """Return the pulses that still glow, by the style of their lamp."""
+        """Return the pulses whose lamps still glow, by the style of the lamp."""
         glow, now = self._view_model.afterglow.find_pulse, self._view_model.t_ns
         found = {style: glow(instance.name, lamp, now) for style, lamp in (("done", DONE), ("error", ERROR))}
         return {style: pulse for style, pulse in found.items() if pulse is not None}

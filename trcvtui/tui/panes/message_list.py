@@ -1,6 +1,6 @@
-"""The messages of the selected instance, one a row, newest last.
+"""The messages of the selected instance, one in each row, the newest last.
 
-Rule: a row is drawn from its bytes only while in view, so 10,000 rows take no more time than one page.
+Rule: only rows in view are drawn from their bytes, so 10,000 rows take no more time than one page.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class MessageColumn(NamedTuple):
-    """A column before the members. It gets wider if the newest message needs more room."""
+    """A column to the left of the members. The column gets wider if the newest message needs more room."""
 
     name: str
     width: int
@@ -53,9 +53,10 @@ def all_pass(shown: MessageRow) -> bool:
 
 
 class MessageLines(LineView):
-    """Rows that pass the filter. The newest row is followed until you choose a row.
+    """The rows that match the filter. The newest row stays chosen until you choose a row.
 
-    In a replay, all rows of the recording are listed; the newest row is the last one up to the shown scan.
+    In a replay, all rows of the recording are listed. The newest row is then the last row up to the shown
+    scan.
     """
 
     KEYS: ClassVar = (("↑↓", "message"), ("end", "follow"), ("/", "filter"), ("y", "CSV"), ("D", "DATA now"))
@@ -81,7 +82,7 @@ class MessageLines(LineView):
 
     @property
     def _known_messages(self) -> KnownMessages:
-        """Return the rows of the selected instance; none while the rows of another instance are held."""
+        """Return the known messages of the selected instance, or none if they are of another instance."""
         known = self._view_model.known_messages
         return known if known.instance == self._view_model.selected else KnownMessages()
 
@@ -102,7 +103,7 @@ class MessageLines(LineView):
 
     @property
     def _chosen_place(self) -> int:
-        """Return the index of the chosen row among filtered rows, or -1 if all are after the shown scan."""
+        """Return the index of the chosen row among the filtered rows, or -1 if no row is chosen."""
         last = len(self._listed) - 1
         if self._at is not None:
             return min(last, bisect_left(self._listed, self._at))
@@ -159,7 +160,7 @@ class MessageLines(LineView):
         self._listed, self._filtered_to, self._oldest = [], 0, 0
 
     def _measure(self) -> None:
-        """Give each column and member the width of its texts, until the line is full."""
+        """Make each column as wide as its texts, and add members until the row has no room left."""
         last = self._row(self._listed[-1]) if self._listed else None
         self.columns = [
             (each, max(each.width, len(each.text(last)) + 1 if last is not None else 0))
@@ -244,7 +245,7 @@ class MessageLines(LineView):
     # -- the filter ------------------------------------------------------------------------------------
 
     def set_filter(self, text: str) -> None:
-        """Filter by a condition; if it has a mistake, the last filter stays in force."""
+        """Filter by a condition; if the condition has a mistake, the last filter stays in force."""
         from trcvtui.engine.message_filter import read_filter  # imported on first use
 
         self._typed, self._wrong = text.strip(), ""
@@ -259,7 +260,7 @@ class MessageLines(LineView):
             self._wrong = wrong.lines()[0]
 
     def describe_rows(self) -> str:
-        """Return text for the title: the mistake in the filter; counts, remarks and state of the rows."""
+        """Return the title's text: a mistake in the filter, the instance, row counts, remarks and state."""
         known, here = self._known_messages, len(self._known_messages.rows)
         size = f"{here} of {known.count}" if here != known.count else f"{here}"
         passing = f"{len(self._listed)} of {size} with {self._text}" if self._text else size
@@ -280,5 +281,5 @@ class MessageHead(OneLine):
 
 
 def fit_text(text: str, width: int) -> str:
-    """Return a text padded for a member's column. A long text keeps its beginning and its end."""
+    """Return a text as wide as a member's column. A text that is too long loses its middle."""
     return pad(clip_middle(text, width - 1), width, right=True)

@@ -110,7 +110,7 @@ class PeerList(LineView):
         return parts
 
     def action_edit(self) -> None:
-        """Put the focus on the payload at once; the field of the mode comes before the payload."""
+        """Focus the field of the payload at once, although the field of the mode comes first."""
         field = self.screen.query("#payload")
         self.screen.set_focus(field.first()) if field else self.screen.focus_next()
 
@@ -151,7 +151,7 @@ def _tally(tally: TrafficCheckTally) -> str:
 
 
 def _sent_row(sent: SentMessage) -> Row:
-    """Return the row of a sent message, whether a key, a line, `every` or a rule sent it."""
+    """Return the row of a sent message, whether a key, a command, `every` or a rule sent the message."""
     shown = f"{sent.begin.hex(' ').upper()}{' …' if sent.size > len(sent.begin) else ''}"
     return row((f"sent {sent.number} ", "label"), (f"{sent.size:>6} B  ", "dim"), (shown, ""))
 
@@ -160,7 +160,7 @@ NO_RULES = "no reply rules; a: add one, such as on contains hex 05 send hex 06 {
 
 
 class PeerDetails(TextView, can_focus=False):
-    """Check, trial, rules and sent messages, one row each, in the room below the buttons."""
+    """The peer's check, trial, rules and sent messages, one in each row, below the buttons."""
 
     DEFAULT_CSS = "PeerDetails { height: 1fr; }"
 
@@ -201,7 +201,7 @@ BUTTON_LETTERS = "scfrhzuleadb"
 
 
 class PeerPanel(Vertical):
-    """List, composer, buttons, notes; the lower border shows the command before it is sent."""
+    """The list, composer, buttons and notes; the lower border shows the command to send."""
 
     DEFAULT_CSS = "PeerPanel { background: $surface; border-subtitle-align: left; }"
     BINDINGS: ClassVar = [
@@ -248,7 +248,7 @@ class PeerPanel(Vertical):
 
     @property
     def focus_target(self) -> LineView:
-        """Return the list to focus. Conversations come first, then peers, then serial lines."""
+        """Return the list to focus: the conversations, else the peers, else the serial lines."""
         if self._view_model.conversations or (self._view_model.shadows and self._view_model.project.taps):
             return self.talks
         return self.lines if self.lines.names and not self._view_model.project.peers else self.peers
@@ -426,7 +426,7 @@ class PeerPanel(Vertical):
             self._actions.submit(line)
 
     def action_keep(self) -> None:
-        """Open the form that saves the message in the library; without a message, go to the payload."""
+        """Open the form that saves the message in the library; without a message, ask for a payload."""
         if self.complain_if_no_peer():
             return
         from trcvtui.tui.forms.add_screen import AddScreen  # imported on first use

@@ -25,7 +25,7 @@ SEARCH_KEYS: Final = (("n N", "next hit, hit before"),)
 
 
 class ReceivedPane(Vertical):
-    """Holds the faces and switches them; its keys act on the shown face."""
+    """Shows one face and switches between faces; the pane's keys act on the shown face."""
 
     DEFAULT_CSS = "ReceivedPane { background: $surface; }"
     BINDINGS: ClassVar = [
@@ -97,7 +97,7 @@ class ReceivedPane(Vertical):
     # -- keys --------------------------------------------------------------------------------------------
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Allow `end_find` only while a search is marked, and `rulers` only in the stream."""
+        """Allow `end_find` only while hits of a search are marked, and `rulers` only in the stream."""
         if action == "end_find":
             return bool(self.stream.patterns)
         return action != "rulers" or self.is_past

@@ -27,7 +27,7 @@ LEAST_REASON_WIDTH: Final = 10  # characters; less would say nothing
 
 
 class StatusHistory(LineView):
-    """The STATUS edges of the selected instance. A chosen edge stays chosen while newer ones come in."""
+    """The STATUS edges of the selected instance. A chosen edge stays chosen while newer edges come in."""
 
     KEYS: ClassVar = (("↑↓", "explain"), ("!", "ERROR"), ("/", "code"), ("n N", "more"), ("esc", "now"))
     BINDINGS: ClassVar = [
@@ -47,7 +47,7 @@ class StatusHistory(LineView):
         self.code: int | None = None  # that `find` searches, until escape
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave the key n to the screen of the scenarios: there it runs the next step."""
+        """On the scenarios screen, leave the key n to that screen, where n runs the next step."""
         return action != "hit" or self._digit == HISTORY_DIGIT
 
     def show(self) -> None:
@@ -135,7 +135,7 @@ class StatusHistory(LineView):
         self._choose_where(lambda outputs: outputs.error, "ERROR", 1)
 
     def action_hit(self, step: int) -> None:
-        """Choose the next older (`step` 1) or newer (-1) edge with the sought code. No code means ERROR."""
+        """Choose the next older (`step` 1) or newer (-1) edge with the code; without a code, an ERROR."""
         code = self.code
         what = "ERROR" if code is None else f"{code:04X}"
         self._choose_where(lambda out: out.error if code is None else out.status == code, what, step)
@@ -237,7 +237,7 @@ class StatusCard(TextView):
         self._do_rows = range(0)
 
     def _remedy_lines(self) -> tuple[str, ...]:
-        """Return the bench lines of the first remedy still to do; skip remedies that need a trial first."""
+        """Return the bench commands of the first remedy that is not done yet and needs no trial."""
         instance = self._view_model.instance
         if instance is None or self._past is not None:
             return ()
@@ -251,7 +251,7 @@ class StatusCard(TextView):
         return next((line.removeprefix(begin) for line in self._remedy_lines() if line.startswith(begin)), "")
 
     def action_remedy(self) -> None:
-        """Open the prompt with the bench lines of the remedy, or say why there are none."""
+        """Open the prompt with the bench commands of the remedy, or say why there is no command."""
         untried = [line for do in self._do if do.needs_trial for line in do.lines]
         if self._sends_nothing:
             self._actions.complain("`do` is only text here: this screen sends no commands")
@@ -271,7 +271,7 @@ class StatusCard(TextView):
         return self._explainer.layout_offer()
 
     def explain_at(self, line: Line | None) -> None:
-        """Explain this edge of the past; None: the present."""
+        """Explain the STATUS at this edge of the past, or the present STATUS if `line` is None."""
         self._past = line
         self.show()
 
@@ -387,7 +387,7 @@ class StatusCard(TextView):
         return text if text.endswith((".", "?", "!", KEY_MARK)) else f"{text}."
 
     def _with_keys(self, do: SuggestedAction) -> str:
-        """Return the sentence; where a key does the same as a bench line, the key replaces the line."""
+        """Return the text of a suggested action, with a key in place of a command that the key does."""
         text = do.text
         for line in do.lines if self._past is None else ():
             command = PIN_COMMAND.fullmatch(line)
@@ -400,7 +400,7 @@ class StatusCard(TextView):
         return text
 
     def _project_names(self) -> set[str]:
-        """Return the names of the project, so that a sentence does not capitalize their first letter."""
+        """Return the project's names, whose first letter a sentence must not capitalize."""
         project = self._view_model.project
         peers = [peer.name for peer in project.peers]
         data = [each.name for each in project.data]

@@ -1,4 +1,4 @@
-"""The stream (`H`) as a face of pane 5: all received bytes, and where each byte came from."""
+"""The stream that pane 5 shows after the key `H`: all received bytes, and where each byte came from."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Labels = tuple[JobSpan | None, RecvSpan | None, MessageSpan | None]
 def origin_words(place: int, values: tuple[int | None, int | None], labels: Labels, project: Project) -> str:
     """Return value, message, job, field, recv call, scan and time of the byte at a position.
 
-    `values` are the byte and the byte at the same place in the job before.
+    `values` are this byte and the byte at the same offset in the previous job.
     """
     job, recv, message = labels
     if job is None:
@@ -48,7 +48,7 @@ def origin_words(place: int, values: tuple[int | None, int | None], labels: Labe
 
 
 def _job_words(job: JobSpan, byte: int) -> str:
-    """Return the instance and job of a byte, and its part of a frame."""
+    """Return the instance and job of a byte; in a frame also prefix, data or suffix."""
     if not job.instance or (not job.done and not job.number):
         return job.instance or "no job"
     if not job.is_frame:
@@ -78,7 +78,7 @@ NO_DROP: Final = "no bytes were thrown away before this place"
 
 
 class StreamFace(ReceivedFace):
-    """The stream; it also takes new bytes while another face is shown."""
+    """The stream as a face, which also takes new bytes while pane 5 shows another face."""
 
     def __init__(self, view_model: ViewModel, find: FindLine, below: DetailLine) -> None:
         self.stream = StreamView()
@@ -160,7 +160,7 @@ class StreamFace(ReceivedFace):
         return self._with_hit(self.stream.cursor, self.stream.difference_text() + origin)
 
     def message_here(self) -> range:
-        """Return the positions of the message under the cursor, else of the job if all of it is here."""
+        """Return the positions of the message under the cursor, else of a job whose bytes are all known."""
         place, job = self.stream.cursor, self.job_here()
         of_job = range(job.position, job.stop) if job is not None else range(0)
         found = [each.positions for each in self._view_model.messages if place in each.positions]
@@ -190,7 +190,7 @@ class StreamFace(ReceivedFace):
         return job
 
     def job_of_cursor(self) -> tuple[str, int, bytes] | None:
-        """Return instance, number (0: dropped), bytes of the job under the cursor; None without bytes."""
+        """Return instance, number (0: dropped) and bytes of the job at the cursor; None without bytes."""
         job, known = self.job_here() if self.is_shown else None, self.past_job
         if job is None or known is None or not self._has_bytes_of(job) or len(known[1]) < job.whole:
             return None

@@ -1,7 +1,7 @@
-"""The history as one stream of bytes. Rulers show the peer's messages, recv calls, jobs and their scans.
+"""All received bytes as one stream. Rulers show the peer's messages, recv calls, jobs and their scans.
 
-Only the bytes in view are fetched from the engine. A row is drawn without bytes until the bytes arrive. A
-position counts the bytes of the CONNECT since the bench began, so a byte keeps its position.
+Only the bytes around the view are fetched from the engine. A row is drawn without bytes until the bytes
+arrive. A byte's position counts the bytes of its CONNECT since the bench began, so it never changes.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ RULERS: Final = ((MESSAGES, RECV_RULER, JOB_RULER), (MESSAGES, JOB_RULER), ())
 
 
 class BracketStyle(NamedTuple):
-    """How one kind of span is drawn: its beginning, middle and end, and the style."""
+    """The signs that draw the beginning, middle and end of one kind of span, and their style."""
 
     begin: str
     between: str
@@ -61,7 +61,7 @@ DROPPED_STYLE: Final = BracketStyle("×", "×", "×", "warn")
 
 
 class RulerBracket(NamedTuple):
-    """A bracket over columns `first` to `last` of a ruler. The longest of `names` that fits is drawn."""
+    """A bracket over columns `first` to `last` of a ruler. The text is the longest of `names` that fits."""
 
     first: int
     last: int
@@ -81,7 +81,7 @@ def find_cuts(window: HistoryWindow, start: int, stop: int) -> frozenset[int]:
 
 
 def sign_before_byte(position: int, signs: dict[int, str], begins: set[int]) -> tuple[str, str]:
-    """Return the sign of a byte, else the sign of a message that begins with it, else a blank."""
+    """Return the byte's own sign, else the sign of a message that begins there, else a blank."""
     if position in signs:
         return signs[position], "warn strong"
     return (START_SIGN, "key") if position in begins else (" ", "")
@@ -118,7 +118,7 @@ def make_brackets(
     column: Callable[[int], int],
     drawn: Callable[[Span], tuple[bool, bool, BracketStyle, tuple[str, ...]]],
 ) -> list[RulerBracket]:
-    """Return the brackets of the spans over a row. `column` returns the column of the row's n-th byte."""
+    """Return the brackets for the spans in a row. `column` returns the column of the row's n-th byte."""
     found = []
     for span in find_spans(spans, start, stop):
         begins, ends, pen, names = drawn(span)
@@ -135,7 +135,7 @@ def bracket_of_message(span: MessageSpan) -> tuple[bool, bool, BracketStyle, tup
 
 
 def bracket_of_recv(span: RecvSpan) -> tuple[bool, bool, BracketStyle, tuple[str, ...]]:
-    """Return how a recv call is drawn; number 0: the bytes were never read."""
+    """Return how a recv call is drawn; number 0 stands for bytes that were never read."""
     if not span.number:
         return True, True, RECV_STYLE, ("never read", "")
     number, scan = span.number, span.scan
@@ -233,7 +233,7 @@ class StreamView(ByteLines):
         return HistoryRequest(connect, *self._asked, before=True, seek=self.seek, job_at=job_at)
 
     def accept_window(self, window: HistoryWindow) -> int | None:
-        """Show a new window. Return the position that the search has found so far, or None."""
+        """Show the bytes of a new window. Return the position that the search has found, or None."""
         if window != self.window:
             self.window = window
             self._knows_messages = self._knows_messages or bool(window.messages)
@@ -253,7 +253,7 @@ class StreamView(ByteLines):
         return found
 
     def _pair_bytes(self) -> None:
-        """Pair each byte with a byte of the marked message. If none is marked, use the job before."""
+        """Pair each byte with a byte of the marked message. If no message is marked, use the job before."""
         start, parts = self._compared.start, [(part.position, part.content) for part in self.window.before]
         if self.marked is not None:
             parts = [(start, self.marked[1][: len(self._compared)])]
@@ -281,7 +281,7 @@ class StreamView(ByteLines):
         self._matched = {self.window.start + place for match in found for place in match}
 
     def _rebase(self) -> None:
-        """Count rows from the oldest kept byte. When it is dropped, the bytes in view stay in view."""
+        """Count rows from the oldest byte left, and keep the same bytes in view after bytes are dropped."""
         base = self.window.begin - (self.window.begin - self._cut[1]) % self._row_group[0]
         if base == self._base:
             return
@@ -293,7 +293,7 @@ class StreamView(ByteLines):
             self.scroll_to(y=max(0, self.scroll_offset.y - rows), animate=False)
 
     def cut_rows(self, messages: Sequence[range]) -> None:
-        """Begin a row at each message, if all messages have one size and few rows stay half empty."""
+        """Begin rows at messages if all messages have the same size and the rows are mostly full."""
         size, start = (len(messages[0]), messages[0].start) if len(messages) > 1 else self._cut
         is_even = all(len(each) == size and (each.start - start) % size == 0 for each in messages)
         cut = (size, start % size) if size and is_even else (0, 0)
@@ -304,7 +304,7 @@ class StreamView(ByteLines):
 
     @property
     def _row_group(self) -> tuple[int, int]:
-        """Return how many bytes and rows a group has: a single row, or the rows of whole messages."""
+        """Return the numbers of bytes and rows in a group: one row, or the rows of whole messages."""
         size, most = self._cut[0], self.per_row
         unit = max(1, most // size) * size if size else most
         rows = -(-unit // most)
@@ -316,7 +316,7 @@ class StreamView(ByteLines):
         return unit * rows + rest // self.per_row
 
     def _row_range(self, number: int) -> range:
-        """Return the bytes of a row, without those that have not come yet."""
+        """Return the positions of a row's bytes, without bytes that have not come yet."""
         size, rows = self._row_group
         unit, rest = divmod(number, rows)
         first = self._base + unit * size
@@ -509,7 +509,7 @@ class StreamView(ByteLines):
     # -- the cursor ---------------------------------------------------------------------------------------
 
     def go_to(self, position: int) -> None:
-        """Put the cursor on a byte and bring it and its rulers into view; post no message."""
+        """Put the cursor on a byte and bring it and its rulers into view; post no Textual message."""
         self.cursor, self.follows = position, False
         self._scroll_to_row(self._row_of(position))
 
@@ -538,7 +538,7 @@ class StreamView(ByteLines):
             self.select(self.cursor + pages * rows * self.per_row)
 
     def action_edge(self, direction: int) -> None:
-        """If `direction` < 0, go to the oldest byte. Else go to the newest byte and follow the stream."""
+        """Go to the oldest byte if `direction` < 0, else to the newest byte, which then stays in view."""
         if direction < 0:
             self.select(self.window.begin)
         else:

@@ -1,4 +1,4 @@
-"""The messages (`D`) as a face of pane 5: the table above, the bytes of the chosen message below."""
+"""What pane 5 shows after the key `D`: the table of messages, and below it the chosen message's bytes."""
 
 from __future__ import annotations
 

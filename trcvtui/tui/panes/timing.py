@@ -1,4 +1,4 @@
-"""Pane 8: a logic analyser over scans: every pin and STATUS. Even a pulse of one scan is always drawn."""
+"""Pane 8: every pin and the STATUS, scan by scan. Even a pulse of one scan is always drawn."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ CURSOR_MARGIN: Final = 4  # columns between the cursor and the edge, if there is
 
 
 class TimingViewport:
-    """The scans in view, counted from 1. If `cursor` is None, it is at the present."""
+    """The scans in view, counted from 1. If `cursor` is None, the cursor is at the present."""
 
     def __init__(self) -> None:
         self.cursor: int | None = None
@@ -61,7 +61,7 @@ class TimingViewport:
         return max(0, scan - 1) // self.zoom
 
     def zoom_by(self, steps: int, until: int) -> None:
-        """Put more or fewer scans into a column; the cursor keeps its place."""
+        """Put more or fewer scans into a column; the cursor stays in the same column."""
         if steps > 0 and self._count * self.zoom >= until:
             return  # the whole run is in view already
         anchor = until if self.cursor is None else self.cursor
@@ -99,14 +99,14 @@ STYLES: Final = {"": "faint", "pulse": "strong", "gap": "warn", "mark": "key", "
 
 
 class TimingRow(NamedTuple):
-    """One row of an instance, such as a pin; a row without a name is the head of the instance."""
+    """One row of an instance, such as a pin; a row without a name is the heading of the instance."""
 
     wave: Waveform
     name: str
 
 
 def list_rows(waves: Sequence[Waveform], is_strip: bool = False) -> list[TimingRow]:
-    """Return the rows of these instances. Each of several instances has a head. A strip has no CODES row.
+    """Return the rows of these instances. Several instances get headings. With `is_strip`, omit CODES rows.
 
     Below each row of an instance comes the same row of its what-if run.
     """
@@ -133,7 +133,7 @@ def _group_with_codes(names: Sequence[str]) -> list[list[str]]:
 
 
 def label_width(rows: Sequence[TimingRow]) -> int:
-    """Return the columns in front of the waves: as many as the longest name needs."""
+    """Return the number of columns before the waves, enough for the longest name."""
     return LABEL_WIDTH + max(0, *(len(shown.name) - NAME_WIDTH for shown in rows)) if rows else LABEL_WIDTH
 
 
@@ -148,7 +148,7 @@ def ruler_row(window: ScanWindow, until: int, view: TimingViewport, label: int) 
 def wave_row(
     shown: TimingRow, window: ScanWindow, cursor: int | None, until: int, label_style: str | None, label: int
 ) -> Row:
-    """Return one row with its wave after `label` columns. A row not chosen has no `label_style`."""
+    """Return one row with its wave after `label` columns. Only a chosen row has a `label_style`."""
     wave, name = shown
     if not name:
         return row((f" {wave.instance} ", "label"), ("─" * (label + window.width), "faint"))
@@ -292,7 +292,7 @@ class Timing(LineView):
         return len(self._rows) + 1
 
     def row_at(self, y: int) -> Row:
-        """Return the ruler or one row, drawn once for each picture."""
+        """Return the ruler or one row; each is drawn only once for each picture."""
         if y not in self._ready:
             self._ready[y] = self._row(y)
         return self._ready[y]
@@ -310,7 +310,7 @@ class Timing(LineView):
     # -- moving -------------------------------------------------------------------------------------
 
     def go_to(self, scan: int | None, nothing: str = "") -> None:
-        """Put the cursor on a scan and explain its STATUS. If `scan` is None, show the text `nothing`."""
+        """Put the cursor on a scan and explain its STATUS. If `scan` is None, show `nothing` as text."""
         self._note = nothing if scan is None else ""
         if scan is not None:
             self.view.go_to(scan, self._newest)
@@ -335,7 +335,7 @@ class Timing(LineView):
             self.go_to(lane.find_next_edge(self._scan, direction), "no further edge of this row is known")
 
     def action_next_error(self) -> None:
-        """Go to the next ERROR; in the present go to the newest ERROR, at the last ERROR to the first."""
+        """Go to the next ERROR. From the present, go to the newest; from the last ERROR, to the first."""
         self._search(lambda edge: edge.outputs.error, "no ERROR")
 
     def action_ask_code(self) -> None:

@@ -1,7 +1,7 @@
 """Pane 6: the members of the UDT with offset, type and value. Only the rows in view are decoded.
 
-Padding is shown on the row of the member before the padding, so row and leaf have the same number. A table
-of any size takes no more time than one page.
+Padding is shown on the row of the member before the padding, so each row has the number of its leaf. A
+table of any size takes no more time than one page.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ MOST_KEPT_MEMBERS: Final = 1024  # members whose numbers are kept
 
 
 class UdtTable(LineView):
-    """DATA of the selected instance, decoded. With `shows_job`, the bytes of its running job are decoded."""
+    """DATA of the selected instance, decoded. If `shows_job`, the bytes of the running job are decoded."""
 
     KEYS: ClassVar = (("↑↓", "member"), ("enter", "curve"), ("D", "messages"), ("v", "DATA | job"))
     BINDINGS: ClassVar = [
@@ -75,7 +75,7 @@ class UdtTable(LineView):
         self.set_title(6, name, self._source_text(declared, room))
 
     def _source_text(self, declared: DataDecl, room: int) -> str:
-        """Return which bytes are decoded, and which bytes `v` would decode instead."""
+        """Return which bytes are decoded, and which bytes the key `v` would decode instead."""
         rules, job = declared.layout.rules, self._job_text()
         if self.was_thrown_away:
             return f"{len(self.past[1]) if self.past else 0} B thrown away, never in {declared.name}"
@@ -167,7 +167,7 @@ class UdtTable(LineView):
     # -- over time ----------------------------------------------------------------------------------
 
     def _choose_spark_messages(self, declared: DataDecl) -> None:
-        """Find the messages of the sparklines: they end with the message that the table shows."""
+        """Find the messages for the sparklines; the last one is the message that the table shows."""
         view, known = self._view_model, self._view_model.known_messages
         about = known, known.instance, declared
         if about != self._sparks_of or len(self._sparks) > MOST_KEPT_MEMBERS:
@@ -185,7 +185,7 @@ class UdtTable(LineView):
         self._sparks_stop = 0 if has_none else stop
 
     def _sparkline(self, number: int, leaf: Leaf) -> str:
-        """Return the sparkline of a member over the newest messages; it is made again for a new message."""
+        """Return a member's sparkline over the newest messages; make it again only for a new message."""
         known, stop, declared = self._view_model.known_messages, self._sparks_stop, self._declared
         if declared is None or not stop or not is_number(declared.layout, leaf):
             return ""
@@ -213,7 +213,7 @@ class UdtTable(LineView):
     # -- both ways ----------------------------------------------------------------------------------
 
     def select_member_at(self, offset: int) -> range:
-        """Select the member at a byte, return its range. For padding: the member before, and range(0)."""
+        """Select the member at a byte, else the member before. Return its range, range(0) for padding."""
         declared = self._view_model.declaration
         if declared is None or offset < 0:
             return range(0)

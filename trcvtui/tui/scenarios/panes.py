@@ -128,7 +128,7 @@ OUTCOME_MARKS: Final = {True: ("✓ ", "done"), False: ("✗ ", "error"), None: 
 
 
 class ScenarioList(LineView, inherit_bindings=False):
-    """One row for each file, under the folder's name. Here `k` chooses the kernel and does not go up."""
+    """One row for each file, under the folder's name. Here the key `k` chooses the kernel."""
 
     BINDINGS: ClassVar[list[BindingType]] = ARROW_KEYS
 
@@ -360,7 +360,7 @@ class ScenarioText(TextView, inherit_bindings=False):
 
 
 def _coming_step(played: PlayerSnapshot | None) -> int:
-    """Return the number of the step that runs or comes next, 0 for none."""
+    """Return the number of the step that runs or comes next, 0 if there is no such step."""
     if played is None or played.finished or played.current >= len(played.steps):
         return 0
     return played.steps[played.current].number

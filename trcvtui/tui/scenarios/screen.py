@@ -1,6 +1,6 @@
 """The screen of the scenarios: a list of files, and one of them played step by step.
 
-Rule: the engine plays. This screen sends `scenario` lines and shows the player of the newest picture.
+Rule: the engine plays. This screen sends `scenario` commands and shows the player in the newest picture.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ KEY_ACTIONS: Final = {
 
 
 class ScenariosScreen(SideScreen[Path | None]):
-    """The list of scenarios, and the text and progress of one; the answer is the last chosen file."""
+    """The list of scenarios, and the text and progress of one; the screen returns the last chosen file."""
 
     BINDINGS: ClassVar = hidden_bindings({
         **{str(digit): f"pane({digit})" for digit in range(1, 8)},
@@ -259,7 +259,7 @@ class ScenariosScreen(SideScreen[Path | None]):
             self.outcome.write(f"enter loads it again, on {KERNEL_WORDS[self._kernel]}")
 
     def _ask_on_live(self, then: Callable[[], None]) -> None:
-        """Run `then`, but ask first if `then` would end a live bench."""
+        """Call `then`, but ask first if the call would end a live bench."""
         picture = self._view_model.live
         is_live = picture is not None and picture.player is None and picture.kernel == LIVE_KERNEL
         if self._loaded is None and is_live and self._model.chosen is not None:
@@ -290,7 +290,7 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.action_pane(STEPS)
 
     def action_step(self) -> None:
-        """Run the next step of the chosen scenario; if it is not loaded yet, only load it."""
+        """Run the next step of the chosen scenario; if the scenario is not loaded, only load it."""
         if self._is_loaded():
             self._send("step")
         else:

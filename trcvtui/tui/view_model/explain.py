@@ -27,7 +27,7 @@ def explain_status(shown: StatusEdge | InstanceSnapshot) -> str:
 
 
 class StatusExplainer:
-    """Explains the selected instance now, or at a past edge. It keeps the last explanations."""
+    """Explains the selected instance now, or at a past edge, and stores the last explanations."""
 
     def __init__(self, view_model: ViewModel) -> None:
         self._view_model = view_model
@@ -82,7 +82,7 @@ class StatusExplainer:
         return DataContent(view_model.declaration, view_model.data, view_model.job_bytes)
 
     def explain_edge(self, line: Line, edge: StatusEdge) -> Advice:
-        """Explain a past edge from the ledger; the newest edge still holds: explain it as the present."""
+        """Explain a past edge from the ledger, but the newest edge as the present, as it is still valid."""
         edges, instance = self._view_model.history.list_edges(edge.instance), self._view_model.instance
         if instance is not None and edges and edges[-1].seq == line.seq:
             return self.explain_now(instance)

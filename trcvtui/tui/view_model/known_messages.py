@@ -12,7 +12,7 @@ SLACK_ROWS: Final = 256  # rows that are dropped in one go
 
 
 class KnownMessages:
-    """The newest rows of an instance, oldest first, from row `first` on. Another instance clears the rows.
+    """The newest rows of one instance at a time, oldest first, from row `first` on.
 
     A dropped row is no longer in `rows`. A row without `content` has lost its values.
     """

@@ -1,4 +1,4 @@
-"""The number of one member in each known message: decoded once, when the message arrives."""
+"""The number that one member has in each known message, decoded only once."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def number_in(layout: Layout, leaf: Leaf, row: MessageRow) -> Number | None:
 
 
 class MemberNumbers:
-    """The numbers of the newest messages, at most `most`."""
+    """One member's numbers in the newest messages, at most `most` numbers."""
 
     def __init__(self, layout: Layout, leaf: Leaf, most: int = sys.maxsize) -> None:
         self.layout, self.leaf = layout, leaf

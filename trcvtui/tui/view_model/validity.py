@@ -25,7 +25,7 @@ def find_mistake(line: str, project: Project) -> str:
 
 
 def preview_edit(line: str, project: Project) -> str:
-    """Return the effect of a line that edits the project: what it changes, makes and starts again."""
+    """Return the effect of a line that edits the project: what the line changes, makes and restarts."""
     from trcvtui.commands.edit import describe_edit
     from trcvtui.commands.table import parse_line  # as above
     from trcvtui.commands.words import EDIT_COMMANDS

@@ -1,6 +1,6 @@
 """What the screen knows: the newest picture, the lines of the ledger so far, and the selection.
 
-Rule: pictures come in by `accept_picture`. Nothing else changes what the screen shows of the bench.
+Rule: each picture goes through `accept_picture`. Nothing else changes what the screen shows of the bench.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ DONE, ERROR = "DONE", "ERROR"
 
 @dataclass(frozen=True, slots=True)
 class PinPulse:
-    """A lamp was lit in `scan` at `t_ns` with this STATUS. `rcvd_len` in bytes is None if there is none."""
+    """A lamp was lit in `scan` at `t_ns` with this STATUS. `rcvd_len` is in bytes, or None."""
 
     scan: int
     t_ns: int
@@ -45,7 +45,7 @@ class PinPulse:
 
 
 class Afterglow:
-    """The newest pulse of each lamp of each instance. A glow ends by run time: not in a held PLC."""
+    """The newest pulse of each lamp of each instance. A glow does not fade in a held PLC."""
 
     def __init__(self) -> None:
         self._pulses: dict[tuple[str, str], PinPulse] = {}
@@ -58,12 +58,12 @@ class Afterglow:
             self._pulses[edge.instance, ERROR] = pulse
 
     def drop_pulses(self, instance: str) -> None:
-        """Drop the pulses: another instance may get this name."""
+        """Drop the pulses of an instance, since another instance may get its name."""
         for lamp in (DONE, ERROR):
             self._pulses.pop((instance, lamp), None)
 
     def add_skipped(self, instance: InstanceSnapshot, t_ns: int) -> None:
-        """Add pulses whose ledger lines were skipped; they get the time of the picture."""
+        """Add pulses whose ledger lines were skipped; the pulses get the time of the picture."""
         self._add_pulse(instance.name, DONE, instance.last_done_scan, t_ns, None, instance.last_rcvd_len)
         if not instance.last_is_expected:
             scan, status = instance.last_error_scan, instance.last_error_status
@@ -115,7 +115,7 @@ MOST_INDEXED: Final = 2000  # messages of a connection, recv calls of a job
 
 
 def new_index() -> StreamIndex:
-    """Return a new index with less room than the engine's index; it is enough for the newest bytes."""
+    """Return a new index, smaller than the engine's but large enough for the newest bytes."""
     return StreamIndex(MOST_INDEXED, MOST_INDEXED)
 
 
@@ -133,7 +133,7 @@ def index_of(snapshot: Snapshot | None) -> Index:
 
 
 class ViewModel:
-    """The bench as the screen knows it. Sizes in bytes, times in ns of the run."""
+    """The bench as the screen knows it. Sizes are in bytes, times are in ns of the run."""
 
     def __init__(self, project: Project) -> None:
         self._home = project
@@ -168,7 +168,7 @@ class ViewModel:
     # -- what comes in ------------------------------------------------------------------------------
 
     def accept_picture(self, picture: BenchUpdate) -> None:
-        """Make this the newest picture; a new bench clears all that was known of the old one."""
+        """Make this the newest picture; for a new bench, forget all that was known of the old bench."""
         if picture.bench == self._left_bench:  # late, from a scenario that was left
             return
         if picture.bench != self.bench:
@@ -232,7 +232,7 @@ class ViewModel:
             self.waves.add_deltas(picture.waves, interval_ns)
 
     def _add_skipped_edges(self, first: int) -> None:
-        """Add STATUS edges before ledger line `first` from the waves, as their ledger lines are missing."""
+        """Add the STATUS edges of missing ledger lines before line `first`, taken from the waves."""
         for name in self.drawn_instances:
             known = self.history.list_edges(name)
             last = known[-1].seq if known else 0
@@ -267,7 +267,7 @@ class ViewModel:
         self._accept_project(self._home)
 
     def forget_all(self) -> None:
-        """Forget everything, because the engine was restarted. Its first picture brings the project."""
+        """Forget everything, because the engine was restarted. The first new picture brings the project."""
         self.leave_scenario()
         self.live, self._left_bench = None, None
         self._reset(NO_BENCH)
@@ -284,7 +284,7 @@ class ViewModel:
     def make_request(self) -> UpdateRequest:
         """Return the next request: new lines of the ledger, bytes of the selected instance and of others.
 
-        A few bytes of other instances come along, because after `F` you may select any instance.
+        The request includes a few bytes of other instances, as you may select them after the key `F`.
         """
         instance = self.instance
         shown = (instance, *self._other_instances(instance)) if instance else ()

@@ -1,1 +1,1 @@
-"""Each file has one pane or line of the screen. Everything that changes fast draws its own lines."""
+"""Each file has one pane or line of the screen. Widgets that change fast draw their own lines."""

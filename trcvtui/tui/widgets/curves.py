@@ -1,7 +1,7 @@
-"""Numbers over time in cells, as a line of blocks or a curve of braille. No peak is lost.
+"""Draws numbers over time in cells of text: a line of blocks or a curve of braille. No peak is lost.
 
-A message that lacks the member has the number None, and the number before stays. NaN and the infinities end
-a curve until the next number.
+A message without the member has the number None, and the curve stays at the number before. At NaN or an
+infinity, the curve stops until the next number.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ def axis_ends(numbers: Sequence[Number]) -> tuple[Number, Number]:
 
 
 def place_between(number: Number, low: Number, high: Number) -> float:
-    """Return where a number is, from 0 at `low` to 1 at `high`. Return 0.5 if both are equal."""
+    """Return where a number is, from 0 at `low` to 1 at `high`. Return 0.5 if `low` equals `high`."""
     if math.isinf(high - low):  # too far apart, such as -1e308 and 1e308
         return place_between(number / 2, low / 2, high / 2)
     return (number - low) / (high - low) if high > low else 0.5
 
 
 def sparkline(numbers: Numbers) -> str:
-    """Return a block for each message. If all are equal and not BOOL, all have the lowest block."""
+    """Return a block for each message. If all numbers are equal and not BOOL, each is the lowest block."""
     known = list_finite(numbers)
     if not known:
         return ""
@@ -59,7 +59,7 @@ def sparkline(numbers: Numbers) -> str:
 
 
 class Curve(NamedTuple):
-    """A curve as rows of cells, the top row first. The bits of a cell are its dots."""
+    """A curve as rows of cells, the top row first. Each bit of a cell is one braille dot."""
 
     cells: list[list[int]]
     axis: tuple[Number, Number]
@@ -72,8 +72,8 @@ def curve(
 ) -> Curve | None:
     """Return the curve, or None without a number in the window. `times` and `gaps` are in ascending order.
 
-    A number is held until the next one, but not in a gap. Each column of dots reaches from the smallest to
-    the largest number in its time.
+    The curve stays at a number until the next number, but not in a gap. Each column of dots reaches from
+    the smallest to the largest number in the column's time.
     """
     columns = _columns(times, numbers, window, 2 * width, gaps)
     known = [span for span in columns if span is not None]

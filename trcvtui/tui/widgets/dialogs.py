@@ -190,7 +190,7 @@ NAME_WIDTH: Final = 30
 
 
 class ChoiceList(LineView, inherit_bindings=False):
-    """One row for each choice; letters filter the list, they do not move the cursor."""
+    """One row for each choice; letters filter the list and do not move the cursor."""
 
     BINDINGS: ClassVar = [Binding("enter", "screen.take", show=False)]
 
@@ -239,7 +239,7 @@ class ChoiceList(LineView, inherit_bindings=False):
 
 
 class ChoiceScreen(ViewDialog[str | None]):
-    """A list to choose from. Its answer is the name of the choice, None if you close the screen."""
+    """A list to choose from. The answer is the name of the choice, or None if you close the screen."""
 
     BINDINGS: ClassVar = [
         Binding("enter", "take", show=False),

@@ -193,7 +193,7 @@ HELP_SECTIONS: Final[tuple[tuple[str, tuple[str, ...], KeyTable], ...]] = (
 
 
 def letters_of(pins: Iterable[str], taken: Collection[str] = ()) -> dict[str, str]:
-    """Return a different letter for each pin, none in `taken`, or "" if no letter of its name is free."""
+    """Return a letter of each pin's name, all different and not in `taken`, or "" if none is free."""
     names = list(pins)
     given = {pin: PIN_LETTERS[pin] for pin in names if pin in PIN_LETTERS}
     for pin in names:
@@ -275,7 +275,7 @@ def sections_for(focused: Widget | None) -> list[tuple[str, KeyTable]]:
 
 
 class HelpScreen(ResultScreen):
-    """Closed by the keys that opened it, and by escape."""
+    """The help screen. Escape closes it, and so do the keys that opened it."""
 
     BINDINGS: ClassVar = [Binding("question_mark,f1", "leave", show=False, id="help")]
     DEFAULT_CSS = "HelpScreen ResultText { width: 100; height: 90%; }"

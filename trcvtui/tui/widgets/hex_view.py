@@ -1,4 +1,4 @@
-"""Bytes in hex and as text, drawn line by line whatever their number; one byte under the cursor."""
+"""Bytes in hex and as text, drawn line by line, with a cursor on one byte."""
 
 from __future__ import annotations
 
@@ -54,13 +54,13 @@ def marks_of_span(span: JobSpan) -> FrameBounds:
 
 
 def marks_of_data(instance: InstanceSnapshot) -> FrameBounds | None:
-    """Return the marks of the newest frame in the instance's DATA; None: no frame has come."""
+    """Return the marks of the newest frame in the instance's DATA, or None if no frame has come."""
     last = instance.framer.last if instance.framer is not None else None
     return make_marks(0, last.size, last.prefix, last.suffix) if last is not None else None
 
 
 def marks_of_incomplete(instance: InstanceSnapshot) -> FrameBounds | None:
-    """Return the marks of a frame that is not complete: it has no suffix yet."""
+    """Return the marks of an incomplete frame, which has no suffix yet."""
     framer = instance.framer
     if framer is None or not instance.have:
         return None
@@ -115,7 +115,7 @@ WAS: Final = "was"
 
 
 class ByteLines(LineView):
-    """Bytes in lines, one byte under the cursor; a linked member and matches of a search are marked."""
+    """Lines of bytes with a cursor; the bytes of a linked member and of search hits are marked."""
 
     ROOM: ClassVar = 68  # columns that 16 bytes need beside their offset
     BINDINGS: ClassVar = [("left,h", "step(-1)", "byte back"), ("right,l", "step(1)", "byte on")]
@@ -135,7 +135,7 @@ class ByteLines(LineView):
 
     @property
     def per_row(self) -> int:
-        """Return how many bytes a row has: 16, on a narrow pane 8."""
+        """Return how many bytes a row has: 16, or 8 in a narrow pane."""
         return WIDE_ROW if self.line_width >= self.pos_digits + self.ROOM else NARROW
 
     @property
@@ -143,14 +143,14 @@ class ByteLines(LineView):
         return 2 if self.shows_before else 1
 
     def is_hole(self, place: int) -> bool:
-        """Return whether a byte is unknown: the capture lacks it."""
+        """Return whether a byte is unknown because the capture lacks it."""
         raise NotImplementedError
 
     def _byte(self, place: int) -> int | None:
         raise NotImplementedError
 
     def _byte_before(self, place: int) -> int | None:
-        """Return the earlier byte at this place, None if there is none to compare with."""
+        """Return the earlier byte to compare with at this place, or None if there is none."""
         raise NotImplementedError
 
     # -- what is marked -----------------------------------------------------------------------------
@@ -164,7 +164,7 @@ class ByteLines(LineView):
         self.show()
 
     def read_known_bytes(self, place: int) -> bytes:
-        """Return the bytes from a place up to the first unknown one, at most `MOST_NUMBER_BYTES`."""
+        """Return the bytes from a place up to the first unknown byte, at most `MOST_NUMBER_BYTES`."""
         places = range(place, place + MOST_NUMBER_BYTES)
         return bytes(iter(map(self._byte, places).__next__, None))
 
@@ -216,7 +216,7 @@ class ByteLines(LineView):
 
 
 class HexView(ByteLines):
-    """`content` are the known bytes. The missing bytes up to `need` are drawn as dots."""
+    """`content` are the known bytes. Bytes still missing up to `need` are dots."""
 
     KEYS: ClassVar[tuple[tuple[str, str], ...]] = (
         ("hjkl", "byte"), ("/", "find"), ("d", "diff"), ("H", "stream"), ("D", "messages"),
@@ -247,7 +247,7 @@ class HexView(ByteLines):
         return self.content[place] if is_here else None
 
     def show_before(self, before: PreviousJobBytes | None) -> None:
-        """Mark bytes that differ from the job before. With `shows_before` the old bytes are drawn below."""
+        """Mark bytes that differ from the job before. With `shows_before`, draw earlier bytes below."""
         self.before = before
         self.show()
 
@@ -257,7 +257,7 @@ class HexView(ByteLines):
         return self.scroll_offset.y // self.row_lines * self.per_row, rows * self.per_row
 
     def go_to(self, offset: int) -> None:
-        """Put the cursor on a byte and bring it into view, without a message."""
+        """Put the cursor on a byte and bring it into view; post no Textual message."""
         self.cursor = offset
         self._scroll_to_row(offset // self.per_row)
 
@@ -295,7 +295,7 @@ class HexView(ByteLines):
         return {first + place for match in found for place in match}
 
     def _byte_before(self, place: int) -> int | None:
-        """Return the byte that the job before had here, or None if either byte is unknown."""
+        """Return the byte at this place in the job before, or None if this byte or that byte is unknown."""
         before = self.before
         if before is None or self._byte(place) is None:
             return None
@@ -404,7 +404,7 @@ MOST_NUMBER_BYTES: Final = 8  # bytes
 
 
 def numbers_text(content: bytes, width: int) -> str:
-    """Return the numbers that fit a line, as `little|big`. Skip signed numbers equal to the unsigned."""
+    """Return the numbers that fit a line, as `little|big`. Skip a signed number equal to the unsigned."""
     line, before = "LE|BE", ""
     for name, code in NUMBER_CODES:
         size = struct.calcsize(code)

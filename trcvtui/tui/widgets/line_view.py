@@ -29,7 +29,7 @@ Part = tuple[str, str]
 
 
 class Row(NamedTuple):
-    """One line: its parts as (text, style names), and a style below all of them."""
+    """One line: its parts as (text, style names), and a style that lies under the styles of all parts."""
 
     parts: tuple[Part, ...] = ()
     style: str = ""
@@ -54,7 +54,7 @@ LAMP_STYLES: Final = frozenset(("busy", "done", "error", "on", "warn"))  # style
 
 
 def rule(width: int, *parts: Part) -> Row:
-    """Return a row of these parts with a rule to the end of the line."""
+    """Return a row of these parts followed by a horizontal line to the end of the row."""
     used = sum(measure(text) for text, _ in parts)
     return Row((*parts, ("─" * max(0, width - used), "faint")))
 
@@ -110,7 +110,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         return (*self.more_keys, *self.KEYS)
 
     def cursor_style(self, is_chosen: bool) -> str:
-        """Return the style of the row under the cursor, "" for any other."""
+        """Return the style of the row under the cursor, "" for any other row."""
         return "" if not is_chosen else "cursor" if self.has_focus else "cursor-blurred"
 
     # -- painting -----------------------------------------------------------------------------------
@@ -185,7 +185,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
 
     @property
     def line_width(self) -> int:
-        """Return how many columns a row has room for, beside a scrollbar."""
+        """Return the width of a row in columns, without the scrollbar."""
         return self.container_size.width - self.scrollbar_size_vertical
 
     def _strip(self, line: Row) -> Strip:
@@ -225,7 +225,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         return "\n".join(lines), "\n"
 
     def text_select_all(self) -> None:
-        """Select nothing on a double click: its second click acts like the first one."""
+        """Select nothing on a double click; the second click acts like a first click."""
 
     @property
     def select_container(self) -> Widget:
@@ -233,14 +233,14 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         return self
 
     async def on_event(self, event: events.Event) -> None:
-        """Drop the click that ends a selection: else it would press the row or button under the mouse."""
+        """Drop the click that ends a selection, as it would press the row or button under the mouse."""
         if not (isinstance(event, events.Click) and self.screen.selections):
             await super().on_event(event)
 
     # -- looks -------------------------------------------------------------------------------------
 
     def set_stale(self, is_over: bool) -> None:
-        """If `is_over`, draw the lamps grey, as their state is no longer true. Else draw them in colour."""
+        """If `is_over`, draw the lamps grey, as they are out of date. Else draw the lamps in colour."""
         self._is_over = is_over
         self._ready_styles.clear()
         self.refresh()
@@ -266,7 +266,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
         self.show()
 
     def watch_show_vertical_scrollbar(self) -> None:
-        """Wrap lines again: a scrollbar that comes takes a column, without a Resize event."""
+        """Wrap lines again: a new scrollbar takes a column, but there is no Resize event."""
         self.show()
 
     def on_focus(self) -> None:
@@ -315,7 +315,7 @@ class LineView(ScrollView, can_focus=True, inherit_bindings=False):
 
 
 class OneLine(LineView, can_focus=False):
-    """A line that never scrolls: header, tabs, keys, heads of columns."""
+    """A line that never scrolls: header, tabs, keys, column headings."""
 
     DEFAULT_CSS = "OneLine { height: 1; }"
 
@@ -330,7 +330,7 @@ class OneLine(LineView, can_focus=False):
 
 
 class TextView(LineView):
-    """A view that makes all rows at once by `make_rows`, again for each width. `_rows` keeps the rows."""
+    """A view that makes all rows at once by `make_rows`, again for each width. `_rows` has these rows."""
 
     def __init__(self, id: str) -> None:
         super().__init__(id=id)

@@ -41,9 +41,9 @@ class FullScreen(Screen[Result], Generic[Result]):
 
 
 class SideScreen(FullScreen[Result], Generic[Result]):
-    """A screen beside the bench, with an outcome line. It sends lines to the engine and shows the answers.
+    """A screen beside the bench, with an outcome line. The screen sends commands and shows the answers.
 
-    Below `LEAST_SIZE`, in columns and rows, the class `-tabs` shows one pane at a time.
+    Below `LEAST_SIZE`, in columns and rows, the CSS class `-tabs` shows one pane at a time.
     """
 
     BINDINGS: ClassVar = [Binding("question_mark,f1", "help", show=False)]
@@ -70,7 +70,7 @@ class SideScreen(FullScreen[Result], Generic[Result]):
         self.call_after_refresh(self.show)
 
     def send(self, line: str) -> bool:
-        """Send a line to the engine; its answer comes by `answers`. Return False if it may not be sent."""
+        """Send a line to the engine; its answer comes by `answers`. Return whether the line is sent."""
         number = self._say(line)
         if number is not None:
             self._asked.add(number)

@@ -38,7 +38,7 @@ COMPONENT_CLASSES: Final = {component_class(name) for name in STYLE_NAMES}
 
 
 def compose_style(widget: Widget, names: Iterable[str]) -> Style:
-    """Return the style of the widget with these styles on top, the last one winning."""
+    """Return the widget's style with these styles on top; a later style overrides an earlier one."""
     _, _, background, ink = widget.colors
     auto, text = False, widget.text_style
     for name in names:

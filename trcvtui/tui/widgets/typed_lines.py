@@ -1,10 +1,10 @@
 """Keys act in the order in which you type them, each before the next one is read, on every screen.
 
 Textual puts a key into the queue of the widget that has the focus when the key arrives. A letter acts in
-that queue, but Backspace, enter and tab act only after all widgets above have passed them on, so later keys
+that queue. Backspace, enter and tab act only after all parent widgets have passed them on, so later keys
 overtake them. Here a key acts at once. While a screen opens, a key waits.
 
-Rule: only a EntryField, or a screen that is a LetterReceiver, takes text. Nothing else reads letters.
+Rule: only an EntryField, or a screen that is a LetterReceiver, takes text. Nothing else reads letters.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from trcvtui.udt.byte_text import SearchPatterns, parse_search
 
 
 class EntryField(Input):
-    """One line to type into, without a frame. Focus selects nothing: Textual would select too late."""
+    """One line to type into, without a frame. Focus selects no text: Textual would select it late."""
 
     def __init__(self, value: str = "", **settings: Any) -> None:
         super().__init__(value=value, compact=True, select_on_focus=False, **settings)
@@ -46,7 +46,7 @@ class EntryField(Input):
 
 @runtime_checkable
 class LetterReceiver(Protocol):
-    """A screen that takes letters without a field."""
+    """A screen that takes letters without an input field."""
 
     def accept_letter(self, letter: str) -> None:
         """Take one printable character."""
@@ -150,7 +150,7 @@ class CommandLine(EntryLine):
 
 
 class FilterInput(LineInput):
-    """The words of the filter; up and down still move in the list."""
+    """The input field of the filter; up and down still move in the list."""
 
     BINDINGS: ClassVar = [Binding("up", "list(-1)", show=False), Binding("down", "list(1)", show=False)]
 
@@ -209,7 +209,7 @@ class Target(NamedTuple):
 
 
 def parse_jump(text: str) -> Target:
-    """Return where `@offset` or `#job` leads; raise UserError if no number follows."""
+    """Return the target of a text `@offset` or `#job`; raise UserError if no number follows."""
     try:
         number = int(text[1:].strip().replace("16#", "0x"), 0)
         if 0 <= number < 1 << 62:
@@ -227,7 +227,7 @@ class FindInput(LineInput):
 class FindLine(Horizontal):
     """A line that takes no room while closed. Enter calls `find`, and closing calls `refocus`.
 
-    As you type, `complain` gets the mistake in the text, because this line has no room for it.
+    As you type, `complain` gets the mistake in the text, because this line has no room for the mistake.
     """
 
     DEFAULT_CSS = """

@@ -1,6 +1,6 @@
 """Causes of a mismatch other than the layout: extra bytes, exchanged bytes, blanks after a text.
 
-A cause is tried only if the lengths of the messages allow it. It costs more points if it is rare.
+A cause is tried only if the lengths of the messages allow it. A rare cause costs more points.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class FitCause(NamedTuple):
     is_guess: bool = False  # the bytes before and after need no known meaning
 
     def __str__(self) -> str:
-        """Return the cause as text after a profile, "" for none."""
+        """Return the cause as text to follow the text of a profile, or "" without a cause."""
         count, more = (
             "1 bit" if self.kind == MEMBER_MORE and not self.n else _bytes_text(self.n),
             _bytes_text(self.back),

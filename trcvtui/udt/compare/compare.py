@@ -1,6 +1,6 @@
 """Compares two profiles, or two declarations, on the same bytes: ours and theirs, member by member.
 
-Rules: members with equal paths, in any case, are the same. Table, summary and exit code use the same rows.
+Rules: equal paths, in upper or lower case, are one member. Table, summary and exit code use the same rows.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LeafPair = tuple[int | None, int | None]  # the number of a leaf on each side; N
 
 
 def pair_leaves(ours: Node, theirs: Node, a: int = 0, b: int = 0) -> Iterator[LeafPair]:
-    """Yield pairs of leaf numbers from `a`, `b` on. Leaves only in theirs come last in their STRUCT."""
+    """Yield pairs of leaf numbers from `a` and `b` on. A leaf only in theirs comes last in its STRUCT."""
     if isinstance(ours, PlacedLeaf) and isinstance(theirs, PlacedLeaf):
         yield a, b
         return
@@ -56,7 +56,7 @@ MOST_DIFFERENCES: Final = 256  # differences that are counted
 
 
 class MemberDifference(NamedTuple):
-    """A member that differs, both sides in words. Its place differs if `is_place`, else its stored form."""
+    """A member that differs, both sides in words. If `is_place` the place differs, else the stored form."""
 
     path: str
     ours: str
@@ -123,7 +123,7 @@ class ComparedLeaf(NamedTuple):
 
 
 class ComparedRow(NamedTuple):
-    """One member on both sides. A side without the path is None. `differs` has the kinds of difference."""
+    """One member on both sides. A side without a member is None. `differs` has the kinds of difference."""
 
     path: str
     ours: ComparedLeaf | None
@@ -132,7 +132,7 @@ class ComparedRow(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """Both sizes, numbers of rows and of differing rows, and the lowest offset of these on either side."""
+    """Both sizes, the numbers of all and of differing rows, and the lowest offset of a differing row."""
 
     our_size: int
     their_size: int
@@ -204,14 +204,14 @@ MISSING_TEXT: Final = "-"
 
 
 def is_equal(comparison: Comparison, rows: Iterable[ComparedRow]) -> bool:
-    """Return whether size and byte order are equal, and each member has the same place, form, value."""
+    """Return whether size and byte order are equal, and each member has the same place, form and value."""
     ours, theirs = comparison.ours, comparison.theirs
     same = ours.size == theirs.size and ours.rules.byte_order == theirs.rules.byte_order
     return same and not any(row.differs for row in rows)
 
 
 def comparison_json(comparison: Comparison, rows: Sequence[ComparedRow], data: bytes) -> str:
-    """Return the object of `udt compare`, one row a line. A side that has no such member is null."""
+    """Return the object of `udt compare`, one row in each line. A side that has no such member is null."""
     ours, theirs = comparison.ours, comparison.theirs
     records = [
         {

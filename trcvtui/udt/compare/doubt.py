@@ -60,7 +60,7 @@ def _own_doubt(best: Reading, messages: Sequence[bytes]) -> str:
 
 
 def _rival(best: Reading, other: Reading) -> str:
-    """Return why another reading may be right instead, "" if it cannot."""
+    """Return why another reading may be right instead, or "" if it cannot be right."""
     is_one_way = other.order_key == best.order_key or (best.cause.kind is None and best.widest_number <= 2)
     if is_one_way and best.cause.kind in (None, other.cause.kind) and reads_same_values(best, other):
         return ""

@@ -50,7 +50,7 @@ def usual_length(lengths: Sequence[int]) -> int:
 
 
 def surrounding_causes(size: int, length: int) -> Iterator[FitCause]:
-    """Yield a cause for each place where a longer message has bytes before and after the type."""
+    """Yield a cause for each place of the type in a longer message, with bytes before and after."""
     extra = length - size
     if size and 1 < extra <= MOST_EXTRA_BYTES and extra % size:  # else it is several values of the type
         for front in range(1, extra):

@@ -42,10 +42,11 @@ MISPLACED_POINTS: Final = -30.0
 class Fit:
     """One way to read the bytes: the profiles that read them so, the other cause, the points and reasons.
 
-    `members` are the members' points, part of `score`. `reasons` begin with the weightiest. Only the first
-    reading can be `fits_best`. If it is not, `doubt` says why. If one odd value is the only objection, the
-    first reading is still `is_ahead`. `same` are the readings with the same value at the same place for
-    every member. No byte decides between them, only the rarity of their causes. So all share a `rank`.
+    `members` are the points of the members in `score`. `reasons` begin with the weightiest reason. Only the
+    first reading can be `fits_best`. If that reading does not fit best, `doubt` says why. If one odd value
+    is the only objection, the first reading is still `is_ahead`. `same` are the readings with the same
+    value at the same place for every member. No byte decides between such readings, only how rare their
+    causes are, so all share a `rank`.
     """
 
     profiles: tuple[Profile, ...]
@@ -85,10 +86,10 @@ def rank(
 ) -> tuple[Fit, ...]:
     """Return every reading of the bytes, the best first.
 
-    Each of `messages` is what the sender sent at once, one telegram or several, from its first byte. If not
+    Each of `messages` is one or several telegrams, sent at once, from the first byte on. If not
     `framed`, `messages` are pieces of one stream that begins with a message, and their lengths mean
-    nothing. Equal readings are sorted. The layout `sender`, probable for the source of the type, comes
-    first. Then comes `own`, the rules of our side.
+    nothing. Among equal readings, the layout `sender`, probable for the type's source, comes first. Then
+    comes `own`, the rules of our side.
     """
     judged = messages[-MOST_LENGTHS:] if framed else [b"".join(messages)] if messages else []
     chosen = profiles_for(type_) if profiles is None else tuple(profiles)
@@ -155,7 +156,7 @@ def tied_readings(fits: Sequence[Fit]) -> tuple[Fit, ...]:
 
 
 def drop_near_drifts(fits: Sequence[Fit]) -> list[Fit]:
-    """Drop drifts not clearly ahead of all readings without drift: among many, some lead by chance."""
+    """Drop each drift that is not clearly ahead of all readings without drift."""
     ahead = max((fit.score for fit in fits if fit.cause.kind not in DRIFTS), default=0.0) + CLEAR_OF_DRIFT
     return [fit for fit in fits if fit.cause.kind not in DRIFTS or fit.score > ahead]
 

@@ -1,6 +1,6 @@
 """How likely the bytes of a member are as a value of its type: the evidence for a reading.
 
-Points are natural logarithms. They say how much likelier the bytes are as a value that machines send than
+Points are natural logarithms. Points say how much likelier the bytes are as a value that machines send than
 as bytes by chance. About half of the bytes of telegrams are 0, so a 0 is little evidence anywhere. A value
 without meaning costs at most `log(UNFORESEEN)`, since machines do send such values.
 """
@@ -173,7 +173,7 @@ def _evidence(found: _Likelihood, raw: bytes) -> LeafEvidence:
 
 
 def _judge_number(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder, judge: _Judge) -> LeafEvidence:
-    """Return the evidence of a number. Its `order` is 0 if it is round in at least one byte order."""
+    """Return the evidence of a number. For a number round in some byte order, `order` is 0."""
     likely, why = judge(leaf, row, raw, order)
     points = _to_points(likely, raw)
     ways = {raw, raw[::-1], exchange_in_pairs(raw), exchange_words(raw)}
@@ -194,7 +194,7 @@ def _judge_number(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder, ju
 
 
 def _is_round(raw: bytes) -> bool:
-    """Return whether a number, in some byte order, is a multiple of 256 or one less than a multiple."""
+    """Return whether a number, in some byte order, is a multiple of 256, or one less than that."""
     return 0 in raw or 255 in raw
 
 

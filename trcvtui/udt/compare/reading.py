@@ -44,7 +44,7 @@ CONTRARY_WEIGHT: Final = 3.0  # the weight of a number that is evidence for the 
 
 
 class Reason(NamedTuple):
-    """Points, above 0 if for a reading, and words. `path` is the member's, or "" for length and padding."""
+    """Points, above 0 if in favour, and words. `path` is a member's path, "" for length and padding."""
 
     points: float
     path: str
@@ -96,7 +96,7 @@ class JudgedLayout:
 
 
 class MemberPoints(NamedTuple):
-    """The points of one member over all messages. `raw` are the bytes with points nearest to the mean."""
+    """The points of one member over all messages. `raw` are bytes whose points are nearest to the mean."""
 
     member: JudgedMember
     points: float
@@ -307,13 +307,13 @@ class Reading:
 
     @cached_property
     def fair_score(self) -> float:
-        """Return the score with `fair` points, to compare byte orders. A plain number limits the gain."""
+        """Return the score with `fair` points, to compare byte orders; if `has_plain`, limit the gain."""
         more = sum(one.fair - one.points for one in self.member_points)
         return self.score + (min(more, MOST_ROUND_POINTS) if self.has_plain else more)
 
     @property
     def order_points(self) -> float:
-        """Return the points of the numbers for the byte order; points against it weigh more."""
+        """Return the points of the numbers for the byte order; points against the byte order weigh more."""
         each = [one.order for one in self.member_points]
         for_it = sum(points for points in each if points > 0)
         return min(for_it + CONTRARY_WEIGHT * sum(points for points in each if points < 0), MOST_ORDER_POINTS)
@@ -372,7 +372,7 @@ class Reading:
 
     @property
     def widest_number(self) -> int:
-        """Return the largest size of a number; up to 2, exchanged bytes are only another byte order."""
+        """Return the size of the widest number; in up to 2 bytes, an exchange is only a byte order."""
         return max((member.leaf.size for member, _ in self.read if is_number(member)), default=0)
 
     @cached_property

@@ -51,7 +51,7 @@ class MemberNote(NamedTuple):
 
 
 def substitute_leaf(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) -> Replacement:
-    """Return our type that stores what a leaf of theirs stores, and a note. Else return None and why."""
+    """Return our type that stores what a leaf of theirs stores, and a note; or None and the reason."""
     if node.is_bit:
         if "BOOL" in ours.bits or ours.takes_pack:  # only CODESYS has BIT
             return ELEMENTARY["BOOL" if "BOOL" in ours.bits else "BIT"], ""
@@ -93,7 +93,7 @@ RawMember = tuple[int, str]  # `id` of the wanted node of its STRUCT, its name
 def prove_places(
     wanted: Node, found: Node, raw: Collection[RawMember], path: str = "", proved: set[object] | None = None
 ) -> None:
-    """Raise Unreachable unless each member has its wanted place. One in `raw` may be bytes or padding."""
+    """Raise Unreachable unless each member has its place; a member in `raw` may be bytes or padding."""
     proved = set() if proved is None else proved
     if found.size < wanted.size:
         raise Unplaceable(path, f"{found.size} bytes instead of {wanted.size}")
@@ -133,7 +133,7 @@ MOST_NOTES: Final = 1024  # raw members that are named; a type with some may be 
 class PaddedType(NamedTuple):
     """A type with the wanted offsets, except for `unreached`. `notes` are members that need a conversion.
 
-    An unreached member is raw bytes, or missing if it is a bit. Its reason names the part that causes this.
+    An unreached member is raw bytes, or missing if it is a bit. The note names the part that causes this.
     If the type is longer than wanted, LEN of the block is the wanted size.
     """
 
@@ -150,9 +150,9 @@ class PaddedType(NamedTuple):
 def padded_type(wanted: Layout, rules: LayoutRules, is_scl: bool = False) -> PaddedType:
     """Return the type that has the offsets of `wanted` under `rules`, in the byte order of `rules`.
 
-    For the receiver `wanted` is the sender's layout, and `rules` are the receiver's own. For the sender it
-    is the reverse. A STRUCT that cannot have its place is replaced by its members. SCL has no pack_mode,
-    and in SCL a UNION becomes its bytes.
+    For the receiver `wanted` is the sender's layout, and `rules` are the receiver's own. For the sender,
+    exchange the two sides. A STRUCT that cannot have its place is replaced by its members. SCL has no
+    pack_mode, and in SCL a UNION becomes its bytes.
     """
     rules = replace(rules, takes_pack=False) if is_scl else rules
     found, apart = _find_nearest(wanted, rules, is_scl), []
@@ -230,7 +230,7 @@ class _RebuildResult(NamedTuple):
 
 
 class _Rebuilder:
-    """Rebuilds a declaration. It rebuilds each STRUCT once, even if many members have its type."""
+    """Rebuilds a declaration. Each STRUCT is rebuilt once, even if many members have its type."""
 
     def __init__(
         self, wanted: Layout, rules: LayoutRules, pack: int | None, is_longer: bool, is_scl: bool

@@ -1,6 +1,6 @@
 """A Wireshark dissector in Lua, with a ProtoField for each member. It joins TCP segments to whole values.
 
-Rule: each STRUCT is written once, even if many members have its type. So is the element of an array.
+Rule: each STRUCT and each array element is written once, even if many members have its type.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def quote(text: str) -> str:
 
 
 class _LuaWriter:
-    """Writes nodes, and collects the readers and the enumerations that they need."""
+    """Writes nodes, and collects the readers and the enumerations that the nodes need."""
 
     def __init__(self, layout: Layout) -> None:
         self.layout, self.rules = layout, layout.rules
@@ -224,7 +224,7 @@ def structs_of(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, Placed
 
 
 def count_fields(type_: Type, node: Node) -> int:
-    """Return the number of paths to leaves, without indices; it may double with each level of nesting."""
+    """Return the number of paths to leaves, without indices; each level of nesting may double it."""
     counts: dict[Type, int] = {}
 
     def count_paths(type_: Type, node: Node) -> int:

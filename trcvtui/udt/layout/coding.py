@@ -38,7 +38,7 @@ class ValueRefused(Exception):
 class Coding(NamedTuple):
     """How a leaf is stored. `code` is for `struct`, without byte order. `to_value` is None for no change.
 
-    `odd` describes odd bytes of the leaf, such as `16#05` for a BOOL. It returns "" if nothing is odd.
+    `odd` describes odd bytes of the leaf, such as `16#05` for a BOOL. `odd` returns "" if nothing is odd.
     """
 
     code: str
@@ -176,7 +176,7 @@ HOUR, MINUTE = 3600 * SECOND, 60 * SECOND
 
 
 def _weekday(ns: int) -> int:
-    """Return the day of the week as in S7: 1 is Sunday. 1 January 1970 was a Thursday, 5."""
+    """Return the day of the week as in S7: 1 is Sunday. 1 January 1970 was a Thursday, which is 5."""
     return (ns // DAY + 4) % 7 + 1
 
 

@@ -1,6 +1,6 @@
 """A type laid out in memory: its leaves and gaps, and the profiles that give it the same layout.
 
-Rule: two profiles count as one if every leaf has the same place and the same stored form.
+Rule: two profiles count as one if every leaf has the same place and stored form in both.
 """
 
 from __future__ import annotations
@@ -191,7 +191,7 @@ def merge_own_rules(rules: LayoutRules, own: LayoutRules | None) -> LayoutRules:
 def layout_shape(layout: Layout, *, by_bytes: bool = False) -> object:
     """Return a value that is equal for two layouts of one type in which all bytes mean the same.
 
-    With `by_bytes`, it is also equal if only the sign of durations or the room after texts differs.
+    With `by_bytes`, the value is also equal if only the sign of durations or the room after texts differs.
     """
     rules, known = layout.rules, dict[int, object]()
 

@@ -1,6 +1,6 @@
 """A type laid out as a tree of leaves, structures, unions and arrays, each with size and number of leaves.
 
-Rule: an array has its element once, whatever its length, so a tree is as large as its declaration.
+Rule: an array's element is stored only once, so a tree is only as large as its declaration.
 Leaves are counted in declared order, which is offset order except in a UNION. Offsets are relative to the
 node.
 """
@@ -32,7 +32,7 @@ class Leaf(NamedTuple):
 
 
 class PlacedLeaf:
-    """A value of elementary type, a text, an enumeration, or one bit. The place is in the parent node."""
+    """A value of elementary type, a text, an enumeration, or one bit. The parent node stores the place."""
 
     __slots__ = ("align", "coding", "is_bit", "size", "type")
     leaves = 1
@@ -43,7 +43,7 @@ class PlacedLeaf:
 
 
 class PlacedMember(NamedTuple):
-    """A member with its place. Without a name it is the base (EXTENDS). `bit` is the bit in the byte."""
+    """A member with its place. A nameless member is the base (EXTENDS). `bit` is the bit in the byte."""
 
     name: str
     offset: int
@@ -52,7 +52,7 @@ class PlacedMember(NamedTuple):
 
 
 class FlatMember(NamedTuple):
-    """A member of a structure or its base. If it is no bit, `bit` is None. Its leaves begin at `first`."""
+    """A member of a structure or its base, whose leaves begin at `first`. `bit` is None for no bit."""
 
     name: str
     offset: int
@@ -240,7 +240,7 @@ class LeafDecoder:
 def decoder_of(leaves: Sequence[Leaf], order: str) -> LeafDecoder | None:
     """Return the codec of the leaves, or None if a leaf is a bit or leaves share a byte.
 
-    Bits share a byte, and members of a UNION share bytes. Such leaves are read one by one.
+    Bits share a byte, and members of a UNION share bytes. Leaves that share a byte are read one by one.
     """
     end = 0
     for leaf in leaves:

@@ -1,7 +1,7 @@
 """Places members by the rules of a layout, and builds a STRUCT with members at given places.
 
-Rule: only members of a STRUCT are aligned. A lone scalar, text or array of these has no gaps.
-Each STRUCT is placed once, even if many members have its type.
+Rule: only members of a STRUCT are aligned. A type that is a scalar, a text or an array of these has no
+gaps. Each STRUCT is placed once, even if many members have its type.
 """
 
 from __future__ import annotations
@@ -155,10 +155,10 @@ class Placer:
         return spots, end, align
 
     def place_bit_fields(self, type_: Struct | Union, at: int, end: int, align: int) -> tuple[int, int]:
-        """Place the bit-fields before a member as gcc does on x86-64. Return their end and the alignment.
+        """Place the bit-fields before a member as gcc does on x86-64. Return the end and the alignment.
 
-        A bit-field does not cross a bound of its type, except under any `#pragma pack`. A bit-field of
-        width 0 moves to the next bound.
+        A bit-field does not cross a boundary of its type, except under any `#pragma pack`. A bit-field of
+        width 0 ends at the next boundary.
         """
         cap, place = self.align_cap(type_), 8 * end
         is_packed = cap < 8 or (type_.pack is not None and self.rules.takes_pack)
@@ -190,7 +190,7 @@ class Placer:
         return _check_size(PlacedUnion(placed, round_up(end, align), align), where)
 
     def align_cap(self, type_: Struct | Union) -> int:
-        """Return the largest alignment of members. It is the type's pack_mode if the layout applies it."""
+        """Return the largest alignment of members: the pack_mode if the layout applies it, else `cap`."""
         if type_.pack is None or not self.rules.takes_pack:
             return self.rules.cap
         return max(type_.pack, 1)
@@ -292,7 +292,7 @@ class Builder:
         return round_up(max(size, self.end), self.align)
 
     def pad_to_size(self, size: int, path: str) -> None:
-        """Pad to the size; raise Unreachable when the type cannot have it."""
+        """Pad to the size; raise Unreachable when the type cannot have that size."""
         if size % self.align:
             layout = self.rules.name
             raise Unplaceable(path, f"under {layout} its size is a multiple of {self.align}, not {size}")

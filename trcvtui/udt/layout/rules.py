@@ -28,7 +28,7 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, slots=True)
 class StringForm:
-    """How a STRING is stored. `extra` counts units beside the characters: bytes, or words in a WSTRING.
+    """How a STRING is stored. `extra` counts units besides the characters: bytes, or words in a WSTRING.
 
     With `header` the units are [longest][actual] before the characters, else NULs after them. `default` is
     the length of a STRING without a length. `longest` and `longest_wide` limit STRING and WSTRING.
@@ -73,7 +73,7 @@ class LayoutRules:
     a STRING of odd size takes one byte more. If `takes_pack`, the pack_mode of a type replaces `cap`.
     `bits` names the types that are one bit. `rows` replaces elementary types that this layout stores
     differently. `unverified` names the types whose bytes no page of the vendor describes. `text_forms` are
-    the STRING forms that a sender with this layout may use, as a C program may have this layout.
+    the STRING forms that a sender with this layout may use.
     """
 
     name: str

@@ -78,7 +78,7 @@ def _needed_mask(layout: Layout, leaf: Leaf, part: bytes) -> bytes:
 
 
 def _write_order(layout: Layout, leaf: Leaf, part: bytes) -> int:
-    """Return a higher rank if more other bytes mean the same value. The rank is 0 if every bit counts."""
+    """Return a rank, higher if more other bytes store the same value. The rank is 0 if every bit counts."""
     if isinstance(leaf.type, StringType):
         return 2 if leaf.type.wide else 1
     value = decode_leaf(layout, leaf, part)

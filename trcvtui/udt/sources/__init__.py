@@ -134,7 +134,7 @@ def complete_type_path(typed: str, base: SourcePath) -> list[str]:
 
 
 def parse_source(text: str, name: str, extension: str = "") -> Declarations:
-    """Return what a text declares if read as a file with this extension. Messages call the file `name`."""
+    """Return what a text declares if read as a file with this extension. Errors call the file `name`."""
     rows = [row for row in FORMATS.values() if extension.lower() in row.extensions]
     if not extension:
         found = (name for sign, name in _FORMAT_SIGNS.items() if re.search(sign, text))
@@ -172,7 +172,7 @@ def read_files(
 
 
 def qualify_variables(read: Declarations, path: SourcePath, paths: Iterable[SourcePath]) -> Declarations:
-    """Return what a file declares. Variables are `folder/name` if another file has the same file name."""
+    """Return what a file declares, variables as `folder/name` if another file has the same file name."""
     folder, name = os.path.split(str(path))
     if not folder or not any(VARIABLES_NOTE in each.notes for each in read.types):
         return read
@@ -182,7 +182,7 @@ def qualify_variables(read: Declarations, path: SourcePath, paths: Iterable[Sour
 
 
 def set_header_context(paths: Iterable[SourcePath], long_size: int | None) -> None:
-    """Set the size of `long` and the macros of the other headers, which a C header does not contain."""
+    """Set the size of `long` and the macros of the other headers, as a C header has neither."""
     from trcvtui.udt.sources.c_source import LONG_SIZE, OTHER_HEADERS
 
     headers = [path for path in paths if os.path.splitext(path)[1].lower() in FORMATS["C header"].extensions]
@@ -200,7 +200,7 @@ def parse_type(text: str, types: TypeSet = NO_TYPES, where: str = "type") -> Typ
 
 
 def decode_text(data: bytes) -> str:
-    """Decode by byte order mark, XML declaration, as UTF-8, else as Windows-1252. This never fails."""
+    """Decode by byte order mark or XML declaration, else as UTF-8 or Windows-1252. This never fails."""
     for mark, codec in BYTE_ORDER_MARKS:
         if data.startswith(mark):
             return data[len(mark) :].decode(codec, "replace")

@@ -1,7 +1,8 @@
 """C headers: `typedef struct {...} T;` prepared by `c_source.py` and parsed by pycparser (the extra `c`).
 
 A type has the size that every compiler gives it. A type whose size differs between compilers (`long`,
-`size_t`) and `_Alignas` are refused by name. A bit-field only takes room. `int` and an enum have 4 bytes.
+`size_t`) and `_Alignas` are refused by name. A bit-field takes room but has no value. `int` and an enum
+have 4 bytes.
 Rules: a bad declaration never hides the others. A number is bounded in length, depth and size; a type that
 uses an unknown name is unknown itself.
 """
@@ -543,7 +544,7 @@ class Macros:
         self.depth = 0
 
     def evaluate_text(self, text: str) -> int | None:
-        """Return the value of an expression, None if it has none."""
+        """Return the value of an expression, None if it has no value."""
         if re.fullmatch(r"\d{1,18}", text) and not text.startswith("0"):
             return int(text)
         if len(text) > LONGEST_FORMULA or not _is_shallow(text):
@@ -560,7 +561,7 @@ class Macros:
             return None
 
     def number_of(self, name: str) -> int | None:
-        """Return the number of a macro, None if it has none or refers to itself."""
+        """Return the number of a macro, None if the macro has no number or refers to itself."""
         if name not in self.known:
             self.known[name] = None  # for a macro that refers to itself
             if name in self.source.numbers and self.depth < DEEPEST:

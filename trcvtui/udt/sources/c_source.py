@@ -1,6 +1,6 @@
 """Prepares a C header for a C parser: comments, directives, macros and attributes, line by line.
 
-It handles what declarations need: conditions, `#define` of numbers, words, calls, `#pragma pack`, `packed`.
+Handles what declarations need: conditions, `#define` of numbers, words, calls, `#pragma pack`, `packed`.
 Rule: lines keep their numbers. Text that changes a layout is understood or refused, never ignored.
 """
 
@@ -332,7 +332,7 @@ class CSource:
 
 
 def _split_arguments(text: str, begin: int) -> tuple[list[str], int]:
-    """Return the arguments of a call, and where it ends. A call without an end has no arguments."""
+    """Return the arguments of a call, and where the call ends. A call without an end has no arguments."""
     found: list[str] = []
     depth = 0
     for one in re.compile("[(),]").finditer(text, begin):

@@ -1,6 +1,6 @@
 """Rewrites C++ in a header as C, keeps all places, and removes what adds nothing to the size of a class.
 
-Rule: only text that surely adds nothing is removed. The C parser refuses the rest at its line.
+Rule: only text that surely adds nothing is removed. The C parser refuses any other C++ at its line.
 Inside a class, a type is rewritten as a member with `_Atomic`, and a constant as an enumeration.
 """
 
@@ -70,7 +70,7 @@ CPP_MARKS: Final = re.compile(
 
 
 class CppSource:
-    """A header whose `text` the C parser can read. It may be C++ (`is_cpp`) with classes (`has_classes`).
+    """A header whose `text` the C parser can read, perhaps C++ (`is_cpp`) with classes (`has_classes`).
 
     `bases` has the type of each enumeration, and whether it is scoped, by the place of its brace. `parents`
     has the base class by the brace of a class, `arrays` the places of declarators made from a `std::array`.

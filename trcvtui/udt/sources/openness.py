@@ -57,7 +57,7 @@ def _declaration(element: Element, copies: Copies) -> ast.Declaration:
 
 
 def _members(element: Element, depth: int, problems: list[Problem], copies: Copies) -> list[ast.MemberSpec]:
-    """Return the members in a section or a STRUCT; a bad one is left out, with a problem."""
+    """Return the members in a section or a STRUCT; a bad member is left out, with a problem."""
     members: list[ast.MemberSpec] = []
     for member in element.each("Member"):
         with collect_problems(problems):
@@ -100,7 +100,7 @@ def _keep_copy(name: str, own: Element, depth: int, copies: Copies) -> None:
 
 
 def _instance_member(member: ast.MemberSpec) -> ast.MemberSpec:
-    """Return an in-out parameter of an instance: by value if elementary, no DT or DTL, else a pointer."""
+    """Return an in-out parameter of an instance: a value if elementary, not DT or DTL, else a pointer."""
     row = ELEMENTARY.get(member.spec.name.upper()) if isinstance(member.spec, ast.TypeName) else None
     is_value = row is not None and row.name not in ("DT", "DTL")
     return member if is_value else member._replace(spec=RawType(member.name, BY_POINTER_NOTE))

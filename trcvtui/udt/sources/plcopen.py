@@ -1,7 +1,7 @@
 """PLCopen TC6 XML with the CODESYS additions, and TwinCAT files. Both contain the ST text of types.
 
-`dataType/baseType/...` is read by local names in every version of the schema. A `dataType` counts at any
-place: CODESYS writes some into `addData` of a resource. If a type has ST text, it is read instead.
+`dataType/baseType/...` is read by local names in every version of the schema. A `dataType` is read at any
+place: CODESYS writes some into `addData` of a resource. If a type has ST text, that text is read instead.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def _vendor_parts(element: Element, kind: str) -> Iterator[Element]:
 
 
 def _st_text_element(element: Element) -> Element | None:
-    """Return the element with the ST text of a type, None without one."""
+    """Return the element with the ST text of a type, None without ST text."""
     for plain in _vendor_parts(element, "interfaceasplaintext"):
         text = plain.find("xhtml") or plain
         if text.text.strip():
@@ -147,7 +147,7 @@ def _constants(list_: Element) -> ast.Declarations:
 
 
 class _TypeReader:
-    """The walk through one type, and its problems."""
+    """Reads one type, and collects the problems in it."""
 
     def __init__(self) -> None:
         self.problems: list[Problem] = []
@@ -208,7 +208,7 @@ class _TypeReader:
 
 
 def _find_type_element(element: Element | None) -> Element | None:
-    """Return the element of the type in <type> or <baseType>, None without one."""
+    """Return the element of the type in <type> or <baseType>, None without such an element."""
     children = element.children if element else ()
     return next((child for child in children if child.name not in NON_TYPE_ELEMENTS), None)
 

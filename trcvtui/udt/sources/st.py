@@ -1,6 +1,6 @@
 """Reads TYPE, DATA_BLOCK, NAMESPACE and constants in ST text of every dialect, and skips other blocks.
 
-Rule: a mistake ends its declaration, never the file. The types themselves are parsed in `st_spec.py`.
+Rule: a mistake spoils only its declaration. The types themselves are parsed in `st_spec.py`.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ class Parser(SpecParser):
     def declaration(self, name: str = "", is_block: bool = False) -> ast.Declaration | None:
         """Return one declaration with its own problems, None if it has no name.
 
-        With `name` the text begins with the type itself, without a name.
+        If `name` is given, the text begins with the type itself, without a name.
         """
         others, self.problems = self.problems, []
         self.nested, self.notes = 0, []
@@ -251,7 +251,7 @@ class Parser(SpecParser):
         self.at = self.since = end + 1
 
     def parse_constant(self, end: int) -> None:
-        """Keep `MAX : INT := 5;` if the value is a whole number or a formula. Skip everything else."""
+        """Keep a constant that is a whole number or a formula, as `MAX : INT := 5;`. Skip all else."""
         with suppress(UserError):  # TRUE, 'text' and 1.5 are constants too, but cannot be bounds
             names = self.expect_names("the name of a constant", "the name of a constant")
             self.skip_until(end, ":=", ";")

@@ -1,7 +1,7 @@
 """ST text of any dialect as tokens, and a cursor in them, which recovers after a mistake.
 
-Rule: every text has tokens. An illegal character becomes a token that no grammar rule accepts. Comments are
-left out, pragmas are kept apart, and positions stay.
+Rule: every text can be split into tokens. An illegal character becomes a token that no grammar rule
+accepts. Comments are left out, pragmas are kept apart, and positions do not change.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from trcvtui.udt.literals import NAME_PATTERN, parse_integer
 
 
 class SourceDialect(NamedTuple):
-    """Plain IEC 61131-3 unless a field says otherwise."""
+    """A dialect of ST: plain IEC 61131-3 unless a field says otherwise."""
 
     # B&R: an enumeration without a base is a C enum of 4 bytes.
     enum_base: str | None = None
@@ -162,7 +162,7 @@ class Source:
         return next((one.start() for one in found if one["END"]), place)
 
     def find_unclosed_end(self, text: str, place: int) -> int:
-        """Return where reading resumes: for an open quote at the line's end, else at the text's end."""
+        """Return where reading resumes: after an open quote at the end of the line, else of the text."""
         line_end = _LINE_END.search(self.text, place) if text in "'\"" else None
         return line_end.start() if line_end else len(self.text)
 
@@ -314,7 +314,7 @@ class Cursor:
         self.problems.extend(refused.problems)
 
     def skip_to(self, *texts: str) -> None:
-        """Stop in front of the first of these keywords or symbols, or at the end."""
+        """Skip the tokens before the first of these keywords or symbols, or all tokens."""
         while not self.at_end() and not self.sees(*texts):
             self.advance()
 

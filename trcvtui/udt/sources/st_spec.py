@@ -1,6 +1,6 @@
 """The types of the ST grammar: STRUCT, UNION, ARRAY, STRING, enumeration, subrange, pointer, FB instance.
 
-Rule: a mistake ends its member, never the STRUCT around it.
+Rule: a mistake spoils only its member, never the STRUCT around it.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class SpecParser(Cursor):
         return ast.StructSpec(tuple(members))
 
     def struct(self) -> ast.StructSpec:
-        """Return STRUCT, UNION or VAR up to its END_; a bad member is left out, with a problem."""
+        """Return STRUCT, UNION or VAR up to its END_; a bad member is left out and is a problem."""
         word = self.advance().upper
         if self.sees(*STRUCT_QUALIFIERS) and self.tokens[self.at + 1].upper not in (":", ","):
             self.notes += [OVERLAP_NOTE] if self.sees("OVERLAP") else []
@@ -86,7 +86,7 @@ class SpecParser(Cursor):
         return [text for _, text in pragmas[start:stop]]
 
     def skip_member_rest(self, spec: ast.Spec, end: str) -> None:
-        """Skip initial value and semicolon. The latter may be missing after END_STRUCT or before `end`."""
+        """Skip an initial value and `;`. The `;` may be missing after END_STRUCT or before `end`."""
         if self.accept(":="):
             self.skip_initial_value()
         elif isinstance(spec, ast.StructSpec):
@@ -213,7 +213,7 @@ class SpecParser(Cursor):
         return ast.EnumSpec(ast.TypeName(own, self.where(first)) if own else None, values)
 
     def enumerators(self) -> tuple[tuple[str, ast.Number | None], ...]:
-        """Return names and numbers of an enumeration; a comma is allowed after the last."""
+        """Return names and numbers of an enumeration; a comma is allowed after the last name or number."""
         self.expect("(")
         values: dict[str, tuple[str, ast.Number | None]] = {}
         while not values or not self.sees(")"):

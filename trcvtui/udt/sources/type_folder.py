@@ -1,7 +1,7 @@
 """Finds missing types and constants in the files beside a type, or in a folder.
 
-Rule: every file that declares a missing name is added whole. If two of them differ, the name is refused as
-declared twice: none is chosen silently. A broken file never hides a good one.
+Rule: every file that declares a missing name is added whole. If two such files differ, the name is refused
+as declared twice. A broken file never hides a good one.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class TypeFolder:
         return texts
 
     def declarations(self, file: str) -> Declarations:
-        """Return a file's declarations, none if unreadable; of a generated header, no types of a .typ."""
+        """Return a file's declarations, none if unreadable; of a generated header, omit types of a .typ."""
         if file not in self.read:
             self.read[file] = Declarations(())
             with collect_problems(self.problems):
@@ -88,7 +88,7 @@ class TypeFolder:
         return found
 
     def find_declaring_files(self, name: str, kind: str) -> dict[str, Declarations]:
-        """Return the files with a good declaration of a name, else the files with a bad one."""
+        """Return the files with a good declaration of a name, else the files with a bad declaration."""
         last = plain_name(name).casefold().rpartition(".")[2]
         spelled = re.sub("^(udt|db)([0-9])", r"\1[ \\t]*\2", re.escape(last))
         sought = re.compile(rf"(?<!\w){spelled}(?!\w)")

@@ -66,7 +66,7 @@ class Element:
         return found
 
     def search(self, *names: str) -> Iterator[Element]:
-        """Yield the elements with these names in file order, at any depth, but none inside a found one."""
+        """Yield elements with these names in file order, at any depth, but none inside a found element."""
         waiting = [self]
         while waiting:
             element = waiting.pop()

@@ -70,9 +70,8 @@ SECTIONS: Final[dict[str, Sequence[Row]]] = {
         ("`add data rx2 ARRAY[0..9] OF BYTE`", "Adds a DATA with its type."),
         (
             "`add instance R2 block=TRCV_C connect=C3 data=rx2 CONT=1`",
-            "Adds an instance. A CONNECT (UDP_CONFIG and ADDR, ComBuffer) that the line leaves out is "
-            "created, and "
-            "DATA with it. `data=new` or `connect=new` creates one, too.",
+            "Adds an instance. If the line leaves out the CONNECT (or UDP_CONFIG and ADDR, or ComBuffer), it "
+            "is created, and DATA with it. `data=new` or `connect=new` creates one, too.",
         ),
         (
             "`add combuffer B1 source=serial port=/dev/ttyUSB0 baud=19200`",
@@ -152,8 +151,8 @@ SECTIONS: Final[dict[str, Sequence[Row]]] = {
         (
             "`peer P1 try-splits hex 01 02 03 on TRCV_C_1`",
             "Sends the message whole, then in two pieces, once for each place of the cut, and lists the "
-            "results. `gap=T#30ms` is the pause between the pieces. In a scenario, `differ=0` is how many "
-            "results may differ from that of the whole message.",
+            "results. `gap=T#30ms` is the pause between the pieces. In a scenario, `differ=0` expects "
+            "that 0 results differ from that of the whole message.",
         ),
         ("`peer P1 try-splits stop`", "Ends this trial."),
         (

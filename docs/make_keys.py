@@ -99,7 +99,7 @@ def _table(title: str, row: TableRow) -> Iterator[str]:
     yield from ("", f"## {title}", "", row.help, "", "| key | means | takes |", "| --- | --- | --- |")
     for name, rows in _by_name(row.keys).items():
         says = " · ".join(dict.fromkeys(key.help for key in rows))
-        takes = "; or ".join(dict.fromkeys(_takes(key) for key in rows))
+        takes = " · ".join(dict.fromkeys(_takes(key) for key in rows))
         yield f"| `{name}`{'*' * any(key.is_needed for key in rows)} | {says} | {takes} |"
 
 

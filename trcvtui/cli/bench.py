@@ -76,7 +76,7 @@ def _serve(args: Args) -> int:
 
 def set_up_examples(parser: CommandParser) -> None:
     parser.description = "Lists the projects and stories that come with the program."
-    parser.add_argument("word", metavar="WORD", nargs="?", help="only what contains WORD, also scenarios")
+    parser.add_argument("word", metavar="WORD", nargs="?", help="only lines with WORD; scenarios, too")
 
 
 def _examples(args: Args) -> int:

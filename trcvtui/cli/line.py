@@ -112,7 +112,7 @@ def set_up_tap(parser: CommandParser) -> None:
     parser.add_argument(
         "--record", metavar="FILE", help="record what passes as pcapng, which Wireshark reads"
     )
-    about = "print what the shadows show as JSON; default: the screen, else text"
+    about = "print as JSON what the shadows show; default: the screen, else text"
     parser.add_argument("--format", choices=("jsonl",), help=about)
     _add_shadows(parser, "CONNECT")
     parser.add_argument(

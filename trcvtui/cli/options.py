@@ -118,7 +118,7 @@ def add_netns(parser: CommandParser) -> None:
 
 def add_no_secrets(parser: CommandParser) -> None:
     parser.add_argument(
-        "--no-secrets", action="store_true", help="no TLS keys, TLS data as zeros: no replay of a TLS run"
+        "--no-secrets", action="store_true", help="no TLS keys, zeros as TLS data: a TLS run has no replay"
     )
 
 

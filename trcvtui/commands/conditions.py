@@ -232,7 +232,7 @@ def _read_peer_condition(words: Words, project: Project) -> Condition:
     if state not in PEER_STATES:
         raise words.make_unknown_error(state, (*PEER_STATES, "received"), "state")
     if peer.udp and state not in UDP_STATES:
-        raise words.error(f"'{state}' of the UDP peer '{peer.name}', which has no connection", OF_UDP)
+        raise words.error(f"'{state}' for the UDP peer '{peer.name}', which has no connection", OF_UDP)
     return PeerIs(peer.name, state)
 
 

@@ -352,7 +352,7 @@ def _read_changes(kind: str, words: Words) -> dict[str, Any]:
     if not content:
         raise words.error("nothing more", PAIRS_FORM)
     if "name" in content or TABLES[kind].called in content:
-        raise words.error("another name", "other keys: to change a name, remove the part and add it again")
+        raise words.error("a new name", "other changes: to rename a part, remove it and add it again")
     return {
         key: None if isinstance(each, SetOverride) and not each.text else each
         for key, each in content.items()

@@ -64,7 +64,7 @@ def _parse_atom(word: str, where: str) -> Atom:
         return ANY_SCANS
     found = _ATOM_PATTERN.fullmatch(word)
     if found is None:
-        raise mistake(where, f"'{word}'", f"four hex digits and ! + * or {{n}}, such as {NOTATION}")
+        raise mistake(where, f"'{word}'", f"four hex digits, optional ! and + * or {{n}}, such as {NOTATION}")
     digits, mark, times = found.groups()
     scan = (int(digits, 16), bool(mark))
     match times:

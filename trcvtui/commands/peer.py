@@ -309,7 +309,7 @@ def parse_trial(words: Words, project: Project, peer: str) -> TrySplits | StopTr
     payload = parse_payload(words, project)
     if not 2 <= len(payload.content) <= LONGEST_TRIAL:
         raise words.error(count(len(payload.content), "byte"), f"2 to {LONGEST_TRIAL} bytes to cut")
-    aim.next("on and the name of a receiving instance")
+    aim.next("`on` and the name of a receiving instance")
     instance = parse_instance(aim, project)
     if not block_row(instance.block).receives_stream:
         raise aim.error(f"'{instance.name}', a {instance.block}", "a receiving instance")
@@ -351,7 +351,7 @@ def parse_check(words: Words, project: Project, peer: str) -> NumberedFramesOn |
 def _read_receiver(words: Words, project: Project) -> str:
     instance = parse_instance(words, project)
     if not block_row(instance.block).receives_stream or instance.data is None:
-        raise words.error(f"'{instance.name}', a {instance.block}", "a receiving instance with DATA")
+        raise words.error(f"'{instance.name}', a {instance.block}", "a receiving instance whose DATA is set")
     return instance.name
 
 
@@ -381,7 +381,7 @@ def parse_rule(words: Words, project: Project, peer: str) -> AddReply:
         raise words.make_unknown_error(kind, MATCH_READERS, "match")
     match = MATCH_READERS[kind](words, project)
     words.expect_end()
-    answer.next("send and a payload")
+    answer.next("`send` and a payload")
     send = parse_send(answer, project, peer, holes_in_text=True)
     if len(send.payload) > LONGEST_ANSWER:
         raise words.error(f"{len(send.payload)} bytes", f"at most {LONGEST_ANSWER} bytes in an answer")

@@ -353,7 +353,7 @@ def parse_fault(words: Words, project: Project) -> FaultOn | FaultClear:
             forever = key == "times" and text == "forever"
             counts[key] = TIMES_FOREVER if forever else parse_value(COUNT_KIND, text, f"{key}=", words.where)
         else:
-            owner = "ComBuffer" if call in SERIAL_CALLS else "CONNECT"
+            owner = "COMBUFFER" if call in SERIAL_CALLS else "CONNECT"
             raise words.error(quote(word), f"on {owner}, nth=1, times=1 or times=forever")
     return FaultOn(call, error, on, counts["nth"], counts["times"])
 

@@ -231,7 +231,7 @@ def _judge_second_client(case: LineCase) -> Finding | None:
         at_once = ended.ns - max(begun, line.to_plc.writes[0].ns if line.to_plc.writes else 0) < AT_ONCE_NS
         if at_once or ended.kind == "rst":
             word = "RST" if ended.kind == "rst" else "FIN"
-            text = f"it sent this client {word} after {format_ns(ended.ns - begun)}, and no byte before"
+            text = f"it sent this client no byte, only {word} after {format_ns(ended.ns - begun)}"
             return Finding(0.93, (since, text), way="from-plc", at=SegmentFacts(ended.ns, 0, 0, ended.packet))
     segments = line.to_plc.segments
     still = min(first.last_ns, line.last_ns if ended is not None else first.last_ns) - line.first_ns
@@ -325,7 +325,7 @@ def _judge_storm(case: LineCase) -> Finding | None:
     ends = f"the PLC end ended {by_plc} of them, the partner {len(ended) - by_plc}"
     texts = (
         f"{count(len(built), 'connection')} built, one every {format_ns(period)}; {len(ended)} lost again",
-        f"{ends}; {resets} ended by RST; they usually lasted {format_ns(life)}",
+        f"{ends}; {resets} ended by RST; a connection usually lasted {format_ns(life)}",
     )
     at = SegmentFacts(built[0].first_ns, 0, 0, 0)
     packets = tuple([one.first_packet for one in built[:MOST_SHOWN]])
@@ -622,8 +622,8 @@ def _judge_slow_ack(case: LineCase) -> Finding | None:
         usual = median(one.wait_ns for one in slow)
         packets = tuple([one.write.packet for one in slow[:MOST_SHOWN]])
         texts = (
-            f"{count(len(slow), 'small write')} of {flow.segments} waited {usual / 1e6:.0f} ms for an ACK, "
-            "and the next write left as soon as the ACK came",
+            f"{len(slow)} of {flow.segments} segments are small writes that waited {usual / 1e6:.0f} ms "
+            "for an ACK; then the next write left at once",
         )
         sure = 0.92 if len(slow) > 4 else 0.75
         return Finding(sure, texts, way=way, at=slow[0].write, packets=packets)
@@ -654,7 +654,7 @@ def _judge_loss(case: LineCase) -> Finding | None:
         is_often = odd >= 3 and odd * 100 >= flow.segments
         is_long = flow.longest_wait_ns >= SECOND and odd * 20 >= flow.segments >= 3
         of_all = flow.segments + flow.resent
-        text = f"of {of_all} segments: {flow.resent} sent again, {flow.late} late: {share:.1%}"
+        text = f"of {of_all} segments, {flow.resent} sent again and {flow.late} late: {share:.1%}"
         at, packets = flow.first_of("resent") or flow.first_of("early"), flow.packets_of("resent")
         if is_often or is_long:
             waited = f"the longest wait for a repeated segment was {format_ns(flow.longest_wait_ns)}"

@@ -372,7 +372,7 @@ def _judge_merged(line: LineFacts, receiver: Receiver | None) -> Finding | None:
         return None
     most = max(several) // base
     at = next(write for write in writes if write.size in several)
-    text = f"{amount} of {len(writes)} segments hold more than one message of {base} bytes, up to {most}"
+    text = f"{amount} of {len(writes)} segments hold several messages of {base} bytes, at most {most}"
     if known is None:
         return Finding(sure, (text,), "to-plc", at, is_remark=True)
     return finding_to_plc(known, sure, (text,), at, _offer_one_per_job(known, base))

@@ -19,9 +19,9 @@ _OWN_CERT_REFUSED: Final = (
 # fmt: off
 _PEER_ERRORS: Final[dict[str, tuple[str, str]]] = {  # what is wrong with the partner's certificate
     TlsError.WRONG_NAME: ("the certificate of {peer} is not valid for {name}",
-        "give {peer} a certificate with {name} in its subjectAltName, or call {peer} by a name in that"),
+        "give {peer} a certificate with {name} in its subjectAltName, or call {peer} by a name listed there"),
     TlsError.NO_CA: ("{trusts} trusts no signer of the certificate of {peer}",
-        "set {trusts} to the CA of that certificate; if self-signed, to it once you know it is genuine"),
+        "set {trusts} to that certificate's CA; if self-signed, to the certificate once known to be genuine"),
     TlsError.EXPIRED: ("the certificate of {peer} has expired, or the clock here is wrong",
         "compare the clock here with the last day of the certificate; renew the certificate at {peer}"),
     TlsError.DISCARDED: ("the certificate of {peer} is not valid yet, or cannot be used for another reason",
@@ -40,7 +40,7 @@ _REASONS: Final[dict[str, tuple[str, str]]] = {  # an error, or what the library
     "protocol_version": _WRONG_VERSION, "unsupported_protocol": _WRONG_VERSION,
     "no_shared_cipher": ("{peer} has no cipher that this end takes", "give {peer} ciphers of TLS 1.2 or 1.3"),
     "certificate_required": ("{peer} asks for a certificate, and this end shows none",
-        "set {shows} to a certificate whose key is here and whose CA {peer} trusts"),
+        "set {shows} to a certificate that has its key here and a CA that {peer} trusts"),
     "handshake_failure": (
         "{peer} refuses and gives no reason: it wants a certificate of this end, or another cipher",
         "look into the log of {peer}; with TLS 1.2 set {shows} if {peer} wants a certificate"),

@@ -134,7 +134,7 @@ def explain_wrong_length(e: Evidence) -> RuleAnswer:
         return ""
     data = f"DATA ({e.data}) has {count(e.data_size, 'byte')}" if e.data else "DATA is open"
     if e.cause.value == 65535 and e.has_adhoc and e.config is not None and e.config.description:
-        cause = f"LEN 65535 means ad hoc only in instructions before 3.0; {data}"
+        cause = f"only instructions before 3.0 take LEN 65535 as ad hoc; {data}"
         return tip(cause, "{} receives ad hoc", f"set {e.instance} ADHOC=1 LEN=0")
     if e.cause.value:
         lines = (f"set {e.instance} LEN=0",) if 0 < e.data_size <= most else ()
@@ -264,8 +264,8 @@ def suggest_another_port(e: Evidence) -> RuleAnswer:
     if says_iso:  # the key IsoPort is refused for any other description
         return tip(
             f"{ISO_PORT} is the port of ISO-on-TCP, which TCON_IP_RFC uses",
-            f"if port {ISO_PORT} is in use, or your user may not use it: "
-            f"`IsoPort = 2102` in [[connect]] {config.name} selects another, also for the partner",
+            f"if port {ISO_PORT} is in use, or your user may not use it: set "
+            f"`IsoPort = 2102` in [[connect]] {config.name}, and the same port at the partner",
         )
     return tip(f"LocalPort of {config.name} is {config.local.port}", "take a free port, 2000 to 5000")
 
@@ -274,7 +274,7 @@ def suggest_name_lookup(e: Evidence) -> RuleAnswer:
     name = e.config.remote_name if e.config is not None else ""
     if not name and e.config is not None and e.config.description is not None:
         name = read_spec(e.config.description).remote_name
-    text = f"check the name, and with `getent hosts {name}` whether this machine's DNS server knows it"
+    text = f"check the name; `getent hosts {name}` shows whether this machine's DNS server knows it"
     return tip("", text) if name else ""
 
 
@@ -291,8 +291,8 @@ def explain_refused_selector(e: Evidence) -> RuleAnswer:
     theirs = format_selector(spec.remote_tsap) or "any"
     return tip(
         f"{_partner_name(e)} accepted the connection, then refused it",
-        "make the selectors match crosswise: the partner's remote selector has to "
-        f"be {ours} (local here), its local selector {theirs} (remote here)",
+        "match the selectors crosswise: set the partner's remote selector to "
+        f"our local one, {ours}, and its local selector to our remote one, {theirs}",
     )
 
 

@@ -295,8 +295,8 @@ def explain_quiet_line(e: Evidence) -> RuleAnswer:
         e.link.remote if e.link is not None else "its partner",
     )
     return tip(
-        f"no byte for {age_text(e.quiet_ns)}. A silent partner, one without power and a cut line look "
-        f"alike for up to {limit}; then keep-alive ends a dead connection",
+        f"no byte for {age_text(e.quiet_ns)}. For up to {limit} a silent partner, one without power "
+        "and a cut line look the same; then keep-alive ends a dead connection",
         f"check cable and power of {peer}, or `ping` it",
     )
 

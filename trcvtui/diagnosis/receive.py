@@ -202,7 +202,7 @@ def explain_many_sizes(e: Evidence) -> RuleAnswer:
         return ""
     return tip(
         f"{_name_messages(e)} had {min(sizes)} to {max(sizes)} bytes, but a static frame always has {e.need}",
-        f"{_adhoc_setting(e)} delivers what has arrived; or receive header and rest with two jobs",
+        f"{_adhoc_setting(e)} delivers what has arrived; or let one job take the header, the next the rest",
     )
 
 
@@ -235,7 +235,7 @@ def suggest_ad_hoc(e: Evidence) -> RuleAnswer:
         now = tip("", f"{{}} to get the {here} at once", f"set {e.instance} ADHOC=1", needs_trial=True)
         return tip("", f"ADHOC=1 would have delivered the {here} at once") if e.is_past else now
     return tip(
-        "", f"{_adhoc_setting(e)} would have delivered the {here} at once (read when EN_R rises again)"
+        "", f"{_adhoc_setting(e)} would have delivered the {here} at once; it counts once EN_R rises again"
     )
 
 
@@ -336,8 +336,8 @@ def explain_no_sender(e: Evidence) -> RuleAnswer:
         if _is_same(peer.remote, _local(e)) and not peer.messages_sent:
             return tip(f"{peer.name} has sent nothing", "{}", f"peer {peer.name} send hex 01")
     return tip(
-        f"no datagram has come to {_local(e)}. UDP reports no loss to the sender, a firewall drops datagrams "
-        "silently, and those to 255.255.255.255 do not arrive here",
+        f"no datagram has come to {_local(e)}. UDP reports no loss to the sender, firewalls drop silently, "
+        "and a datagram to 255.255.255.255 does not arrive here",
         "check whether the partner sends to this address and port",
     )
 

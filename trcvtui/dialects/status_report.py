@@ -120,7 +120,7 @@ def select_one_dialect(found: Sequence[Explanation], name: str | None) -> tuple[
     chosen = names[0] if name is None else name.casefold()
     others = [each for each in names if each != chosen]
     if chosen not in names:
-        raise mistake("CODE", found[0].row.word, f"a code of {chosen}, not of {', '.join(others)}")
+        raise mistake("CODE", f"{found[0].row.word} of {', '.join(others)}", f"a code of {chosen}")
     return [one for one in found if one.dialect == chosen], others
 
 

@@ -150,7 +150,7 @@ class ConditionText(NamedTuple):
 
     def _refuse_order(self, what: str, has_none: bool) -> None:
         if has_none and self.operator not in ("=", "!="):
-            raise mistake(self.where, f"'{self.operator}' of {what}", "= or !=")
+            raise mistake(self.where, f"'{self.operator}' for {what}", "= or !=")
 
 
 def read_comparison(text: str, where: str, form: str) -> ConditionText:

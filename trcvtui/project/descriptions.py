@@ -149,7 +149,7 @@ DB_BYTES: Final = text_kind(
 UNSAFE: Final = "none, this is unsafe"
 CERTIFICATE_NUMBER: Final = integer(1, (1 << 32) - 1)
 VERIFY: Final = text_kind(
-    f'"{UNSAFE}", or no such key: certificates are verified', lambda text: text if text == UNSAFE else None
+    f'"{UNSAFE}"; if left out, certificates are verified', lambda text: text if text == UNSAFE else None
 )
 HOST: Final = text_kind("the name or address that the certificate must have", lambda text: text or None)
 TLS_KEYS: Final = ("tls", "certificate", "authority", "client_certificate", "server_name", "verify")
@@ -313,7 +313,7 @@ def _parser(size: int) -> Callable[[str], bytes | None]:
 
 
 REFERENCE: Final = text_kind(
-    "@NAME of a peer or CONNECT: the bytes set the rest", lambda text: text if parse_reference(text) else None
+    "@NAME of a peer or CONNECT, not a number", lambda text: text if parse_reference(text) else None
 )
 NO_SERVER: Final = "none"
 DNS_ANSWER: Final = text_kind(
@@ -380,7 +380,7 @@ def check_bench_keys(table: Table, description: Description) -> None:
         (
             "IsoPort",
             iso_port is not None and iso_port.startswith("@") and not spec.is_active,
-            "a port: a passive end listens on its own",
+            "a port: a passive end listens on a port of its own",
         ),
     )
     for key, is_useless, expected in useless:

@@ -44,7 +44,7 @@ NamesByKind = Mapping[str, Mapping[str, None]]  # by kind, and by use such as `s
 # Keys whose value only one ComBuffer may have: what was found with the first user {}, what was expected.
 BUFFER_ENDS: Final = (
     ("source", "whose bytes go to {}", "an unused source: each byte goes to only one ComBuffer"),
-    ("line", "the line of {}", "an unused line: only one ComBuffer may send over it"),
+    ("line", "which sends the bytes of {}", "an unused line: a line sends for only one ComBuffer"),
     ("port", "the port of {}", "an unused port"),
 )
 

@@ -400,7 +400,7 @@ _COMBUFFER: Final = TableRow(
             Hint("serial: none", offer_fixed("none", "rts/cts", "dsr/dtr", "xon/xoff")), only=_is_serial),
         Key("line", TEXT, "What sends its bytes: a ComBuffer with a port, or a TSEND_C.",
             "line", "", Hint("what sends its bytes", _line_choices),
-            NameRef('TSEND_C, or ComBuffer with source = "serial"', ("port", "stream_out"))),
+            NameRef('TSEND_C, or of a ComBuffer with source = "serial"', ("port", "stream_out"))),
         Key("size", QUEUE_SIZE, "Its size in bytes; the default depends on source.", "size", 0,
             Hint("its size in bytes: 300"), is_played=True),
         Key("per_cycle", QUEUE_SIZE, "The most bytes that leave it in a scan; default: all.", "per_cycle", 0,
@@ -693,7 +693,7 @@ def _make_peer_fields(values: TableValues) -> dict[str, Any]:
 
 
 _PEER: Final = TableRow(
-    "peer", "peers", PeerDecl, "A partner that the bench plays, with what it does without a command.",
+    "peer", "peers", PeerDecl, "A partner that the bench plays, and what it does by itself.",
     (
         _name_key("peer"),
         Key("udp", TRUTH, "Whether it sends and receives datagrams.", "udp", False,
@@ -779,7 +779,7 @@ _SEQUENCE: Final = TableRow(
 
 _WATCH: Final = TableRow(
     "watch", "watches", WatchDecl,
-    "A line to watch: shadow instances, those of a CONNECT or UDP_CONFIG, receive its traffic.",
+    "A line to watch: the instances of a CONNECT or UDP_CONFIG receive its traffic as shadows.",
     (
         _name_key("line"),
         Key("plc", FAR_END, "The end of the PLC: 10.0.0.5:2000; if the PLC connects, 10.0.0.5.", "plc",

@@ -68,11 +68,11 @@ def write_messages(asked: MessagesOptions) -> int:
     first, is_project = asked.files[0], any(file.endswith(".toml") for file in asked.files)
     if is_project and (len(asked.files) > 1 or asked.time_ns is None):
         found = first if asked.time_ns is None else f"{first} and other files"
-        raise mistake("trcvtui messages", found, "one project with --for T#10s, or files")
+        raise mistake("trcvtui messages", found, "one project with --for T#10s, or captures or recordings")
     if not is_project and asked.time_ns is not None:
         raise mistake("--for", first, "a project (.toml)")
     if asked.layout is not None and (asked.project is not None or is_project):
-        raise mistake("--udt", "a project beside it, which has the types", "one of both")
+        raise mistake("--udt", "a project beside it, which has the types", "only one of the two")
     try:
         with _output(asked.out) as out:
             rows = _RowWriter(asked, out)

@@ -47,7 +47,7 @@ def _find_hints(type_: Struct | Union | Enumeration, rules: LayoutRules) -> Iter
         yield f"this {word} is empty: 0 bytes here; a partner's compiler may refuse it or use 1 byte"
     pack = type_.pack
     if pack is not None and not (rules.takes_pack or (max(pack, 1) == rules.cap and rules.struct_floor == 1)):
-        yield f"the layout {rules.name} ignores the packing ({pack}) of this type; codesys-N and c apply it"
+        yield f"{rules.name} ignores the packing ({pack}) of this type; the layouts codesys-N and c apply it"
 
 
 # How a message names these fields of a choice; the others by their option.

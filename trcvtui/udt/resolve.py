@@ -194,7 +194,7 @@ class Resolver:
                 continue
             first = firsts.setdefault(member.name.casefold(), member.where)
             if first is not member.where:
-                expected = f"a new name; the first is at {first}" if first else "a name that its base lacks"
+                expected = f"a new name; the first is at {first}" if first else "a name the base type lacks"
                 self.report(user, Problem(member.where, f"member '{member.name}' a second time", expected))
             type_, depth = self.build(member.spec, "", user)
             deepest = max(deepest, depth)

@@ -270,7 +270,7 @@ def _check_common_tsap(connect: DescribedConnect) -> FlawAnswer | None:
     if len(local) < TSAP_SIZES.start and not connect.meaning.is_active:
         return Flaw.TSAP, "LocalTSelector", "the local T-selector has 1 byte; a passive end needs 2 or more"
     if len(local) == 2 and local[0] not in _allowed_first_bytes(connect):
-        return Flaw.TSAP, "LocalTSelector", f"two bytes have to begin with E0, not with {local[0]:02X}"
+        return Flaw.TSAP, "LocalTSelector", f"a selector of 2 bytes begins with E0, not {local[0]:02X}"
     if local.startswith(b"SIMATIC-"):
         return Flaw.TSAP, "LocalTSelector", "SIMATIC- is reserved for the system"
     return None

@@ -42,16 +42,16 @@ GLOBAL_KEYS: Final = (
     ("P", "save a picture of the screen as SVG; the prompt shows where"),
     ("ctrl+c", "copy the text selected with the mouse; press F first if the text changes"),
     ("? or F1", "this help"),
-    ("other keys", "a key of only one pane works everywhere if it changes nothing; else go there first"),
+    ("other keys", "a key that only one pane has works everywhere; if it changes something, only there"),
     ("esc", "leave a field, close the prompt, or return from the past to now"),
-    ("R", "start or end a recording; after the end of the engine: restart it"),
+    ("R", "start or end a recording; restart an engine that has ended"),
     ("q or ctrl+q", "quit"),
 )
 MOVES: Final = ("↑ ↓ j k, g G", "move in a list, like page up, down; g, home: first row; G, end: last row")
 LETTERS: Final = (  # of panes 1 to 3
     ("n t a x r", "n: EN_R, t: CONT, a: ADHOC, x: COM_RST, r: REQ of the selected instance"),
     ("l", "write LEN: the prompt opens with the command"),
-    ("f u d c", "ReceiveData: f: prefix, u: suffix (hex or text), d: its variable, c: bytes for its line"),
+    ("f u d c", "of ReceiveData: f: prefix, u: suffix (hex or text), d: DATA, c: bytes to feed its line"),
 )
 PINS: Final = (*LETTERS, ("a letter", "change the pin with this letter in pane 2; or click on the pin there"))
 INSTANCE_KEYS: Final = (
@@ -63,19 +63,19 @@ BLOCK_KEYS: Final = (
     ("C", "the connection description byte by byte; there y copies it as hex, s as SCL"),
     MOVES,
 )
-STATUS: Final = ("enter", "type the command of `do`, if it was tried or needs no trial; or click on `do`")
+STATUS: Final = ("enter", "type the command of `do`, unless it needs a trial first (J); or click on `do`")
 HISTORY_KEYS: Final = (
-    ("↑ ↓", "choose an edge, which is explained"),
+    ("↑ ↓", "choose an edge; STATUS explains it"),
     ("/", "find a code, as in `find 7004`"),
-    ("n N", "n: the edge before, N: the next edge, with the code of / (until esc), else with an ERROR"),
+    ("n N", "n: older, N: newer edge with the code of /; without a code, or after esc: with an ERROR"),
     ("!", "go to the ERROR before"),
 )
 RECEIVED_KEYS: Final = (
     ("← → h l, ↑ ↓ j k", "move by a byte, by a row; g: first byte, G: last byte; page up and down"),
     ("H", "show all bytes received so far as one stream, with rulers; press again for DATA now"),
     ("D", "show the messages as a table, newest last, with filter and CSV; again: DATA now"),
-    ("/", "find hex, a text (quoted if like hex), =1.5 in either byte order, @offset, #job; esc: no marks"),
-    ("n N", "after / (until you leave the pane): the next hit, the hit before; otherwise like ] and ["),
+    ("/", "find hex, text (quoted if also hex), =1.5 in either byte order, @offset, #job; esc unmarks"),
+    ("n N", "n: next hit of /, N: hit before; before a search, or if you left the pane: like ] and ["),
     ("[ ]", "[: the DONE before, ]: the next DONE"),
     ("d u", "d: show what differs from the job before, or from the marked message; u: fewer rulers"),
     ("m", "mark the message at the cursor: d compares others with it, y r copies from there to the cursor"),
@@ -91,10 +91,10 @@ MEMBER_KEYS: Final = (
     ("V", "view DATA in the layout that fits the bytes (the sender's), or again in the PLC's own"),
 )
 CURVE_KEYS: Final = (
-    ("enter", "open it in the members, or by a click on the small curve behind a number; esc closes it"),
+    ("enter", "in the members: open the curve (or click the small one behind a number); esc closes it"),
     ("+ -", "+: less time in view, -: more"),
     ("← →, home end", "back, forward in time; home: the first message; end: follow the newest again"),
-    ("p", "draw another number of the type, too, with its own axis; after the last one: none"),
+    ("p", "second curve: next number of the type, with its own axis; after the last: none"),
 )
 TIMING_KEYS: Final = (
     ("← → h l, shift", "one scan back, one forward; with shift: to the edge before or after, of any pin"),
@@ -116,7 +116,7 @@ PEER_COMMAND_KEYS: Final = (  # each sends its command, or opens the prompt with
 )
 PEER_KEYS: Final = (
     *PEER_COMMAND_KEYS,
-    ("i, m", "i: edit the payload; m: in the next mode (hex, text, udt); enter in the field sends it"),
+    ("i, m", "i: edit the payload; m: next mode (hex, text, udt), then edit; enter there sends it"),
     ("x, ← → space + -", "x: go to the bytes; ← →: choose a byte; space: cut there; + -: change the pause"),
     ("o w p", "o: a UDT as a form; w: save the message in the library with a name; p: pick one there"),
     ("← → enter", "← →: choose a button; enter: press it"),
@@ -129,7 +129,7 @@ FEED_KEYS: Final = (
 LINE_KEYS: Final = (
     ("↑ ↓", "choose a conversation and one of its directions"),
     ("h", "tap: hold this direction, or release it; the header shows for how long it is held"),
-    ("e i d y s r f", "tap: prompt with a bench command, enter sends it (with --armed r, f act at once)"),
+    ("e i d y s r f", "tap: put a command into the prompt for enter; with --armed, r and f act at once"),
     ("w", "mirror port: make shadows for a conversation that has none"),
     ("q", "tap: end it; with open connections it asks: c cuts them, d closes only the screen"),
 )
@@ -204,11 +204,11 @@ def letters_of(pins: Iterable[str], taken: Collection[str] = ()) -> dict[str, st
 
 KEY_WIDTH: Final = 18
 SIGNS: Final = (
-    ("■ □ ◆", "a lamp: on, off, on for one scan a moment ago (with the scan)"),
+    ("■ □ ◆", "a lamp: on; off; on for one scan a moment ago (which is named)"),
     ("⋄ _ • ×", "bytes: NUL, white space, control, 16#80 and up"),
     ("▕", "before a byte: a message of the peer begins here"),
-    ("▁ ▔ █ ┃ ░", "over time: 0, 1, 1 for one scan, one or more pulses in the column, not known"),
-    ("▁ █ ×", "▁ █: the last 60 values of a number; ×: a message without it; below a curve ▲ ERROR, × cut"),
+    ("▁ ▔ █ ┃ ░", "over time: 0; 1; 1 for one scan; one or more pulses in the column; not known"),
+    ("▁ █ ×", "▁ █: last 60 values of a number, ×: a message without it; below a curve: ▲ ERROR, × cut"),
     ("··", "a byte that the running job still waits for"),
     ("▸ ▶ • ✓ ✗", "a step of a scenario: next, running, done, held (passed), failed"),
 )

@@ -182,7 +182,7 @@ def verdict(fits: Sequence[Fit]) -> str:
 def _describe_difference(one: Fit, other: Fit) -> str:
     if one.cause != other.cause:
         causes = [str(fit.cause) or "the layout alone" for fit in (one, other)]
-        return f"the first two have different causes, {' and '.join(causes)}"
+        return f"the first has the cause {causes[0]}, the second {causes[1]}"
     return f"the first two differ only in {describe_difference(one.layout, other.layout)}"
 
 

@@ -235,8 +235,8 @@ def _judge_integer(leaf: Leaf, row: Elementary, raw: bytes, order: _ByteOrder) -
     if not number:
         return likely, "zero"
     if abs(number) * ORDER_RATIO <= abs(swapped):
-        return likely, f"small; with bytes swapped {swapped}"
-    return likely, f"large; with bytes swapped {swapped}" if abs(swapped) * ORDER_RATIO <= abs(
+        return likely, f"small; {swapped} with bytes swapped"
+    return likely, f"large; {swapped} with bytes swapped" if abs(swapped) * ORDER_RATIO <= abs(
         number
     ) else "a number"
 

@@ -69,7 +69,7 @@ def substitute_leaf(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) ->
     bits = BIT_STRINGS.get(node.size)
     if bits is None:
         return None, f"{theirs.name} stores {stored.name} differently"
-    note = f"{theirs.name} stores {stored.name} differently; here a {bits} that you convert"
+    note = f"{theirs.name} stores {stored.name} differently; here it is a {bits} that you convert"
     return ELEMENTARY[bits], note
 
 

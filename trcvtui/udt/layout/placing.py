@@ -87,7 +87,7 @@ class Placer:
             form = self.rules.text
             if form.length(type_) > form.largest_length(type_):
                 expected = f"at most {form.largest_length(type_)} characters"
-                expected += ", or a layout without a header: codesys-8" if form.header else ""
+                expected += ", or a layout that ends a text with a NUL: codesys-8" if form.header else ""
                 raise mistake(where, type_text(type_), expected)
             align = max(2 if type_.wide else 1, self.rules.text_floor)
             return PlacedLeaf(type_, coding_of(type_, self.rules), form.size(type_), align)

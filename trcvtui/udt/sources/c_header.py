@@ -197,11 +197,11 @@ class _HeaderReader:
             "without members" + CPP_NOTE * cpp.is_cpp: (tails or cpp.is_cpp) and not has_members,
             "with bit-fields packed differently by an attribute and a #pragma": has_bits
             and pack == 1 != (by_pragma or 1),
-            f"packed by an attribute with an unpacked class in it{CPP_NOTE}": is_packed
+            f"packed by an attribute, but with an unpacked class in it{CPP_NOTE}": is_packed
             and any(map(self.is_unpacked, parts)),
         }
         for why in [why for why, holds in wrong.items() if holds and count == len(self.problems)][:1]:
-            expected = "plain members; to pack them, one #pragma pack"
+            expected = "plain members; to pack them, use one #pragma pack"
             raise mistake(self.where(node), f"a class {why}", expected)
         for one in tails:
             self.notes[f"{one.name}[] is not a member: its elements come after the bytes of the type"] = None
@@ -356,7 +356,7 @@ AMBIGUOUS_TYPES = {
         ("size_t", "ssize_t", "ptrdiff_t", "intptr_t", "uintptr_t", "time_t"), "a type of fixed size"
     ),
     **dict.fromkeys(("wchar_t", "double long", "void", "int128"), "a type of fixed size, such as uint16_t"),
-    **dict.fromkeys(("INT", "UINT", "BOOL"), "its typedef in this header: PLCs and Windows differ in size"),
+    **dict.fromkeys(("INT", "UINT", "BOOL"), "a typedef in this header: PLCs and Windows differ in its size"),
 }
 LANGUAGE_TYPES = ("char", "short", "int", "long", "float", "double", "void", "_Bool")
 # Types that unread system headers declare, as they are no keywords of C.

@@ -191,7 +191,7 @@ class _TypeReader:
     def range(self, element: Element, _depth: int) -> ast.Spec:
         limits, base = element.find("range"), _find_type_element(element.find("baseType"))
         if limits is None or base is None:
-            raise mistake(element.where, f"<{element.name}> without all its parts", "<range> and <baseType>")
+            raise mistake(element.where, f"an incomplete <{element.name}>", "<range> and <baseType>")
         return ast.RangeSpec(_reference(base), *_bounds(limits))
 
     def pointer(self, element: Element, _depth: int) -> ast.Spec:

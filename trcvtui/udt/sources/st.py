@@ -11,7 +11,7 @@ from bisect import bisect_right
 from contextlib import suppress
 from itertools import pairwise
 
-from trcvtui.errors import UserError, collect_problems
+from trcvtui.errors import UserError, collect_problems, mistake
 from trcvtui.udt import ast
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, OPENERS, Shape, Source, SourceDialect, StToken
@@ -219,7 +219,7 @@ class Parser(SpecParser):
         if found is None:
             return None
         if found[1] not in map(str, ast.PACK_MODES):
-            raise self.refusal(f"pack_mode 0, 1, 2, 4 or 8 instead of '{found[1][:20]}'", token)
+            raise mistake(self.where(token), f"pack_mode '{found[1][:20]}'", "0, 1, 2, 4 or 8")
         return int(found[1])
 
     # -- other blocks ------------------------------------------------------------------------------------

@@ -24,7 +24,7 @@ def configs_path() -> Path:
 
 
 def state_folder() -> Path:
-    """Return the folder for files without a path of the user's; systemd sets this folder for a service."""
+    """Return the folder for files whose path the user did not give. For a service systemd sets it."""
     from platformdirs import user_state_path  # only when needed: a faster start
 
     given = os.environ.get("STATE_DIRECTORY", "").partition(":")[0]

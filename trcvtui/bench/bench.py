@@ -72,7 +72,7 @@ def set_link(kernel: Kernel, connect: str, up: bool) -> tuple[str, str]:
 
 
 def find_peer_link(peer: PeerDecl, project: Project) -> str:
-    """Return the name of the CONNECT that leads to a peer, or "" if there is none."""
+    """Return the name of the CONNECT or UDP_CONFIG that leads to a peer, or "" if there is none."""
     end = peer.remote if peer.udp else peer.end
     if isinstance(end, str):
         return end.removeprefix("@")
@@ -354,7 +354,7 @@ class Bench:
         return self._sim
 
     def quiet_until(self) -> int | None:
-        """Return until when scans change nothing; `now` with a check, peer, session or running program."""
+        """Return `now` with checks, peers, sessions or a running program, else what the runtime returns."""
         is_alone = self._program.is_over and not (self._checks or self.peers or self._has_sessions)
         return self.runtime.quiet_until() if is_alone else self.now
 
@@ -431,7 +431,7 @@ class Bench:
         self._record_and_do("rest", 0, self.step_peers)
 
     def _find_next_peer_time(self, scan: int) -> object:
-        """Return when a peer or the simulated network acts next, or None if not before the next `scan`."""
+        """Return when a peer or the simulated network acts next; None if nothing acts before `scan`."""
         if self._is_replay:
             entry = cast("ReplaySeam", self._seam).peek_call()
             return entry.args[0] if entry is not None and entry.call == "rest" and entry.args else None

@@ -1,4 +1,4 @@
-"""Checks whether a condition of `wait` or `expect` holds now, and names the present values."""
+"""Checks whether a condition of `wait` or `expect` holds now, and names the current values."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The doctor of a bench: when it judges a run, and how `doctor` lines wait for its findings.
 
-Rule: another process judges (diagnosis/doctor_process.py). The bench reads a bounded answer between scans.
+Rule: another process judges (diagnosis/doctor_process.py). Its bounded answer is read between two scans.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class BenchDoctor:
             self._ended_ns = clock.now_ns()
 
     def advance(self, judge: Judge | None, bench: Bench, is_wanted: bool) -> Iterable[LineAnswer]:
-        """Read the judge's result. If `is_wanted`, start the judge when due. Answer `doctor` lines."""
+        """Read the result. If `is_wanted`, start the judge when due. Answer waiting `doctor` lines."""
         if judge is None:
             if is_wanted:
                 self.snapshot = DoctorSnapshot(1, trouble=NOT_KEPT_TEXT)

@@ -37,7 +37,7 @@ class ConnectBinding(JobBinding, frozen=True):
     address: RemoteAddress | None = None
 
     def class_of(self, row: BlockRow) -> str:
-        """Return the class for datagrams, else for single instructions of the vendor, else `shared`."""
+        """Return `datagrams` of the row, else `single` if the vendor has single blocks, else `shared`."""
         is_single = bool(row.single) and self.env.rules.single_instructions
         return row.datagrams or (row.single if is_single else row.shared)
 

@@ -25,8 +25,8 @@ NO_TEXT_LENS: Final = LeastTextLens()
 class DataArea:
     """One global variable: its IEC type as text, its size and its bytes. `generation` counts the writes.
 
-    `newest` is the offset at which the newest write ended, `longest` the largest of these offsets, in
-    bytes. If `symbolic`, the variable is in an optimized block, where its bytes have no defined order.
+    `newest` is the byte offset at which the newest write ended, `longest` the largest end of all writes.
+    If `symbolic`, the variable is in an optimized block, where its bytes have no defined order.
     """
 
     def __init__(

@@ -110,7 +110,7 @@ class ReceiveEnded(NamedTuple):
 
 
 class SendStarted(NamedTuple):
-    """A send job of `length` bytes began. This connection's incarnation had sent `offset` bytes."""
+    """A send job of `length` bytes began, after `offset` bytes of this incarnation of the connection."""
 
     instance: str
     job: int

@@ -19,7 +19,7 @@ class FrameEnding(StrEnum):
 class Framing(Struct, frozen=True):
     """How to cut frames of at most `size` bytes. `timeout_ns` is the longest gap, and 0 sets no limit.
 
-    If `text`, frames are STRINGs: a byte 00 ends a frame; a frame of full `size` has not ended well.
+    If `text`, frames are STRINGs: a byte 00 ends a frame; a frame that `size` ends has not ended well.
     """
 
     size: int

@@ -37,7 +37,7 @@ class StatusRules(Struct, frozen=True):
     `rebuilding`: what shows between an error and "connecting" when the block reconnects.
     `let_go`: what a block shows after another block has closed or reset the connection.
     `closes_together`: if CONT falls on two blocks of a connection in one scan, both show the close.
-    `idle_loss`: the error of a loss without a job. If `idle_loss` is None, only a dead link shows an error.
+    `idle_loss`: the error of a loss while no job runs. If None, only a dead link shows an error.
     `job_loss`: the error that ends a job, by kind of loss. Other kinds: "send failed" or "receive failed".
     `still_asked`: the error that EN_R = 1 shows in the scan after a loss that ended a job. A separate TRCV
     shows `still_asked` while the connection is rebuilt.

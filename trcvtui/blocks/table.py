@@ -24,7 +24,7 @@ class BlockRow(Struct, frozen=True):
     `datagrams` is the class on a CONNECT of UDP, `on_config` on a UDP_CONFIG, `serial` on a ComBuffer.
     `data_pin` is the manual's name of DATA, or "". `data_length` is the pin for the size of DATA.
     `buffer_pin` is the pin for a ComBuffer. A block with a ComBuffer has no CONNECT.
-    `pointers` are the pins of prefix and suffix, `mark_lengths` the pins for the lengths of these two.
+    `pointers` are the pins of prefix, then suffix; `mark_lengths` the pins for both lengths, in this order.
     `has_id`: the block has an ID pin if connections have IDs. `id_alone`: the ID replaces CONNECT.
     `runs_as` is the condition while a job runs; the STATUS of a single instruction does not show this.
     """

@@ -162,7 +162,7 @@ def append_note(notes: list[TimedNote], ns: int, packet: int, note: IcmpNote) ->
 
 
 class HostFact(NamedTuple):
-    """A fact about hosts outside of any conversation. `ends` are host addresses, last the asking host."""
+    """A fact about hosts outside of any conversation. `ends` are host addresses, an asking host last."""
 
     cause: str
     sure: float
@@ -292,7 +292,7 @@ class HostNotes:
 
 
 def _find_duplicates(address: bytes, owner: _Owner, addresses: Mapping[bytes, int]) -> Iterator[HostFact]:
-    """Yield a fact if two devices use one address, but none has many addresses or replaced the other."""
+    """Yield a fact if two devices use one address, unless one has many addresses or replaced the other."""
     changes = [one for one in owner.changes if max(addresses[one.old], addresses[one.new]) < MANY_ADDRESSES]
     back = any((b.old, b.new) == (a.new, a.old) for a, b in pairwise(changes))
     often = len(changes) >= OWNER_TURNS and changes[OWNER_TURNS - 1].ns - changes[0].ns <= TURNS_NS

@@ -78,7 +78,7 @@ class Interface(NamedTuple):
 
 
 class Packet(NamedTuple):
-    """One packet of `length` bytes on the wire; `data` may have fewer. `at` is an offset in the file.
+    """One packet of `length` bytes on the wire; `data` may have fewer. `at` is its offset in the file.
 
     `sent` is True for packets from the PLC, False for packets to the PLC, None if unknown. Only our own
     recordings (interface of USER0) set `sent`. Other direction flags are the capturing host's.
@@ -328,7 +328,7 @@ def _text(value: bytes) -> str:
 
 
 def gunzip(read: Callable[[int], bytes], first: bytes) -> Callable[[int], bytes]:
-    """Return a function that reads all unpacked bytes of a .gz; it raises EOFError if a member is cut."""
+    """Return a function that reads all unpacked bytes of a .gz, with EOFError if a member is cut off."""
     import zlib
 
     unpacker = zlib.decompressobj(31)

@@ -125,8 +125,7 @@ def guess_plc(
 
 
 def make_no_match_error(where: str, given: str, found: Iterable[Conversation], offer: str = "") -> UserError:
-    """Return the error that no conversation fits a given end or project. The error lists the capture's
-    ends.
+    """Return the error that no conversation fits an end or a project; it lists up to 8 ends of the capture.
 
     `offer` comes before the list of ends, and says what the user can do with an end.
     """

@@ -95,9 +95,9 @@ class SegmentKind(Enum):
 
 
 class ConversationEvent(NamedTuple):
-    """One event. `at` is an offset in the direction. `size` is a number of bytes, or the nanoseconds of a
-    silence. An ACK event has no bytes, and its `size` is the window. EARLY bytes were captured while bytes
-    before them were missing. LATE bytes were missing and were sent after the EARLY bytes, as a
+    """One event. `at` is its offset in the direction. `size` is its number of bytes, or the nanoseconds of
+    a silence. An ACK event has no bytes; its `size` is the window. EARLY bytes were captured while bytes
+    before them were missing. LATE bytes fill this gap and were sent after the EARLY bytes, as a
     retransmission. The `data` of a LINE_ERROR of a serial line is framing, parity, break or overrun.
     """
 
@@ -327,7 +327,7 @@ class Conversations:
                 self._skip_missing(conversation.last_ns, direction, direction.position + left)
 
     def forget_silent(self, ns: int) -> list[int]:
-        """Forget long silent conversations: UDP, ended, or, if many exist, any. Return their numbers."""
+        """Forget conversations silent for long: UDP, ended or, if many exist, any. Return their numbers."""
         is_full = len(self.all) > MOST_CONVERSATIONS // 2
         over = [
             each for each in self.all if ns - each.last_ns > (SILENT_NS if is_full else each.forget_after_ns)

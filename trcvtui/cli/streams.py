@@ -1,4 +1,4 @@
-"""The standard streams. A closed stream becomes the null device, so that no socket gets the number."""
+"""The standard streams. A closed stream becomes the null device, so that no socket gets that number."""
 
 from __future__ import annotations
 

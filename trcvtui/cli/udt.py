@@ -67,7 +67,7 @@ def _list_formats() -> str:
 
 
 def _printer(answer: str, bad: int = FAILED) -> Callable[[Args], int]:
-    """Return a command that prints the answer from `udt.command`: a text, None or (text, is good)."""
+    """Return a command that prints the result of `udt.command.ANSWER`: a text, None or (text, is good)."""
 
     def run(args: Args) -> int:
         from trcvtui.udt import command

@@ -233,7 +233,7 @@ def _make_add_entry(content: dict[str, Any], project: Project, where: str, writt
 
 
 def _check_messages(decl: Declaration, project: Project, where: str) -> None:
-    """Raise UserError for a wrong message, step or routine, which the reader of the entry does not find."""
+    """Raise UserError for mistakes in messages, steps and routines that the entry's reader cannot find."""
     match decl:
         case MessageDecl():
             check_message(decl, project, where)
@@ -315,7 +315,7 @@ def parse_change(words: Words, project: Project) -> Change | None:
 
 
 def _read_kind_and_name(words: Words, project: Project) -> tuple[str, str]:
-    """Return kind and name after `set` or `remove`. Take a written kind. Unknown name: kind ""."""
+    """Return kind and name after `set` or `remove`. Consume the kind if written. Unknown name: kind ""."""
     if words.peek() in PART_KINDS and words.peek(1) and "=" not in words.peek(1):
         return words.next(""), words.peek()
     name = words.peek()

@@ -181,7 +181,7 @@ NO_UDT_FILE: Final = "no UDT file in this project: A adds one"
 
 
 class BenchActions(Protocol):
-    """The peers and methods of the bench for bench commands. Each method returns an error text, or ""."""
+    """The peers and methods of the bench that commands use. Each method returns an error text, or ""."""
 
     now: int
 
@@ -217,7 +217,7 @@ class BenchActions(Protocol):
 
 
 class RecordRow(Struct, frozen=True):
-    """One frozen command. `write` returns its line, `act` carries it out (None: a runner does)."""
+    """One frozen command. `write` returns its line, `act` does it (None: a runner does, scans may pass)."""
 
     record: type
     write: Callable[[Any], str]

@@ -71,7 +71,7 @@ class LineGroup:
 
     @cached_property
     def sequential_lines(self) -> tuple[LineFacts, ...]:
-        """Return successive built conversations: each begins after the conversation before it has ended."""
+        """Return built conversations; each begins after the one before it in the result has ended."""
         found: list[LineFacts] = []
         for one in self.built:
             if not found or found[-1].last_ns <= one.first_ns:

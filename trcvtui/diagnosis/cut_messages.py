@@ -5,7 +5,7 @@ full segment. A multiple of the type's size is several records. Any other size i
 Rule 2: no record crosses a hole, or a message of another size.
 Rule 3: a piece of several records is held until a single message comes. The size of this message shows
 whether the piece is records. For example, six messages of 10 bytes are as long as five messages of 12.
-Rule 4: the number of bytes that wait is bounded.
+Rule 4: the number of held bytes is bounded.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ class MessageCutter:
 
 
 class MessageCutters:
-    """Cuts the bytes of conversations. `made` returns a direction's cutter; with None, no cuts."""
+    """Cuts the bytes of conversations. `made` returns a direction's cutter, or None for no cuts."""
 
     def __init__(self, made: Callable[[WireDirection], MessageCutter | None]) -> None:
         self._made = made

@@ -127,7 +127,7 @@ class LayoutOffer(NamedTuple):
 def find_layout_offer(decl: DataDecl, size: int | None, content: bytes) -> LayoutOffer | None:
     """Return a layout for DATA. Messages had `size` bytes; `content` is the newest message or a part of it.
 
-    Return None if the present layout fits, if several sizes came, or if no other layout fits better.
+    If `size` is None or fits, only the byte order may change. Return None if no other layout fits better.
     """
     if size is not None and size != decl.size:
         found = _find_layout_of_size(decl, size)

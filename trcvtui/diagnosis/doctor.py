@@ -189,7 +189,7 @@ def _judge_symptoms(
 ) -> list[Finding]:
     """Add to each finding the symptoms that it explains. Return all findings without a conversation.
 
-    An unexplained symptom becomes a finding of its conversation. `before`: findings without conversation.
+    An unexplained symptom is a finding of its conversation. `before` has findings without a conversation.
     """
     alone, lint, new = [*before], dict[int, int](), list[tuple[LineFacts, Finding]]()
     of_line = {case.line.number: made.findings for case, made in zip(cases, verdicts, strict=True)}
@@ -350,7 +350,7 @@ def run_doctor(
 ) -> int:
     """Write the verdicts on captures as they come. Return 0: all healthy, 1: findings, 2: nothing judged.
 
-    `names` has names that verdicts show for files. With a Dask `scheduler`, its cluster judges instead
+    `names` has other names for files in verdicts. With a Dask `scheduler`, its cluster judges instead
     of `jobs` processes.
     """
     write, total, is_first = sys.stdout.write, _Total(), True

@@ -61,7 +61,7 @@ def _set_pin(bench: Bench, pin: str, names: list[str]) -> None:
 
 
 def _list_sole_receivers(project: Project) -> list[str]:
-    """Return the receivers that are alone on their CONNECT, because several could work on it in turn."""
+    """Return the receivers that are alone on their CONNECT: several on one CONNECT could work in turn."""
     some = [each for each in project.instances if block_row(each.block).receives_on_net]
     return [each.name for each in some if sum(one.connect == each.connect for one in some) == 1]
 

@@ -428,7 +428,7 @@ def speaks_session(line: LineFacts, receiver: Receiver | None = None) -> bool:
 
 
 def _pieces_begin_alike(line: LineFacts, beat: int) -> bool:
-    """Return whether pieces of `beat` bytes, cut from the stream, begin alike, but are not all equal."""
+    """Return whether all pieces of `beat` bytes of the stream begin alike, but are not all equal."""
     content = line.to_plc.content
     parts = [content[at : at + beat] for at in range(0, len(content) - beat + 1, beat)]
     if len(parts) < 2 * FEW_MESSAGES or any(write.size % beat for write in line.to_plc.writes):

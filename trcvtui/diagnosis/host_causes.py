@@ -128,7 +128,7 @@ def list_host_facts(
 ) -> Iterator[tuple[HostFact, bool]]:
     """Yield facts on missing hosts, lost fragments, and duplicate addresses that have no conversation.
 
-    With each fact comes True if a host of it is in the project or is `plc`, or if all lines are services.
+    Each fact comes with True if one of its hosts is in the project or `plc`, or if all lines are services.
     """
     known = {plc, *(end for one in receivers for end in (one.own_address, one.partner_address))} - {b""}
     ends = {end[0] for line in facts.lines for end in (line.plc_end, line.partner_end)}

@@ -21,7 +21,7 @@ from trcvtui.wording import age_text, count
 class SuggestedAction(NamedTuple):
     """What to do: a sentence, and the bench lines that do it in order. `lines` is () if no line does it.
 
-    If `needs_trial`, the lines change what jobs take or what bytes mean, untried on received bytes.
+    If `needs_trial`, the lines were not tried on received bytes, and change what jobs take or bytes mean.
     """
 
     text: str

@@ -279,7 +279,7 @@ class LineFacts:
 
     @cached_property
     def messages(self) -> tuple[LineMessage, ...]:
-        """Return the messages to the PLC; pauses and changes of the sender separate them."""
+        """Return the messages to the PLC; a pause or bytes from the PLC separate two messages."""
         writes = [one for one in self.to_plc.writes if self.since_ns <= one.ns < self.until_ns]
         return _messages(writes, self.from_plc.writes, self.protocol == "udp", self.reads)
 
@@ -483,7 +483,7 @@ def collect_facts(
 ) -> CaptureFacts:
     """Return the facts of one capture; `given` and `known` decide which end of a conversation is the PLC.
 
-    If `receives`, the PLC is known to receive: if only one end sends, the PLC is the other end.
+    If `receives`, the PLC is known to receive. So when only one end sends, the PLC is the other end.
     The capture ends at `until_ns`, and a conversation without an end is silent until this time.
     """
     collector, troubles = _Collector(), list[Problem]()

@@ -121,7 +121,7 @@ def _joined_by_length(parts: Sequence[bytes]) -> Iterator[Joints]:
 
 
 class HeadAndBody(NamedTuple):
-    """Messages that are sent as a head and a body, in two writes, with a usual pause between the writes."""
+    """Messages in two writes: size of the head, sizes of head plus body, usual pause between the writes."""
 
     head: int
     sizes: frozenset[int]

@@ -38,7 +38,7 @@ def is_stuck(e: Evidence) -> bool:
 
 
 def describe_receive_job(e: Evidence) -> str:
-    """Return how many bytes a job has received and needs, and how long ago the last byte came."""
+    """Return how many bytes a job has received and wants (ADHOC: at most), and for how long none came."""
     wanted = f"up to {count(e.need, 'byte')} ({_adhoc_name(e)})" if e.adhoc else count(e.need, "byte")
     if e.is_past:
         return f"{e.have} of {wanted} had been received"

@@ -42,7 +42,7 @@ def find_half_open(
 
 
 def _is_answered_by_old(new: LineFacts, later: Sequence[LineFacts]) -> bool:
-    """Return whether the called end answers a SYN with its old ACK, or with RST before the next call."""
+    """Return whether a SYN is answered by an ACK of the old connection, or by RST before the next call."""
     is_built = any(one.is_built and one.first_ns - new.first_ns < RECONNECT_NS for one in later)
     return bool(new.listener.challenges) or (new.listener.reset is not None and not new.is_built and is_built)
 

@@ -201,7 +201,7 @@ def warn_short_gap(f: FramedBlock) -> str:
 
 
 def warn_static_feeder(f: FramedBlock) -> str:
-    """Section 6: a feeder (TRCV_C) with ADHOC = 0 passes on only whole blocks, so that frames come late."""
+    """Section 6: a feeder with ADHOC = 0 passes on only whole blocks of LEN bytes, so frames come late."""
     if f.feeder is None or f.feeder.pin("ADHOC"):
         return ""
     return (

@@ -1,7 +1,7 @@
 """A symptom is something wrong that a block showed. This module knows which causes explain which symptom.
 
 A symptom is a Finding. `at` is its first time (UTC), `leads_to` the condition of an ERROR. `evidence` is
-a text, then STATUS card sentences. If the block knows why TLS failed, `is_fact` is True.
+a text, then STATUS card sentences. If the block knows why TLS failed, `is_fact` is True (better remedy).
 Rule: a symptom without a cause is itself a finding, so that a run with an ERROR is never healthy.
 """
 

@@ -61,7 +61,7 @@ def map_codes(rows: Iterable[StatusRow]) -> dict[str, dict[Condition, int]]:
 
 
 class Dialect(Struct, frozen=True):
-    """One vendor's blocks. `models` maps PLC models to connection budgets; the first model is the default.
+    """One vendor's blocks. `models` maps PLC models to connection budgets; `default_model` is one of them.
 
     If `describes_connects`, a CONNECT is a description such as TCON_IP_v4, not a TCP_CONNECTCONFIG.
     `structures` are the connection descriptions that the dialect takes, () for all of them.

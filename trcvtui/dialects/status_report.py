@@ -204,7 +204,7 @@ def _as_object(one: Explanation) -> dict[str, object]:
 def as_text(found: Iterable[Explanation], others: Sequence[str] = (), asked: str | None = None) -> str:
     """Return a card for each row: what it means, likely causes, what to look at next.
 
-    The last line names the other dialects. If the dialect `asked` lacks the code, the first line says so.
+    The last line names the `others` that have the code. If `asked` lacks it, the first line says so.
     """
     cards = [(one.dialect, _card(one)) for one in found]
     lacks = asked not in (None, cards[0][0])

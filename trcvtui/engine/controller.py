@@ -64,7 +64,7 @@ UDT_USAGE: Final = "udt reload, or udt constant NAME=VALUE; the rest of `udt` is
 def reload_types(rest: str, project: Project, where: str) -> tuple[Project, dict[str, int], str]:
     """Read the types again from their files. Return the project, the given constants and the message.
 
-    `rest` has the words after `udt`. Raise UserError if a type used by DATA is wrong now.
+    `rest` has the words after `udt`. Raise UserError if a type used by DATA is now broken or missing.
     """
     word, _, pairs = rest.strip().partition(" ")
     if word not in (RELOAD, CONSTANT) or (word == RELOAD) == bool(pairs.strip()):

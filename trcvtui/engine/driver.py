@@ -27,7 +27,7 @@ HELLO_TIMEOUT_S: Final = 30.0  # for an engine to let a tab in
 
 
 class ProcessDriver:
-    """A process that runs `main` and sends pictures, made before the import of the screen library."""
+    """A process that runs `main` and sends pictures. Make it before you import the screen library."""
 
     _record: RecordTarget | None = None
     is_shared = False

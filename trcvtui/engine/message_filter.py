@@ -88,7 +88,7 @@ def find_member(layout: Layout | None, name: str, *before: str) -> tuple[int, No
     """Return the number of the first leaf at a path and the node there. Without a node there, return None.
 
     The path may begin with `data`, the type's name or one of `before`.
-    In a type with only one value, `data` or the type's name can be the whole path.
+    In a type with only one value, any of these beginnings can be the whole path.
     """
     if layout is None or not layout.leaf_count:
         return None

@@ -175,7 +175,7 @@ PROMPT = "prompt"
 
 
 class ProjectEdits:
-    """The opened project with its edits. `done` counts edits. `saved` is `done` at the last save."""
+    """The opened project with its edits. `done` counts edits. `saved` is that count at the last save."""
 
     def __init__(self, project: Project) -> None:
         self.project = project

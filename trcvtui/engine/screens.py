@@ -2,7 +2,7 @@
 
 Rule 1: no screen stops a scan: nothing here waits, and all screens share one limit of messages.
 Rule 2: an answer goes to the screen that sent the line; a message that answers no line goes to all screens.
-Rule 3: a screen that ends or sends an invalid message is closed. The engine ends with the first screen.
+Rule 3: a screen that ends or sends an invalid message is closed. If it is the first, the engine ends.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The connection to an MQTT 5 broker (URL, TLS, user, password), which reconnects by itself.
+"""The connection to an MQTT 5 broker (URL, TLS, user, password). It reconnects by itself.
 
 Rule 1: only this file uses paho. Our own thread runs paho's loop: an error in the broker's data ends
 a connection, never the program. Each connection gets a new client. A used client would send old messages

@@ -2,7 +2,7 @@
 
 The id of an event is BOOT-SEQ. In each run of an agent (BOOT), SEQ counts from 1 without gaps. A skipped
 number is missing until `recent` or a late message brings it. A run stores at most MOST_SEQS numbers. If
-there are more, the lower half is dropped, and numbers up to its end are never new again.
+there are more, the lower half is dropped: numbers below the upper half are never new again.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ class AgentInstance:
         return RecentMessage(at, self.count, tuple(self.recent))
 
     def begin_run(self) -> None:
-        """Add later counts to the counts so far, as a new engine counts from 0."""
+        """Keep the counts so far: the counts of a new engine, which begin at 0, are added to them."""
         self._base = self.jobs_done, self.errors
         self._last = False, 0
 

@@ -35,7 +35,7 @@ class _PendingMessage(NamedTuple):
 
 
 class _RetainedTopic:
-    """The newest message of a topic, sent at `due_at` or later. `payload` makes the bytes for sending."""
+    """The newest message of a topic, sent at `due_at` or later. `payload` makes the bytes then."""
 
     __slots__ = ("due_at", "gap", "is_sent", "payload")
 

@@ -175,7 +175,7 @@ class PinChange(NamedTuple):
 class WaveformDelta(Struct, frozen=True):
     """The changes of one instance in order. `first` is the number of the first change, counted from 1.
 
-    `before` has the pin values from `before_scan` to the first change. `until_scan` is the last known scan.
+    `before` has the pin values from `before_scan` to the first change. The changes reach to `until_scan`.
     """
 
     instance: str

@@ -1,6 +1,6 @@
 """Finds the recv call, and the job or frame, of each byte in a ring, or why the byte was dropped.
 
-Rule 1: only facts of the ledger are stored. Nothing is known of bytes whose line was overwritten unread.
+Rule 1: only facts of the ledger are stored. Bytes whose line was overwritten unread have no known job.
 Rule 2: the bytes stay in the ring (net/received_ring.py); no byte is copied here.
 Rule 3: the number of spans is bounded. More streams mean fewer spans each. The oldest spans are forgotten.
 """

@@ -148,7 +148,7 @@ class SeekResult(Struct, frozen=True):
 
 
 class HistoryRequest(Struct, frozen=True):
-    """A request for a part of a CONNECT's stream. With `before`, add the bytes of each previous job.
+    """A request for a part of a CONNECT's stream. With `before`, add the bytes of the job before each job.
 
     With `job_at`, add all bytes of the job at this position. With `data` (instance, first byte, size), add
     the bytes that DATA held before its newest job. The answer shows the state after `scan`.

@@ -73,7 +73,7 @@ class ShadowOutput(Protocol):
 class CaptureOutcome(NamedTuple):
     """For each conversation number: its CONNECTs or why it has none, and bytes that reached no shadow.
 
-    `not_run` counts skipped scans during silence that might have changed something.
+    `not_run` counts scans that were skipped during silence, but might have changed something.
     """
 
     assigned: dict[int, list[str]]
@@ -292,7 +292,7 @@ class CapturePlayer:
                     end.fall_silent()
 
     def resolve_overlap(self, number: int, last_ns: int) -> None:
-        """Give a conversation its CONNECT. The conversation before was silent after `last_ns`."""
+        """Give a conversation its CONNECT. The conversation that had it was silent after `last_ns`."""
         self._last_ns[self.overlaps.pop(number)] = last_ns
         self._plan.unassigned.pop(number, None)
 

@@ -3,7 +3,7 @@
 Rule 1: time comes from the packets. An event is played when a packet 40 ms younger has come. So the shadows
 of a new PLC end exist before its first event. How reads cut the packets does not matter.
 Rule 2: after 30 ms without a packet all events are played, and time advances a few scans. Only after one
-second time follows the clock, as the program that pipes packets may hold older packets back.
+second does time follow the clock, as the program that pipes packets may hold older packets back.
 Rule 3: ended conversations are forgotten, so that only open ones use memory.
 """
 

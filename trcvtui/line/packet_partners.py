@@ -2,7 +2,7 @@
 
 Rule 1: a scan sees all events up to its time. Scans that change nothing are counted, not run.
 Rule 2: a partner does not react. Bytes that a shadow sends are discarded; keep-alive is answered.
-Rule 3: bytes that a shadow does not read wait, up to a bound. At the bound scans run until there is room:
+Rule 3: bytes that a shadow does not read wait, up to a bound. At the bound, scans run until there is room:
 a closed window would also make the partner wait. Bytes that are never read are left out, and counted.
 Rule 4: if a PLC end closes or resets in the capture, its shadow ends. The shadow reads the bytes that the
 PLC may have read. The shadow ends in the next scan, but not before its first job. A shadow that connected N

@@ -212,7 +212,7 @@ class _ServerProcess:
 
 
 class _ObserverProcess:
-    """A child process that shows or records. The child asks for a channel, and again if that ends."""
+    """A child process that shows or records. It asks for a channel, and again if the channel ends."""
 
     def __init__(self, server: _ServerProcess, kind: bytes, what: str) -> None:
         self._server, self._kind, self._what = server, kind, what

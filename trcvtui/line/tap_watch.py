@@ -1,6 +1,6 @@
 """The pcapng of a tap, played to shadows: packets of conversations, and notes. Orders go back to the tap.
 
-This pcapng plays like a growing capture. The notes announce each conversation and its tap. A note on a
+This pcapng is played like a growing capture. The notes announce each conversation and its tap. A note on a
 conversation is played between the events, at the time of the note.
 """
 

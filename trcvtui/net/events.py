@@ -48,7 +48,7 @@ class ConnectionChanged(Struct, frozen=True):
 
 
 class BytesReceived(NamedTuple):
-    """One recv call read `size` bytes, at `offset` of the connection's received stream.
+    """One recv call read `size` bytes, at `offset` of the incarnation's received stream.
 
     `instance` received the bytes. `instance` can change from event to event (resources.py,
     DirectionClaims). `position` is the first byte's position in the CONNECT's ring (received_ring.py).

@@ -142,7 +142,7 @@ class Kernel(Protocol):
         """Start to connect. None means that the attempt is pending; then ask `connect_result`."""
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
-        """Return None when connected, WOULD_BLOCK while pending, or once the Fault of a failed attempt."""
+        """Return None when connected, WOULD_BLOCK while pending, or a failed attempt's Fault (once)."""
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
         """Read at most len(into) bytes; 0 = the partner's FIN. Received bytes come before a Fault."""
@@ -184,7 +184,7 @@ class Kernel(Protocol):
     def peek(self, handle: Handle, skip: int) -> Unread:
         """Return what is unread at a handle that `list_unread` or the poll named. Consume nothing.
 
-        Bytes are returned only if more than `skip` are unread. A peek at an empty queue would take a
+        The stack is asked only if more than `skip` bytes are unread. A peek at an empty queue would take a
         pending error away from the next `recv`.
         """
 
@@ -208,7 +208,7 @@ _AnyKernel: Any = object  # for mypy: a proxy has every call of a Kernel
 
 
 class KernelProxy(_AnyKernel):  # type: ignore[misc]
-    """A kernel in front of an inner kernel. All other calls are the inner kernel's methods."""
+    """A kernel in front of an inner kernel. Calls not defined here are the inner kernel's."""
 
     def __init__(self, inner: Kernel) -> None:
         self.inner = inner

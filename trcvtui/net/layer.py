@@ -102,7 +102,7 @@ class LayerSession(Protocol):
 
     @property
     def has_backlog(self) -> bool:
-        """Return whether undecoded bytes wait in the session; a `feed` of no bytes works on them."""
+        """Return whether the session has bytes it has not looked at; a `feed` of no bytes reads them."""
 
     @property
     def next_is_costly(self) -> bool:

@@ -1,4 +1,4 @@
-"""A scan calls only the instances whose outcome may differ from the last scan.
+"""A scan calls only the instances whose outcome may differ from that in the last scan.
 
 A CONNECT and its instances sleep once each instance has given a stable outcome. A CONNECT wakes on any
 command, a poll event on it, or a change in the communication phase. While the CONNECT is awake, all its

@@ -83,7 +83,7 @@ class DeleteInstance(Struct, frozen=True):
 
 
 class DownloadInstance(Struct, frozen=True):
-    """Download a changed initial value: this makes a new instance of the same name (7.15.1, notes).
+    """An incremental download of a changed initial value: a new instance of the same name (7.15.1, notes).
 
     Inputs keep the values that the program has written, so CONT=1 counts as a rising edge.
     """

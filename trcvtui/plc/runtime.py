@@ -244,7 +244,7 @@ class Runtime:
         return bytes(self._data[name].content[start:stop])
 
     def received_ring(self, name: str) -> ReceivedRing | None:
-        """Return the ring of bytes that a link or ComBuffer received, or for a `sent_ring_name`, sent."""
+        """Return the ring of bytes that a link or ComBuffer received, or sent (for a `sent_ring_name`)."""
         return self._resources.received.get(name)
 
     def job_bytes(self, instance: str) -> bytes:

@@ -128,7 +128,7 @@ READY_TO_SEND: Final = (Condition.CONNECTED, Condition.SENT)  # the last call's,
 
 
 class BufferDrain:
-    """Sends a ComBuffer's bytes with a TSEND_C, at most `per_call` bytes a REQ (0: as DATA's size)."""
+    """Sends a ComBuffer's bytes with a TSEND_C, at most `per_call` bytes a REQ (0: DATA's size)."""
 
     keeps_awake = True  # bytes arrive without an event
 

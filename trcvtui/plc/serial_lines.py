@@ -1,6 +1,6 @@
 """The ComBuffers of a PLC, and what fills and empties them; TwinCAT programs use SerialLineControl.
 
-A ComBuffer's source is `sim` (bench commands), `serial` (PortExchange), a TRCV_C (BufferFeed) or a
+A ComBuffer's source is `sim` (bench commands), `serial` (PortExchange), a TRCV_C (BufferFeed) or another
 ComBuffer. In a simulated network, `serial` works like `sim`.
 """
 

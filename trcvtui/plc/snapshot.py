@@ -1,4 +1,4 @@
-"""The frozen state after a scan; other modules get nothing else."""
+"""The frozen state after a scan; other modules never get the objects themselves."""
 
 from __future__ import annotations
 

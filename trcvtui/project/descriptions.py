@@ -117,7 +117,7 @@ def try_parse_hex(text: str) -> bytes | None:
 
 
 def parse_db_bytes(text: str) -> bytes | None:
-    """Return the bytes of a DB. Return None if a group has an odd number of digits: a copy was cut off."""
+    """Return the bytes of a DB. Return None if a group has an odd number of digits (a copy cut off?)."""
     groups = text.replace(",", " ").split()
     lone = any(len(group.lower().removeprefix("0x").removeprefix("16#")) % 2 for group in groups)
     return None if lone else try_parse_hex(text)
@@ -349,7 +349,7 @@ def _field_kind(field: DescriptionField) -> Kind[Any]:
 
 
 class WrittenDescription(Struct, frozen=True):
-    """A description as in the file. `reference` is a RemotePort that names a partner, such as `@NAME`."""
+    """A description as in the file. `reference` is a RemotePort `@NAME` of a peer or CONNECT."""
 
     description: Description
     reference: str | None = None

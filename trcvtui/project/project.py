@@ -1,6 +1,6 @@
 """A project as frozen values: the content of a project file, checked and typed.
 
-Rule: any value that fits a pin or a TCP_CONNECTCONFIG is accepted here; the block's STATUS judges it.
+Rule: any value that fits a pin or a TCP_CONNECTCONFIG is accepted here; the block judges it by STATUS.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ class TapDecl(Struct, frozen=True):
 class SimDecl(Struct, frozen=True):
     """The simulated network: the PLC's addresses besides loopback, and which of them are no Ethernet ports.
 
-    `names` has the names and addresses of the DNS server; None means that there is no DNS server.
+    `names` has the names that the DNS server knows, with addresses. None means no DNS server.
     """
 
     addresses: tuple[str, ...] = ()
@@ -309,7 +309,7 @@ class Project(Struct, frozen=True, eq=False):
         return next((c for c in self.connects if c.name == name), None)
 
     def connection_id(self, block: str, connect: str) -> int | None:
-        """Return the value of pin ID, None if the block has no ID or the CONNECT no description."""
+        """Return the value of the pin ID, or None if the block has no ID or the CONNECT no description."""
         config = self.connect(connect)
         if not block_row(block).has_id or config is None or config.description is None:
             return None

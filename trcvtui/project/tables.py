@@ -143,7 +143,7 @@ TRUTH_WORDS: Final = {"1": True, "0": False, "TRUE": True, "FALSE": False}
 
 
 class SetOverride(Struct, frozen=True):
-    """A value given as text, as by `--set path=text`. The document has this text for a TOML value."""
+    """A value given as text, as by `--set path=text`. The document has it in place of a TOML value."""
 
     path: str
     text: str

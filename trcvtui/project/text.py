@@ -40,7 +40,7 @@ def append_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
 def change_entry(text: str, edit: Edit, form: int, where: str) -> str:
     """Return the text with one entry changed or removed. Only the changed keys are written.
 
-    `form` is the number of a form in `forms_of`. Raise UserError if the text cannot be changed.
+    `form` is the index of a form in `forms_of`. Raise UserError if the text cannot be changed.
     """
     wanted = parse_toml(text, where)
     _change_document(wanted, edit, form, lambda value: value)

@@ -69,7 +69,7 @@ CLEAR_BUTTON: Final = Button("u", _always("Clear faults"), _always("fault clear"
 
 
 def buttons_for(faults: bool, peer: PeerSnapshot | None = None) -> tuple[Button, ...]:
-    """Return the buttons that make sense for a peer. The button `u` clears an armed fault."""
+    """Return the buttons that make sense for a peer. While a fault is armed, `u` clears faults."""
     silence = (SILENCE_BUTTON,) if peer is not None and peer.link else ()
     is_udp = peer is not None and peer.udp
     always = tuple(button for button in BUTTONS if not (is_udp and button.letter in CONNECTED_LETTERS))

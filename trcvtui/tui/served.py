@@ -5,7 +5,7 @@ same browser could command the bench. So the Host and the Origin of every reques
 Rule 2: a request needs the printed address, as other users of this machine can reach the port. The address
 holds a random token. For the token the browser gets a cookie, which every later request must show.
 Rule 3: there is one engine, which ends with this process. Each tab is a separate process that shows the
-engine. At most MOST_TABS tabs are open.
+engine. At most MOST_TABS such processes run.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class AccessControl:
         return FOREIGN_REFUSAL if origin is not None and (scheme != "http" or named not in self._own) else ""
 
     def is_token(self, shown: str | None) -> bool:
-        """Return whether a text is the token; the time taken does not tell where they differ."""
+        """Return whether a text is the token; the time taken does not tell where the two differ."""
         return hmac.compare_digest((shown or "").encode(), self.token.encode())
 
     def grant_cookie(self) -> web.Response:

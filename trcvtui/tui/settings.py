@@ -35,7 +35,7 @@ EXPECTED_KEY: Final = "one character, or a key such as f5, ctrl+k or pageup"
 
 @dataclass(frozen=True, slots=True)
 class ScreenSettings:
-    """`keymap` has the user's keys by action; `names` has the new name of a key by its default name."""
+    """`keymap` has the keys of each changed action; `names` has the new key for a changed default key."""
 
     theme: str = "dark"
     keymap: Mapping[str, str] = field(default_factory=dict)

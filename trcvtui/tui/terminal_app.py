@@ -120,7 +120,7 @@ class TerminalApp(App[None]):
         self.exit(return_code=128 + number)  # as a shell reports a signal
 
     def _exit_if_hung_up(self) -> None:
-        """End the process if the terminal is gone. Under `make` no SIGHUP comes, and reading would loop."""
+        """End if the terminal is gone. Under `make` no SIGHUP comes, and reading would loop for ever."""
         if not os.isatty(sys.__stdin__.fileno() if sys.__stdin__ else -1):
             self.end_children(True)
             os._exit(HANG_UP_EXIT)  # no terminal to restore

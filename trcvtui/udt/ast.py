@@ -57,7 +57,7 @@ class ArraySpec(NamedTuple):
 
 
 class MemberSpec(NamedTuple):
-    """A member of a STRUCT or UNION. With a `width` it is a bit-field of C, which has no value."""
+    """A member of a STRUCT or UNION. With a `width` it is a bit-field of C: only its room counts."""
 
     name: str
     spec: Spec

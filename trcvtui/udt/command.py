@@ -146,7 +146,7 @@ def compare(args: SimpleNamespace) -> tuple[str, bool]:
 
 
 def fit(args: SimpleNamespace) -> tuple[str, bool]:
-    """Return the answer of `udt fit`, and whether one layout fits best."""
+    """Return the answer of `udt fit`, and whether a layout fits best, even if ours cannot hold the type."""
     from trcvtui.udt.compare.fit import rank
     from trcvtui.udt.compare.fit_report import fit_json, fit_text
 

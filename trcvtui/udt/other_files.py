@@ -1,6 +1,6 @@
 """Files of other tools, one in each row: what they are, how to recognise them, what to use instead.
 
-Rule: a file's content decides before its suffix, except for zip archives. Captures use the same rows.
+Rule: the content decides before the suffix, except for zip archives. Type files and captures share rows.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Types as source text: IEC ST, the TYPE of a TIA source (SCL), and names that are legal in them.
 
-Rules: a legal name stays unchanged. A text contains every type that it uses, before its first use.
+Rules: a legal name stays unchanged. A text contains every type that it uses, before the type is used.
 """
 
 from __future__ import annotations

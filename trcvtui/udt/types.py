@@ -167,7 +167,7 @@ class Member:
 
 
 class BitField(NamedTuple):
-    """A bit-field of C before member number `at`, without a value. Its type has `size` bytes.
+    """A bit-field of C before member number `at`. Only its room counts. Its type has `size` bytes.
 
     With `element` it is an ARRAY without a length, which has no bytes but aligns the end of the type.
     """

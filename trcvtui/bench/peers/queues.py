@@ -4,7 +4,7 @@ Inbox: the last bytes that came on a connection, and how many bytes came in all.
 Outbox: pauses begin at the planned time of the chunk before, so that delays do not add up. A send waits
 until the send before it has ended, so messages of two sends never mix.
 Replies: a rule matches the received stream, in whatever pieces the stream comes. A rule stores fewer bytes
-than the pattern. A rule on a field stores at most one UDT. A match counts as missed if no answer fits.
+than the pattern. A rule on a field stores at most one UDT. A match without room to answer is missed.
 """
 
 from __future__ import annotations
@@ -343,7 +343,7 @@ class PeerQueues:
         self.replies.reset_matchers()
 
     def handle_received(self, size: int, now: int, may_answer: bool = True) -> None:
-        """Receive the first `size` bytes of the buffer `landing`. Queue the answers to these bytes."""
+        """Take the first `size` bytes of the buffer `landing` as received. Queue the answers to them."""
         self.inbox.add_bytes(self.landing[:size])
         if self.replies:
             room = self.outbox.answer_room if may_answer else 0

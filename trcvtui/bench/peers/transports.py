@@ -278,7 +278,7 @@ class StreamTransport(_Transport):
             self._handle_partner_end(handle)
 
     def _read(self, handle: Handle, lost: Fault | None = None) -> None:
-        """Read what has arrived. If a send has failed with `lost`, handle this error last."""
+        """Read what has arrived. If a send has failed with `lost`, handle that after the arrived bytes."""
         for _ in range(MOST_READS):
             got = self._kernel.recv(handle, self._queues.landing)
             if lost is not None and not (isinstance(got, int) and got):

@@ -1,1 +1,1 @@
-"""Single instructions: a rising edge begins one job, which shows started, running, finished or failed."""
+"""Single instructions: an edge of REQ, or EN_R = 1, begins a job: started, running, finished or failed."""

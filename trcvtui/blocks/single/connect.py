@@ -185,7 +185,7 @@ class SingleScriptedBlock(ScriptedBlock):
 
 
 class SingleTdiscon(SingleScriptedBlock):
-    """One TDISCON instance: 80A3 without a connection to close, 80C4 while a connection is being built."""
+    """One TDISCON instance. It shows 80A3 without a connection to close, 80C4 during its first set-up."""
 
     def _advance(self) -> Outcome:
         shown = super()._advance()

@@ -1,7 +1,7 @@
 """The send job: what TSEND does between a rising edge of REQ and DONE.
 
-Rule 1: at the edge, at most LEN bytes of DATA are copied. An edge of REQ has no effect until the job has
-ended (7.15.2).
+Rule 1: at the edge, at most LEN bytes of DATA are copied. An edge of REQ while the job runs has
+no effect (7.15.2).
 Rule 2: the job checks for a loss before each send and before DONE, so no DONE comes after a FIN.
 Rule 3: the scan of the REQ edge shows "sending" even if the stack took everything. DONE means that the
 local stack has every byte, not that the partner has every byte.

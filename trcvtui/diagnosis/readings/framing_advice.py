@@ -262,7 +262,7 @@ def _cut_recording(recording: LineRecording, plain: LineRecording, guess: Guess,
 def _try_guess(
     recording: LineRecording, plain: LineRecording, guess: Guess, scale: Scale, *, is_noise: bool = False
 ) -> FramingTrial | None:
-    """Try a guess. With `is_noise`, noise before a prefix does not count against the guess."""
+    """Try a guess. With `is_noise`, other evidence shows the noise before a prefix, so it costs no bits."""
     made = _cut_recording(recording, plain, guess, MOST_TRIED)
     good = made.good
     explained = sum([len(frame.content) for frame in good])

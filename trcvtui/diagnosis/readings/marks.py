@@ -33,7 +33,7 @@ PAUSE_RATIO: Final = 3  # times the longest pause in a burst
 
 @dataclass(frozen=True, slots=True)
 class Bursts:
-    """A recording split at its pauses. `pauses` has the positions after a pause or a connect.
+    """A recording split at its pauses. `pauses` has positions where a pause ends or a connection begins.
 
     `within` is the longest pause inside a burst, `between` the shortest pause between two bursts, in ns.
     If `is_clear` is True, the two kinds of pauses differ clearly.

@@ -45,7 +45,7 @@ class Proposal:
     """One way to cut the recording.
 
     `rank` counts from 1. Proposals that cut alike share a rank. `framing` is the setting of ReceiveData.
-    If `framing` is None, `field` is the length field by which a program must cut, `instead` says how.
+    If `framing` is None, `field` is the length field by which a program must cut, and `instead` says how.
     Of all `of_frames` frames, `frames` ended as they should, with `explained` of `total` bytes.
     Other bytes are counted in `noise`, `left` and `broken`. `longest` is the size of the longest frame.
     """

@@ -50,7 +50,7 @@ class ConnectConfig(Struct, frozen=True):
     `remote_name` is resolved at each attempt. If `remote_name` is "", `remote_address` is used.
     With `any_local`, the system's routing chooses the local address of an active end.
     With `is_datagram` (UDP), an ADDR has the partner of each datagram.
-    `history` is how many bytes are stored in each direction.
+    At most `history` bytes are stored in each direction.
     """
 
     name: str

@@ -213,7 +213,7 @@ class Connection:
                 yield handle, SocketUse.DATAGRAMS if self.config.is_datagram else use
 
     def is_up_for(self, claim: Claim) -> bool:
-        """Return whether the connection is up for a claim, for a reader until the last byte (Rule 3)."""
+        """Return whether the connection is up for a claim: a reader has it until the last byte (Rule 3)."""
         return self.is_up or (self.state is State.CONNECTED and self._is_reader(claim))
 
     def _is_reader(self, claim: Claim | None) -> bool:
@@ -513,7 +513,7 @@ class Connection:
         return self._look_for_loss(self.handle)  # after the partner's FIN the stack would still take bytes
 
     def send(self, data: memoryview, instance: str = "") -> int | WouldBlock | Fault | ConnectionLoss:
-        """Give bytes to the local stack; return how many it took. Only a fault plan's EAGAIN is a Fault."""
+        """Give bytes to the local stack; return how many it took. The only Fault: a fault plan's EAGAIN."""
         assert self.handle is not None
         got = self._kernel.send(self.handle, data)
         if isinstance(got, int):

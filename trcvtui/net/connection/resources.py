@@ -81,7 +81,7 @@ class BudgetShare:
 class ScanBudget:
     """The work of one PLC's scans. `clock` returns ns. A simulated clock does not move within a scan.
 
-    Call begin_scan() once a scan. `report_wait` is called only at the first wait of a series.
+    Call begin_scan() once a scan. `report_wait` is called once for a series of waits or long handshakes.
     """
 
     def __init__(self, clock: Callable[[], int] = int, interval_ns: int = DEFAULT_INTERVAL_NS) -> None:
@@ -146,7 +146,7 @@ class ScanBudget:
     # -- handshakes ------------------------------------------------------------------------------------
 
     def may_handshake(self) -> bool:
-        """Return whether there is time for a handshake step; the first step of a scan always has it."""
+        """Return whether a handshake step may begin: there is time, or it is the first step of the scan."""
         # Rule 4: it is assumed to take as long as the longest so far.
         until = self._handshake_ns + self._longest_step_ns
         return not self._steps or until <= self._interval // HANDSHAKE_DIVISOR
@@ -231,7 +231,7 @@ class DirectionClaims:
         )
 
     def holds_refused(self, claim: Claim | None) -> bool:
-        """Return whether this direction has the claim, and its last call could start no job."""
+        """Return whether this direction has the claim, and the claim is refused."""
         return claim is not None and claim.is_refused and claim in self._claims
 
     def has_frame(self) -> bool:
@@ -270,7 +270,7 @@ class IdConflict(StrEnum):  # the connection that has the ID, compared with the 
 
 
 class IdHolder:
-    """One CONNECT with its ID. `has_been_up` is True once the CONNECT has been connected with this ID."""
+    """One CONNECT with its ID. `has_been_up`: the CONNECT has been connected since it took this ID."""
 
     def __init__(self, config: ConnectConfig) -> None:
         self.name = config.name

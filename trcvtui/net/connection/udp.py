@@ -88,7 +88,7 @@ class UdpEndpoint(Connection):
     """One CONNECT of UDP, or one UDP_CONFIG, at run time. `peer` is the other end of the last datagram.
 
     The first block that needs the socket of a UDP_CONFIG opens it, at once and without a job. The first
-    block that ends closes this socket. Byte counts include the bytes of a datagram that had no room.
+    block that ends closes this socket. Byte counts of a UDP_CONFIG include bytes that had no room.
     """
 
     SET_UP = UdpSetUp

@@ -64,7 +64,7 @@ class _Parameter(IntEnum):
 class ConnectTpdu(NamedTuple):
     """A CR or CC. `calling` is the TSAP of the end that sent the CR. `size_code` n means 2**n bytes.
 
-    `other_class` is a class that the TPDU asks for and that cannot be taken as class 0, or 0.
+    `other_class` is 0, or a class that the TPDU asks for and that cannot be taken as class 0.
     """
 
     code: Code
@@ -131,7 +131,7 @@ class TpktReader:
 
     @property
     def held_bytes(self) -> int:
-        """Return how many bytes are stored; they are the beginning of an unread TPKT."""
+        """Return how many bytes are stored: of incomplete TPKTs, and of TPKTs not yet read."""
         return len(self._held)
 
     def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> list[Tpdu]:
@@ -406,7 +406,7 @@ class IsoSession:
         return False  # class 0 ends with its stream
 
     def note_partner_end(self) -> None:
-        """Note the end of the stream, which ends a connection of class 0; before the CC it is refused."""
+        """Note the end of the stream: it ends a connection of class 0, or refuses it before the CC."""
         if self.phase is IsoPhase.WAITS_FOR_CC:
             self._end("ECONNREFUSED", "closed instead of a CC")
 

@@ -1,7 +1,7 @@
 """A kernel in front of an inner kernel: it runs the session (ISO-on-TCP, TLS) that a CONNECT asks for.
 
 For the callers, a connection is up when its session is up. `connect_result` and `accept` wait for the
-handshake. `recv` and `recv_from` return the session's unpacked data. Handles without a session reach the
+handshake. `recv` and `recv_from` return the session's unpacked data. Calls for other handles go to the
 inner kernel.
 Rule 1: `poll` reads a limited number of bytes, and so does each call that finds no data.
 Rule 2: a client that sends nothing, too much, or nonsense is dropped. The ledger has a note on each dropped
@@ -170,7 +170,7 @@ class LayerKernel(KernelProxy):
         return made
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
-        """Set the options. A client's options name its CONNECT: then its handshake is answered."""
+        """Set the options. A client's options name its CONNECT: then the client's handshake is answered."""
         refused = self.inner.set_options(handle, options)
         stream = self._streams.get(handle)
         if stream is None:

@@ -26,7 +26,7 @@ MESSAGE_LIMIT_NS: Final = 30_000_000_000  # ns; counted only while the session t
 class LayeredStream:
     """A session at work. If `is_over` and `fault` is None, the partner has sent FIN or close_notify.
 
-    `party` pays for the work on the partner's bytes. `is_held_back` means that some bytes were not decoded.
+    `party` pays for the work on the partner's bytes. If `is_held_back`, bytes may still be unread.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class LayeredStream:
 
     @property
     def has_backlog(self) -> bool:
-        """Return whether the session has undecoded bytes, even if the stack has no new bytes."""
+        """Return whether the session has bytes to look at, even if the stack has no new bytes."""
         return not self.is_over and self.session.has_backlog
 
     def _may_work(self) -> bool:
@@ -140,7 +140,7 @@ class LayeredStream:
         return None if ended is None else Fault("session", ended.error, words=ended.words)
 
     def fail(self) -> None:
-        """End the stream after an exception; do not call the session again."""
+        """End the stream after an exception; the session is not called again."""
         self.fault, self.is_over, self.has_failed = self.fault or Fault("session", "EPROTO"), True, True
 
     def time_out(self, why: str) -> None:

@@ -3,7 +3,7 @@
 Rule 1: bytes in, bytes out. A wrong input raises no exception, but ends the session.
 Rule 2: at most MOST_HELD_BYTES wait here, read or unread. Then no more may be fed (`wants_more`).
 One feed reads at most `most` records. The other records wait in front of the library (`has_backlog`).
-Rule 3: a partner without a verified certificate is refused, unless the project allows it explicitly.
+Rule 3: a partner asked for a certificate must show a verified one, unless the project allows others.
 """
 
 from __future__ import annotations

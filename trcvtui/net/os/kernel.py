@@ -2,7 +2,7 @@
 
 A handle is the socket's descriptor. The result of `poll` holds for the whole scan. Until the next poll, a
 handle of the poll set that was not ready costs no system call. Handles outside the set are always tried.
-Without RDHUP (not Linux), a FIN is seen only once all data before it has been read.
+Without RDHUP (not Linux), a FIN is seen only after all data before it has been read.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ class LossyPipe:
     """Writes without waiting. While the reader is behind, whole parts are left out.
 
     `report_gap` gets the (events, bytes, ends) that were left out, as soon as all parts before the gap were
-    sent. `handle_line` gets each line that the reader sends. `handle_end` is called once, at the end.
+    sent. `handle_line` gets each line that the reader sends. `handle_end` is called once, at the close.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class LossyPipe:
             self._handle_end()
 
     def send_rest(self, until_ns: int) -> None:
-        """Send the waiting parts, at the latest until `until_ns` of the monotonic clock. Then close."""
+        """Send the waiting parts, but not after `until_ns` of the monotonic clock. Then close."""
         while self.waiting and (rest := until_ns - time.monotonic_ns()) > 0:
             self._loop.run_once(rest / 1e9)
         self.close()

@@ -71,7 +71,7 @@ def enter_namespace(addresses: Sequence[str] = (), not_ethernet: Sequence[str] =
 
 
 def set_loopback(up: bool) -> str:
-    """Set the interface `lo` of its own network up or down; return what is wrong, or ""."""
+    """Set `lo` of this process's own network up or down; return what is wrong, or ""."""
     if not _own_network:  # never the `lo` of the machine
         return "this is no network of its own"
     try:

@@ -332,7 +332,7 @@ SocketEnds = tuple[object, object]
 
 
 class CutLinks:
-    """The owners whose wires are cut. Also, for each socket without packets, the owners that cut it off."""
+    """The owners whose wires are cut. Also the owners that cut off each socket that gets no packets."""
 
     def __init__(self, sockets: Mapping[int, socket.socket]) -> None:
         self._sockets = sockets
@@ -370,7 +370,7 @@ class CutLinks:
         return ""
 
     def _deafen_wires(self, handles: Iterable[int]) -> str:
-        """Stop the packets at both ends of each cut wire; return the errno of a refusal, or ""."""
+        """Stop the packets at both ends of these handles' cut wires; return a refusal's errno, or ""."""
         by_ends = {ends: handle for handle, sock in self._sockets.items() if (ends := _read_ends(sock))}
         refused = ""
         for handle in handles:

@@ -94,7 +94,7 @@ class TapChannel:
         self.fd = os.open(os.devnull, os.O_RDONLY)  # it is at its end, and `feed` then asks for a channel
 
     def feed(self, data: bytes) -> bytes | None:
-        """Return the complete blocks read so far, None if there is none, or b"" if the tap has ended."""
+        """Return the blocks that `data` completes, None if there is none, or b"" if the tap has ended."""
         if not data:
             self._part = b""  # half a block of a server that has ended
             channels = _ask_tap(self._asks, ASK_CHANNEL)[1]

@@ -389,7 +389,7 @@ class TapLane:
 
 
 class DatagramLane(TapLane):
-    """One direction of datagrams; datagrams are never joined, and are lost without room."""
+    """One direction of datagrams. They are never joined. A datagram without room is lost."""
 
     def __init__(self, talk: TapConversation, way: int, source: TapEnd, target: TapEnd) -> None:
         super().__init__(talk, way, source, target)

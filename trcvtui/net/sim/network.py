@@ -328,7 +328,7 @@ class SimHost:
             self.ports.release(stream.claim)
 
     def release_port(self, stream: SimStream) -> None:
-        """Free the port of a connection whose handle is freed only after the connection has ended."""
+        """Free the port of a connection that ended before its handle was freed."""
         if stream.phase is StreamPhase.OVER and not stream.lingering:
             self.ports.release(stream.claim)
 

@@ -117,7 +117,7 @@ class KeepAliveTimer:
 
 
 class RetryTimer:
-    """Retransmissions and window probes: the waits grow, up to the user timeout or 16 unanswered tries."""
+    """Retransmission and window probes with growing waits, until the user timeout or 16 tries in vain."""
 
     __slots__ = ("_since", "_tries", "_unanswered", "due")
 

@@ -74,7 +74,7 @@ class InstanceList(LineView):
         return len(self._view_model.instances) or len(self._view_model.project.instances) or len(EMPTY_HINTS)
 
     def show(self) -> None:
-        """Repaint changed rows. The title counts the matching instances, and instances with ERROR."""
+        """Repaint changed rows. The title counts instances that match the filter, and those with ERROR."""
         instances = self._view_model.instances
         self._listed = [each for each in instances if self._has_words(each)] if self.words else instances
         details = [f"{len(self._listed)} of {len(instances)} with {' '.join(self.words)}, esc: all"]

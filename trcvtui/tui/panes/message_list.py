@@ -53,7 +53,7 @@ def all_pass(shown: MessageRow) -> bool:
 
 
 class MessageLines(LineView):
-    """The rows that match the filter. The newest row stays chosen until you choose a row.
+    """The rows that match the filter. Until you choose a row, the newest row is the chosen one.
 
     In a replay, all rows of the recording are listed. The newest row is then the last row up to the shown
     scan.
@@ -103,7 +103,7 @@ class MessageLines(LineView):
 
     @property
     def _chosen_place(self) -> int:
-        """Return the index of the chosen row among the filtered rows, or -1 if no row is chosen."""
+        """Return the index of the chosen row among filtered rows, or -1 if none is up to the shown scan."""
         last = len(self._listed) - 1
         if self._at is not None:
             return min(last, bisect_left(self._listed, self._at))

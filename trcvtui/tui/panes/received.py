@@ -97,7 +97,7 @@ class ReceivedPane(Vertical):
     # -- keys --------------------------------------------------------------------------------------------
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Allow `end_find` only while hits of a search are marked, and `rulers` only in the stream."""
+        """Allow `end_find` only while there is a search to end, and `rulers` only in the stream."""
         if action == "end_find":
             return bool(self.stream.patterns)
         return action != "rulers" or self.is_past

@@ -135,7 +135,7 @@ class StatusHistory(LineView):
         self._choose_where(lambda outputs: outputs.error, "ERROR", 1)
 
     def action_hit(self, step: int) -> None:
-        """Choose the next older (`step` 1) or newer (-1) edge with the code; without a code, an ERROR."""
+        """Choose the next older (`step` 1) or newer (-1) edge with the sought code; if none, an ERROR."""
         code = self.code
         what = "ERROR" if code is None else f"{code:04X}"
         self._choose_where(lambda out: out.error if code is None else out.status == code, what, step)

@@ -160,7 +160,7 @@ class StreamFace(ReceivedFace):
         return self._with_hit(self.stream.cursor, self.stream.difference_text() + origin)
 
     def message_here(self) -> range:
-        """Return the positions of the message under the cursor, else of a job whose bytes are all known."""
+        """Return the positions of the message at the cursor, else of the job there if all of it is here."""
         place, job = self.stream.cursor, self.job_here()
         of_job = range(job.position, job.stop) if job is not None else range(0)
         found = [each.positions for each in self._view_model.messages if place in each.positions]

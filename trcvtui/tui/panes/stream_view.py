@@ -233,7 +233,7 @@ class StreamView(ByteLines):
         return HistoryRequest(connect, *self._asked, before=True, seek=self.seek, job_at=job_at)
 
     def accept_window(self, window: HistoryWindow) -> int | None:
-        """Show the bytes of a new window. Return the position that the search has found, or None."""
+        """Show the bytes of a new window. Return the position that the search has found so far, or None."""
         if window != self.window:
             self.window = window
             self._knows_messages = self._knows_messages or bool(window.messages)
@@ -281,7 +281,7 @@ class StreamView(ByteLines):
         self._matched = {self.window.start + place for match in found for place in match}
 
     def _rebase(self) -> None:
-        """Count rows from the oldest byte left, and keep the same bytes in view after bytes are dropped."""
+        """Count rows from the oldest kept byte. When it is dropped, the same bytes stay in view."""
         base = self.window.begin - (self.window.begin - self._cut[1]) % self._row_group[0]
         if base == self._base:
             return
@@ -538,7 +538,7 @@ class StreamView(ByteLines):
             self.select(self.cursor + pages * rows * self.per_row)
 
     def action_edge(self, direction: int) -> None:
-        """Go to the oldest byte if `direction` < 0, else to the newest byte, which then stays in view."""
+        """Go to the oldest byte if `direction` < 0, else to the newest byte, and follow the stream."""
         if direction < 0:
             self.select(self.window.begin)
         else:

@@ -185,7 +185,7 @@ class UdtTable(LineView):
         self._sparks_stop = 0 if has_none else stop
 
     def _sparkline(self, number: int, leaf: Leaf) -> str:
-        """Return a member's sparkline over the newest messages; make it again only for a new message."""
+        """Return a member's sparkline over the newest messages; make it again if the last one changes."""
         known, stop, declared = self._view_model.known_messages, self._sparks_stop, self._declared
         if declared is None or not stop or not is_number(declared.layout, leaf):
             return ""
@@ -213,7 +213,7 @@ class UdtTable(LineView):
     # -- both ways ----------------------------------------------------------------------------------
 
     def select_member_at(self, offset: int) -> range:
-        """Select the member at a byte, else the member before. Return its range, range(0) for padding."""
+        """Select the member at a byte, else the one before. Return its range, or range(0) for padding."""
         declared = self._view_model.declaration
         if declared is None or offset < 0:
             return range(0)

@@ -82,7 +82,7 @@ class StatusExplainer:
         return DataContent(view_model.declaration, view_model.data, view_model.job_bytes)
 
     def explain_edge(self, line: Line, edge: StatusEdge) -> Advice:
-        """Explain a past edge from the ledger, but the newest edge as the present, as it is still valid."""
+        """Explain a past edge from the ledger, but the newest edge as the present: it still holds."""
         edges, instance = self._view_model.history.list_edges(edge.instance), self._view_model.instance
         if instance is not None and edges and edges[-1].seq == line.seq:
             return self.explain_now(instance)

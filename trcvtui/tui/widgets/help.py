@@ -193,7 +193,7 @@ HELP_SECTIONS: Final[tuple[tuple[str, tuple[str, ...], KeyTable], ...]] = (
 
 
 def letters_of(pins: Iterable[str], taken: Collection[str] = ()) -> dict[str, str]:
-    """Return a letter of each pin's name, all different and not in `taken`, or "" if none is free."""
+    """Return a different letter for each pin: a fixed one, else a free one of its name, or "" if none."""
     names = list(pins)
     given = {pin: PIN_LETTERS[pin] for pin in names if pin in PIN_LETTERS}
     for pin in names:

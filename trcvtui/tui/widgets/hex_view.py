@@ -247,7 +247,7 @@ class HexView(ByteLines):
         return self.content[place] if is_here else None
 
     def show_before(self, before: PreviousJobBytes | None) -> None:
-        """Mark bytes that differ from the job before. With `shows_before`, draw earlier bytes below."""
+        """Mark bytes that differ from the job before. With `shows_before`, draw that job's bytes below."""
         self.before = before
         self.show()
 
@@ -404,7 +404,7 @@ MOST_NUMBER_BYTES: Final = 8  # bytes
 
 
 def numbers_text(content: bytes, width: int) -> str:
-    """Return the numbers that fit a line, as `little|big`. Skip a signed number equal to the unsigned."""
+    """Return the numbers that fit a line, as `little|big`. Skip signed numbers equal to unsigned ones."""
     line, before = "LE|BE", ""
     for name, code in NUMBER_CODES:
         size = struct.calcsize(code)

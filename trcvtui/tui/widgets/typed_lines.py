@@ -27,7 +27,7 @@ from trcvtui.udt.byte_text import SearchPatterns, parse_search
 
 
 class EntryField(Input):
-    """One line to type into, without a frame. Focus selects no text: Textual would select it late."""
+    """One line to type into, without a frame. Focus selects no text: Textual would select too late."""
 
     def __init__(self, value: str = "", **settings: Any) -> None:
         super().__init__(value=value, compact=True, select_on_focus=False, **settings)

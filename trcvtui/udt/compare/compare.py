@@ -1,6 +1,6 @@
 """Compares two profiles, or two declarations, on the same bytes: ours and theirs, member by member.
 
-Rules: equal paths, in upper or lower case, are one member. Table, summary and exit code use the same rows.
+Rules: paths that are equal except for case are one member. Table, summary and exit code use the same rows.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class ComparedLeaf(NamedTuple):
 
 
 class ComparedRow(NamedTuple):
-    """One member on both sides. A side without a member is None. `differs` has the kinds of difference."""
+    """One member on both sides. A side that lacks it is None. `differs` has the kinds of difference."""
 
     path: str
     ours: ComparedLeaf | None
@@ -132,7 +132,7 @@ class ComparedRow(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """Both sizes, the numbers of all and of differing rows, and the lowest offset of a differing row."""
+    """Both sizes, numbers of all and of differing rows, lowest offset of these on either side, or None."""
 
     our_size: int
     their_size: int

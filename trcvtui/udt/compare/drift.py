@@ -156,7 +156,7 @@ def _own_places_key(layout: Layout, shift: int = 0) -> tuple[object, ...]:
 
 
 class _StructVariants:
-    """A STRUCT with parts replaced. Without bits, later places need only the end % LARGEST_ALIGN."""
+    """A STRUCT with parts replaced. Without bits, later places depend only on end % LARGEST_ALIGN."""
 
     def __init__(self, placing: Placer, type_: Struct, parts: Sequence[_StructPart]) -> None:
         self.placing, self.type, self.parts = placing, type_, parts
@@ -222,7 +222,7 @@ def _has_bit(parts: Sequence[_StructPart]) -> bool:
 
 
 class _DriftSearch:
-    """Finds the drifts of a type in one layout. All drifts are placed; few types are made."""
+    """Finds the drifts of a type in one layout. All are placed, but types are made only for a few."""
 
     def __init__(self, rules: LayoutRules) -> None:
         self.placing = Placer(rules)

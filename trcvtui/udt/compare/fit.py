@@ -156,7 +156,7 @@ def tied_readings(fits: Sequence[Fit]) -> tuple[Fit, ...]:
 
 
 def drop_near_drifts(fits: Sequence[Fit]) -> list[Fit]:
-    """Drop each drift that is not clearly ahead of all readings without drift."""
+    """Drop drifts not clearly ahead of all readings without drift: of many, some lead by chance."""
     ahead = max((fit.score for fit in fits if fit.cause.kind not in DRIFTS), default=0.0) + CLEAR_OF_DRIFT
     return [fit for fit in fits if fit.cause.kind not in DRIFTS or fit.score > ahead]
 

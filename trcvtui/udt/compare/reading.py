@@ -372,7 +372,7 @@ class Reading:
 
     @property
     def widest_number(self) -> int:
-        """Return the size of the widest number; in up to 2 bytes, an exchange is only a byte order."""
+        """Return the size of the widest number; up to 2, exchanged bytes are only another byte order."""
         return max((member.leaf.size for member, _ in self.read if is_number(member)), default=0)
 
     @cached_property

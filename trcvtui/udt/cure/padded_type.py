@@ -93,7 +93,7 @@ RawMember = tuple[int, str]  # `id` of the wanted node of its STRUCT, its name
 def prove_places(
     wanted: Node, found: Node, raw: Collection[RawMember], path: str = "", proved: set[object] | None = None
 ) -> None:
-    """Raise Unreachable unless each member has its place; a member in `raw` may be bytes or padding."""
+    """Raise Unplaceable unless members have their wanted place; one in `raw` may be bytes or padding."""
     proved = set() if proved is None else proved
     if found.size < wanted.size:
         raise Unplaceable(path, f"{found.size} bytes instead of {wanted.size}")
@@ -246,7 +246,7 @@ class _Rebuilder:
         self._built: dict[int, _RebuildResult | Unplaceable] = {}
 
     def rebuild_type(self, type_: Type, node: Node, path: str) -> Type:
-        """Return the type to use instead of this one; raise Unreachable."""
+        """Return the type to use instead of this one; raise Unplaceable."""
         match type_:
             case Array():
                 assert isinstance(node, PlacedArray)

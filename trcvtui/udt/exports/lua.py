@@ -1,6 +1,6 @@
 """A Wireshark dissector in Lua, with a ProtoField for each member. It joins TCP segments to whole values.
 
-Rule: each STRUCT and each array element is written once, even if many members have its type.
+Rule: a STRUCT is written once for all members of its type, and the element of an array only once.
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ class PlacedMember(NamedTuple):
 
 
 class FlatMember(NamedTuple):
-    """A member of a structure or its base, whose leaves begin at `first`. `bit` is None for no bit."""
+    """A member of a structure or its base. Its leaves begin at `first`. `bit` is None if it is no bit."""
 
     name: str
     offset: int

@@ -255,7 +255,7 @@ class Builder:
         self._pads = 0
 
     def put(self, name: str, type_: Type, offset: int, bit: int | None, path: str) -> None:
-        """Put a member at an offset. If that is impossible, raise Unreachable and change nothing."""
+        """Put a member at an offset. If that is impossible, raise Unplaceable and change nothing."""
         node = self.placing.place(type_, path)
         step = self.placing.member_align(node, self.cap)
         is_bit = isinstance(node, PlacedLeaf) and node.is_bit
@@ -292,7 +292,7 @@ class Builder:
         return round_up(max(size, self.end), self.align)
 
     def pad_to_size(self, size: int, path: str) -> None:
-        """Pad to the size; raise Unreachable when the type cannot have that size."""
+        """Pad to the size; raise Unplaceable when the type cannot have that size."""
         if size % self.align:
             layout = self.rules.name
             raise Unplaceable(path, f"under {layout} its size is a multiple of {self.align}, not {size}")
@@ -305,7 +305,7 @@ class Builder:
         self._add(name, type_, max(self.end, round_up(node.size, self.placing.end_multiple(type_))))
 
     def pad_union(self, size: int, path: str) -> None:
-        """Give a UNION its size with a padding member; raise Unreachable if it cannot have that size."""
+        """Give a UNION its size with a padding member; raise Unplaceable if it cannot have that size."""
         if self.end > size or size % self.align:
             why = f"a UNION of {size} bytes: under {self.rules.name} its size is a multiple of {self.align}"
             raise Unplaceable(path, why)

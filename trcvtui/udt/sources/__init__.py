@@ -200,7 +200,7 @@ def parse_type(text: str, types: TypeSet = NO_TYPES, where: str = "type") -> Typ
 
 
 def decode_text(data: bytes) -> str:
-    """Decode by byte order mark or XML declaration, else as UTF-8 or Windows-1252. This never fails."""
+    """Decode by byte order mark or XML declaration, else as UTF-8, else as Windows-1252. Never fails."""
     for mark, codec in BYTE_ORDER_MARKS:
         if data.startswith(mark):
             return data[len(mark) :].decode(codec, "replace")

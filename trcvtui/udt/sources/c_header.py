@@ -1,7 +1,7 @@
 """C headers: `typedef struct {...} T;` prepared by `c_source.py` and parsed by pycparser (the extra `c`).
 
 A type has the size that every compiler gives it. A type whose size differs between compilers (`long`,
-`size_t`) and `_Alignas` are refused by name. A bit-field takes room but has no value. `int` and an enum
+`size_t`) and `_Alignas` are refused by name. A bit-field takes room but is not read. `int` and an enum
 have 4 bytes.
 Rules: a bad declaration never hides the others. A number is bounded in length, depth and size; a type that
 uses an unknown name is unknown itself.

@@ -162,7 +162,7 @@ class Source:
         return next((one.start() for one in found if one["END"]), place)
 
     def find_unclosed_end(self, text: str, place: int) -> int:
-        """Return where reading resumes: after an open quote at the end of the line, else of the text."""
+        """Return where reading resumes: the line's end after an open quote, else the text's end."""
         line_end = _LINE_END.search(self.text, place) if text in "'\"" else None
         return line_end.start() if line_end else len(self.text)
 
@@ -314,7 +314,7 @@ class Cursor:
         self.problems.extend(refused.problems)
 
     def skip_to(self, *texts: str) -> None:
-        """Skip the tokens before the first of these keywords or symbols, or all tokens."""
+        """Skip the tokens before the first of these keywords or symbols, or all if there is none."""
         while not self.at_end() and not self.sees(*texts):
             self.advance()
 

@@ -47,7 +47,7 @@ class SpecParser(Cursor):
         return ast.StructSpec(tuple(members))
 
     def struct(self) -> ast.StructSpec:
-        """Return STRUCT, UNION or VAR up to its END_; a bad member is left out and is a problem."""
+        """Return STRUCT, UNION or VAR up to its END_; a bad member is left out, with a problem."""
         word = self.advance().upper
         if self.sees(*STRUCT_QUALIFIERS) and self.tokens[self.at + 1].upper not in (":", ","):
             self.notes += [OVERLAP_NOTE] if self.sees("OVERLAP") else []

@@ -65,7 +65,7 @@ class TypeFolder:
         return texts
 
     def declarations(self, file: str) -> Declarations:
-        """Return a file's declarations, none if unreadable; of a generated header, omit types of a .typ."""
+        """Return a file's declarations, none if unreadable; a generated header gives no types of a .typ."""
         if file not in self.read:
             self.read[file] = Declarations(())
             with collect_problems(self.problems):

@@ -92,7 +92,7 @@ async def draw_fleet(size: tuple[int, int], keys: Sequence[str]) -> str:
     reader = FleetReader(cast(BrokerConnection, PlantBroker()), FleetModel(), "*")
     app = fleet_app.FleetApp(BrokerAccess("broker.example", 8883, True), "*", reader)
     async with app.run_test(size=size) as pilot:
-        while not reader.is_complete:
+        while not reader.has_caught_up:
             reader.advance(0, NOW, 1 << 62)
         app.read_broker(1 << 62)
         await pilot.press(*keys)

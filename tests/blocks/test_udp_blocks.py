@@ -95,8 +95,8 @@ MISTAKES = {
     ),
     "LocalPort = 0": ("LocalPort = 65536", "udp_config U1: LocalPort: found 65536, expected "),
     'remote = "@U1"': ('remote = "@C1"', "peer P1: remote: found 'C1', expected U1"),
-    'name = "SOURCE"': ('name = "TARGET"', "addr TARGET: name: found 'TARGET', the name of an ADDR"),
-    'name = "P1"': ('name = "U1"', "peer U1: name: found 'U1', the name of a UDP_CONFIG"),
+    'name = "SOURCE"': ('name = "TARGET"', "addr TARGET: name: found 'TARGET', which an ADDR already has"),
+    'name = "P1"': ('name = "U1"', "peer U1: name: found 'U1', which a UDP_CONFIG already has"),
 }
 
 

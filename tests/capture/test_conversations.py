@@ -328,7 +328,7 @@ def test_conversations_above_the_limit_are_told(
     assert main(["conversations", str(path)]) == 0
     said = capsys.readouterr()
     assert [line[:2] for line in said.out.splitlines() if line[0] != " "] == ["ID", "C1", "C2", "C3"]
-    assert "5 packets of later conversations (at most 3 are read)" in said.err
+    assert "5 packets of conversations after the first 3" in said.err
 
 
 ETHERCAT = b"\x88\xa4" + bytes(40)

@@ -77,4 +77,4 @@ def test_a_made_up_command_is_read_written_completed_carried_out_and_missed_in_t
 
 def test_what_lets_scans_pass_is_no_act_of_the_bench() -> None:
     passing = {known.record.__name__ for row in COMMANDS.values() for known in row.records if not known.act}
-    assert passing == {"RunScans", "RunFor", "Wait", "Expect", "ExpectTrace", "TrySplits", "Doctor"}
+    assert passing == {"RunScans", "RunFor", "Wait", "Expect", "ExpectTrace", "TrySplits", "AskDoctor"}

@@ -84,7 +84,7 @@ def test_a_sequence_of_an_unknown_message_is_told_with_its_step(tmp_path: Path) 
         ),
         (
             '[[message]]\nname = "m"\ntext = "hex 01"\n[[message]]\nname = "m"\ntext = "hex 02"\n',
-            "b.toml: message m: name: found 'm', the name of a message, expected an unused name",
+            "b.toml: message m: name: found 'm', which a message already has, expected an unused name",
         ),
     ],
 )

@@ -135,7 +135,7 @@ def test_a_file_is_added_once_by_whatever_name(driver: LocalDriver, folder: Path
     (folder / "a b").mkdir()
     say(driver, "add udt order.st")
     for name in ("order.st", "./order.st", "a b/../order.st", f"{folder}/order.st"):
-        assert "'order.st', the name of a UDT file" in answer(driver, f"add udt {name}")
+        assert "'order.st', which a UDT file already has" in answer(driver, f"add udt {name}")
     assert say(driver).unsaved == 1
 
 
@@ -168,7 +168,7 @@ def test_a_row_of_no_file_is_a_mistake_of_a_reload(driver: LocalDriver, folder: 
     (folder / "p.toml").write_text(PROJECT + '[[udt]]\nfile = "gone.st"\n', encoding="utf-8")
     assert "gone.st: found 'No such file" in answer(driver, "udt reload")
     (folder / "p.toml").write_text(PROJECT + '[[udt]]\nfile = "t.st"\n', encoding="utf-8")
-    assert "'t.st', the name of a UDT file" in answer(driver, "udt reload")
+    assert "'t.st', which a UDT file already has" in answer(driver, "udt reload")
     (folder / "p.toml").unlink()
     assert answer(driver, "udt reload").startswith("1 type read")
 

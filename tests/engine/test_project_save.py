@@ -87,7 +87,7 @@ def test_experiments_are_not_saved(driver: LocalDriver, own: Path) -> None:
 
 def test_what_the_running_program_has_lost_the_project_still_has(driver: LocalDriver) -> None:
     again = "add instance TRCV_C_1 block=TRCV_C connect=C1 data=report"
-    assert "'TRCV_C_1', the name of an instance" in answer(driver, "delete TRCV_C_1", again)
+    assert "'TRCV_C_1', which an instance already has" in answer(driver, "delete TRCV_C_1", again)
 
 
 def test_somebody_elses_file_is_written_over_only_when_that_is_said(driver: LocalDriver, own: Path) -> None:

@@ -60,7 +60,7 @@ class FakeBroker:
         self.reader = FleetReader(cast(BrokerConnection, self), FleetModel(), pattern)
         self.now, self.wall = 0, NOW
 
-    def news(self) -> Iterator[BrokerEvent]:
+    def take_events(self) -> Iterator[BrokerEvent]:
         while self.waiting:
             yield self.waiting.pop(0)
 

@@ -32,7 +32,7 @@ PROMTOOL = shutil.which("promtool")
 class IdleAgent:
     """What the page asks of an agent."""
 
-    is_running, is_up, queued, dropped, restarts, scan_age_s = True, False, 3, 2, 1, 0.1
+    is_running, is_broker_up, queued, dropped, restarts, scan_age_s = True, False, 3, 2, 1, 0.1
 
     def __init__(self) -> None:
         project = load_bench_project(configs_path() / "active.toml")

@@ -52,7 +52,7 @@ class Line:
         self._news += [PublishRefusal(number, "Not authorized") for number in self._unacknowledged]
         self._unacknowledged.clear()
 
-    def news(self) -> list[BrokerEvent]:
+    def take_events(self) -> list[BrokerEvent]:
         news, self._news = self._news, []
         return news
 

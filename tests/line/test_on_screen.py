@@ -128,7 +128,7 @@ def test_a_shadow_with_another_length_is_drawn_beside(watch: Watch, tmp_path: Pa
     position = line.make_picture(UpdateRequest()).position
     assert position is not None
     first, *_ = position.what_if
-    assert first.startswith("what if instance.R1.LEN=6: they differ from scan ")
+    assert first.startswith("what if instance.R1.LEN=6: first difference at scan ")
     assert position.report_scan == position.parts_at == 18_001
 
 

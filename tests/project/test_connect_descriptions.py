@@ -319,8 +319,8 @@ def test_an_active_tcp_description_says_where_it_goes() -> None:
 def test_the_field_that_is_wrong_says_why() -> None:
     seen = view('type = "TCON_IP_RFC"\nLocalTSelector = "16#1002"\nIsoPort = 0')
     assert seen is not None
-    assert seen.flaw == "two bytes have to begin with E0, not with 10"
-    assert remarks(seen)["LocalTSelector"] == "! two bytes have to begin with E0, not with 10"
+    assert seen.flaw == "a selector of 2 bytes begins with E0, not 10"
+    assert remarks(seen)["LocalTSelector"] == "! a selector of 2 bytes begins with E0, not 10"
     assert remarks(seen)["ActiveEstablished"] == "port: a free one"
 
 

@@ -157,7 +157,7 @@ def test_a_what_if_on_the_last_file_of_a_ring_begins_with_that_file(
     first = begun(path)[1]
     assert main(["replay", str(path), "--set", "instance.TRCV_C_1.CONT=0"]) == 0
     said = capsys.readouterr().out.splitlines()
-    assert (at := re.fullmatch(r"they differ from scan (\d+) on", said[0])) and int(at[1]) > first
+    assert (at := re.fullmatch(r"first difference at scan (\d+)", said[0])) and int(at[1]) > first
     assert said[-1] == f"changed from scan {first + 1} on: the file begins there"
     for late in (
         ["--set", "options.retry=T#1s"],

@@ -228,7 +228,7 @@ def test_a_run_with_another_value_is_shown_beside_and_it_goes_where_they_part() 
     assert stood.scan == position.parts_at == 91
     said = "\n".join(position.what_if)
     assert f"what if instance.{INSTANCE}.LEN=1" in said
-    assert "they differ from scan 91 on" in said and "recorded:" in said and "what-if:" in said
+    assert "first difference at scan 91" in said and "recorded:" in said and "what-if:" in said
     assert not stood.go("if off").position.what_if  # type: ignore[union-attr]
     assert stood.scan == 91
 

@@ -69,7 +69,7 @@ def test_the_story_of_len_is_mended_by_len() -> None:
     assert run.parts_at == 53
     assert run.guess_from is None
     first = next(iter(run.describe()))
-    assert first == "they differ from scan 53 on"
+    assert first == "first difference at scan 53"
 
 
 def test_the_story_of_the_byte_order_is_mended_by_the_byte_order() -> None:
@@ -86,7 +86,7 @@ def test_the_story_of_the_byte_order_is_mended_by_the_byte_order() -> None:
 def test_the_story_of_en_r_is_mended_by_a_pin_that_is_held() -> None:
     run = what_if(STORIES / "en-r-dropped.toml", "instance.TRCV_C_1.EN_R=true")
     said = "\n".join(run.describe())
-    assert "3 commands left out: the what-if holds their pins" in said
+    assert "3 commands left out: a pin held by the what-if is not written" in said
     assert run.guess_from is None
     was, now = run.get_totals()
     assert now.bytes == was.bytes

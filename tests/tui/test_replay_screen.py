@@ -284,7 +284,7 @@ async def test_w_asks_for_another_value_and_draws_both_runs(tmp_path: Path) -> N
         await looker.type("LEN=1\r")
         await looker.go()
         assert looker.scan == 91
-        assert "they differ from scan 91 on" in looker.pane("position")
+        assert "first difference at scan 91" in looker.pane("position")
         assert "what-if" in looker.pane("timing")
         assert "≠" in looker.pane("position") or "█" in looker.pane("position")
         same_as_snapshot(looker, "replay-what-if-140x45", tmp_path)

@@ -94,7 +94,7 @@ def test_a_natural_sender_is_told_from_cap4_with_the_reasons() -> None:
         (4.46, "weight = 12.5: a sensible LREAL of few digits"),
         (2.55, "padding at bytes 1 to 7 is 0"),
         (2.5, "padding at bytes 18 to 23 is 0"),
-        (1.85, "count = 7: small; with bytes swapped 1792"),
+        (1.85, "count = 7: small; 1792 with bytes swapped"),
         (1.82, "kind = 1 (16#01): bits"),
     ]
     assert verdict(fits).startswith(
@@ -187,7 +187,7 @@ def test_a_string_header_that_says_another_length_is_evidence() -> None:
     fits = rank(layout.type, [content])
     assert fits[0].profile.text != "s7"
     headed = next(one for one in fits if one.profile == Profile("baosky", "little", "s7"))
-    assert "its header says at most 76 characters, the type 9" in str(headed.reasons)
+    assert "its header says at most 76 characters, the type has 9" in str(headed.reasons)
 
 
 def test_no_messages_say_nothing() -> None:

@@ -163,7 +163,7 @@ class Bench:
         now_ns = clock.now_ns if self._sim is None else self._time  # measures the handshakes of a scan
         self._work, self._peers_work = self._make_budget(now_ns), ScanBudget(now_ns)
         self.reports: Path | None = None  # folder for reports of internal errors, None: the state folder
-        is_due = getattr(seam, "has_failed", None)  # of a replay
+        is_due = getattr(seam, "fails_next", None)  # of a replay
         self.containment = Containment(
             self._record_exception, self._report_error, self._note, is_due, self._do_past_seam
         )

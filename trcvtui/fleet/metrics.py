@@ -29,7 +29,9 @@ _LINE: Final = ("line",)
 _INSTANCE: Final = ("line", "name")  # `instance` is a label of Prometheus itself
 _UP_TEXT: Final = "1: the CONNECT is connected, the UDP_CONFIG ready, the port there"
 METRICS: Final = (
-    Metric("trcvtui_broker_up", "gauge", "1: the broker has taken the agent", _AGENT, lambda a: a.is_up),
+    Metric(
+        "trcvtui_broker_up", "gauge", "1: the broker has taken the agent", _AGENT, lambda a: a.is_broker_up
+    ),
     Metric("trcvtui_queued", "gauge", "messages that wait for the broker", _AGENT, lambda a: a.queued),
     Metric("trcvtui_dropped", "counter", "messages dropped for lack of room", _AGENT, lambda a: a.dropped),
     Metric("trcvtui_restarts", "counter", "restarts of the engine", _AGENT, lambda a: a.restarts),

@@ -20,7 +20,7 @@ from trcvtui.net.connection.description_check import (
     DescriptionFlaw,
     Flaw,
     Transport,
-    check_s7_1200_tsap,
+    check_strict_tsap,
     read_spec,
     to_tcon_param,
 )
@@ -141,7 +141,7 @@ def _convert(
     if isinstance(config.session, IsoSettings):
         policy = other.rules.policy
         own = replace(config.session, cap=other.rules.max_len, default_dt_bytes=policy.tpdu_default)
-        flaw = check_s7_1200_tsap(config.session.local) if policy.narrow_tsaps else None
+        flaw = check_strict_tsap(config.session.local) if policy.narrow_tsaps else None
         config = replace(config, session=own, flaw=config.flaw or flaw)
     return _convert_structure(config, other.dialect, notes)
 

@@ -301,7 +301,7 @@ class MainScreen(FullScreen[None]):
         self.header.ended = not runs
         self.header.show()
         for pane in (self.instances, *self._grid.query(LineView)):
-            pane.set_over(not runs)
+            pane.set_stale(not runs)
 
     # -- what the panes say -------------------------------------------------------------------------
 

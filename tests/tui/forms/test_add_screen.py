@@ -79,7 +79,7 @@ async def test_a_mistake_stands_below_and_marks_its_field_and_enter_waits() -> N
         await looker.press("enter")
         assert looker.lines == []
         await fill(looker, LocalPort="2000", name="C1")
-        assert "'C1', the name of a CONNECT" in looker.text
+        assert "'C1', which a CONNECT already has" in looker.text
         await fill(looker, name="C9")
         await looker.press("enter")
         assert looker.lines == [

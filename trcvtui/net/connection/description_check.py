@@ -253,7 +253,7 @@ def _check_tsap(connect: DescribedConnect) -> FlawAnswer | None:
     if connect.meaning.protocol is not Transport.ISO:
         return None
     return _check_common_tsap(connect) or (
-        check_s7_1200_tsap(connect.meaning.local_tsap) if connect.narrow_tsaps else None
+        check_strict_tsap(connect.meaning.local_tsap) if connect.narrow_tsaps else None
     )
 
 
@@ -280,7 +280,7 @@ def _allowed_first_bytes(connect: DescribedConnect) -> bytes:
     return TSAP_FIRST_BYTES if connect.narrow_tsaps else TSAP_FIRST_BYTES[:1]
 
 
-def check_s7_1200_tsap(local: bytes) -> DescriptionFlaw | None:
+def check_strict_tsap(local: bytes) -> DescriptionFlaw | None:
     """Return a flaw of the local T-selector that only an S7-1200 reports (S7-1200 System Manual)."""
     text = ""
     if len(local) >= 2 and local[0] in TSAP_FIRST_BYTES and local[1] > 1:

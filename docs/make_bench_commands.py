@@ -151,8 +151,8 @@ SECTIONS: Final[dict[str, Sequence[Row]]] = {
         (
             "`peer P1 try-splits hex 01 02 03 on TRCV_C_1`",
             "Sends the message whole, then in two pieces, once for each cut, and lists the "
-            "results. `gap=T#30ms` is the pause between the pieces. Scenario: `differ=0` expects "
-            "0 results that differ from the whole one.",
+            "results. `gap=T#30ms` is the pause between the pieces. In a scenario, `differ=0`: "
+            "no result may differ.",
         ),
         ("`peer P1 try-splits stop`", "Ends this trial."),
         (

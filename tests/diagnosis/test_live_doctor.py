@@ -422,7 +422,7 @@ def test_a_replay_is_judged_once_as_its_file_is_and_keys_go_to_what_is_found(tmp
             pass
         seen = picture()
         assert seen is not None and seen.position is not None
-        assert (seen.position.report_scan, seen.position.note, seen.doctor.scan) == (
+        assert (seen.position.scan, seen.position.note, seen.doctor.scan) == (
             there,
             note,
             line.survey.last_scan,

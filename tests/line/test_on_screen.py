@@ -36,7 +36,7 @@ def at(line: ReplayNavigator, text: str) -> tuple[int, list[str], tuple[str, ...
     position = update.position
     assert position is not None
     shows = [f"{one.outputs.status:04X}" for one in line.controller.bench.runtime.snapshot().instances]
-    return position.report_scan, shows, position.beside
+    return position.scan, shows, position.beside
 
 
 @pytest.mark.parametrize("by_plc", [False, True])
@@ -129,7 +129,7 @@ def test_a_shadow_with_another_length_is_drawn_beside(watch: Watch, tmp_path: Pa
     assert position is not None
     first, *_ = position.what_if
     assert first.startswith("what if instance.R1.LEN=6: first difference at scan ")
-    assert position.report_scan == position.parts_at == 18_001
+    assert position.scan == position.parts_at == 18_001
 
 
 def test_an_ad_hoc_shadow_takes_another_value_and_refuses_what_it_has_not(

@@ -197,7 +197,7 @@ def test_a_box_that_takes_too_much_of_the_time_gives_up(
     run.scans(10)
     assert run.recorder.seam.is_off
     said = run.line(f"save recording {tmp_path}/off")
-    assert said.startswith("prompt: found no black box, as it took more than 2 % of processor time")
+    assert said.startswith("prompt: found no black box, as it took more than 2 % of a processor")
     jobs = run.controller.bench.runtime.snapshot().instances[0].jobs_done
     run.scans(20)
     assert run.controller.bench.runtime.snapshot().instances[0].jobs_done > jobs

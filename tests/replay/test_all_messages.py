@@ -64,7 +64,7 @@ def test_where_the_journal_lies_the_rows_end_and_the_replay_too(tmp_path: Path) 
     stood = Shown(ReplayNavigator(InMemory(entries), "R"))
     position = stood.update().position
     assert stood.rows()[-1].scan <= 200
-    assert position is not None and (position.report_scan, position.last_scan) == (1, 200)
+    assert position is not None and (position.scan, position.last_scan) == (1, 200)
     assert "a time that does not go back" in position.note
 
 

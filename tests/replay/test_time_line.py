@@ -270,7 +270,7 @@ def test_a_journal_with_two_beginnings_is_shown_up_to_the_second() -> None:
     while stood.line.advance(clock.now_ns() + WORK_SLICE_NS) and slices < 100:
         slices += 1
     position = stood.update().position
-    assert position is not None and position.report_scan == 200 and position.note and slices < 100
+    assert position is not None and position.scan == 200 and position.note and slices < 100
 
 
 def test_after_a_gap_it_is_said_how_many_scans_cannot_run_again() -> None:
@@ -279,8 +279,8 @@ def test_after_a_gap_it_is_said_how_many_scans_cannot_run_again() -> None:
     entries = (*journal()[:at], lost, *journal()[at + 5 :])
     told = (
         "a recording: found a gap of 5 entries (the writer was too slow) after 200 scans "
-        f"({LAST - 201} later scans cannot run again), expected the end of the run"
+        f"(later scans that cannot run again: {LAST - 201}), expected the end of the run"
     )
     position = Stood("end", entries).update().position
-    assert position is not None and (position.report_scan, position.note) == (200, told)
+    assert position is not None and (position.scan, position.note) == (200, told)
     assert find_difference(ReplayRun(iter(entries), "a recording")) == told

@@ -167,4 +167,4 @@ def test_a_file_that_is_too_large_is_not_read_for_the_list() -> None:
 def test_a_file_that_went_away_is_told() -> None:
     said = read_scenario_file(Path("gone.toml"))
     assert said is not None
-    assert said.problem == "gone.toml: found No such file or directory, expected a file"
+    assert said.problem == "gone.toml: found 'No such file or directory', expected a file"

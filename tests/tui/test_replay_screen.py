@@ -67,7 +67,7 @@ class ReplayLooker(Looker):
     def scan(self) -> int:
         picture = self.app.view_model.picture
         assert picture is not None and picture.position is not None
-        assert picture.snapshot.scan == picture.position.report_scan
+        assert picture.snapshot.scan == picture.position.scan
         return picture.snapshot.scan
 
     @property

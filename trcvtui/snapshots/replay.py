@@ -18,7 +18,7 @@ class ReplayPosition(Struct, frozen=True):
     `parts_at` on, the what-if run differs from the recorded run; 0 means no difference yet.
     """
 
-    report_scan: int
+    scan: int
     last_scan: int
     t_ns: int
     last_t_ns: int

@@ -59,7 +59,7 @@ def position_bar(position: ReplayPosition, width: int) -> str:
     """Return a bar of the whole recording: the shown scan, the scans before it, the ERRORs."""
     pieces, first = len(position.marks), position.first + 1
     scans = max(1, position.last_scan - position.first)
-    here = max(0, position.report_scan - first) * width // scans
+    here = max(0, position.scan - first) * width // scans
 
     def sign(column: int) -> str:
         if column == here:
@@ -134,14 +134,14 @@ def _what_if_lines(position: ReplayPosition) -> tuple[str, ...]:
 
 def _position_parts(position: ReplayPosition, holding: bool) -> Iterator[Part]:
     more = "" if position.is_read else "+"
-    yield f"scan {position.report_scan} of {position.last_scan}{more}", "strong"
+    yield f"scan {position.scan} of {position.last_scan}{more}", "strong"
     if position.first:
         yield f" from {position.first + 1} on", ""
     yield f" · {format_duration(position.t_ns)} of {format_duration(position.last_t_ns)}{more}", ""
     if position.first_ns is not None:
         yield f" · {utc_text(position.first_ns + position.t_ns)}", ""
     yield f" · {'‖' if holding else '▶'} {position.speed}", "" if holding else "done"
-    if holding and position.wanted != position.report_scan:  # the run is replayed up to the wanted scan
+    if holding and position.wanted != position.scan:  # the run is replayed up to the wanted scan
         known = position.wanted <= position.last_scan
         yield f" · on the way{f' to {position.wanted}' if known else ''}", "warn"
     if position.note:

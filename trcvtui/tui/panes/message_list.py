@@ -115,7 +115,7 @@ class MessageLines(LineView):
     def _shown_scan(self) -> int:
         """Return the shown scan of a replay: later messages are drawn faint."""
         position = self._view_model.position
-        return position.report_scan if position is not None else MAX_SCAN
+        return position.scan if position is not None else MAX_SCAN
 
     def _scan_of(self, number: int) -> int:
         shown = self._row(number)

@@ -173,7 +173,7 @@ class UdtTable(LineView):
         if about != self._sparks_of or len(self._sparks) > MOST_KEPT_MEMBERS:
             self._sparks_of = about
             self._sparks.clear()
-        stop = known.next_number if view.position is None else known.number_after(view.position.report_scan)
+        stop = known.next_number if view.position is None else known.number_after(view.position.scan)
         if self.past is not None:
             number, content = self.past  # an instance that was added again counts from 1: compare bytes, too
             rows = zip(range(known.next_number, known.first, -1), reversed(known.rows), strict=True)

@@ -71,7 +71,7 @@ def test_the_conversation_may_stand_before_what_is_done(project: Project) -> Non
         ("tap T to-plc drop 0", "found drop '0'"),
         ("tap T to-plc edit -1 hex 00", "found edit '-1'"),
         ("tap T to-plc delay 5", "found delay '5'"),
-        ("tap T to-plc insert", "found nothing more, expected one of hex, text, udt, file, random"),
+        ("tap T to-plc insert", "found no further word, expected one of hex, text, udt, file, random"),
         ("tap T to-plc go conversation", "found 'conversation', expected conversation N at the end"),
         ("tap T to-plc insert random 1048577", "found 1048577 bytes, expected at most 1048576 bytes"),
     ],

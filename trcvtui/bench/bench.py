@@ -670,7 +670,7 @@ def _make_sim_kernel(project: Project) -> SimKernel:
 
 
 def _make_plc_command(edit: Edit, edited: Project) -> commands.Command | None:
-    """Return the order to the PLC for an edit, None if the edit does not concern the PLC."""
+    """Return the PLC command for an edit, None if the edit does not concern the PLC."""
     before, decl = edit.before, edit.after
     if isinstance(decl, ComBufferDecl):
         decl = edited.combuffer(decl.name)  # with is_written and is_fed, which depend on other entries

@@ -220,7 +220,7 @@ class HostNotes:
         self._owners: OrderedDict[bytes, _Owner] = OrderedDict()
 
     def mark_heard(self, address: bytes) -> None:
-        """Note a packet from this address: the requests for the address have an answer."""
+        """Forget the ARP requests for this address: a packet from it shows that its host is there."""
         self._asked.pop(address, None)
 
     def add_arp(self, ns: int, packet: int, note: ArpNote) -> None:

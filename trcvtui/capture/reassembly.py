@@ -249,7 +249,7 @@ class Conversations:
         self.add_packets((packet,), {packet.interface: link_type})
 
     def add_packets(self, packets: Iterable[Packet], link_types: Sequence[int] | dict[int, int]) -> None:
-        """Take packets; the next segment of a steady direction has a fast path of few operations."""
+        """Take packets. The next segment of a steady direction takes a fast path of few operations."""
         flow_of, has_sink, deliver = self._flows.get, self._on_event is not None, self._deliver
         is_detailed = self._is_detailed
         for packet in packets:

@@ -118,7 +118,9 @@ def add_netns(parser: CommandParser) -> None:
 
 def add_no_secrets(parser: CommandParser) -> None:
     parser.add_argument(
-        "--no-secrets", action="store_true", help="no TLS keys, zeros as TLS data: a TLS run has no replay"
+        "--no-secrets",
+        action="store_true",
+        help="no TLS keys, zeros for TLS data; a TLS run cannot be replayed",
     )
 
 

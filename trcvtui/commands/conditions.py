@@ -197,7 +197,7 @@ def _read_condition(words: Words, project: Project) -> Condition:
         return parse_data_condition(words, project)
     if project.instance(word) is None:
         names = [*(i.name for i in project.instances), *(d.name for d in project.data), "peer"]
-        found = quote(name) if word else "nothing more"
+        found = quote(name) if word else "no further word"
         raise words.error(found, expected_name(name, names, SUBJECT_FORM) if word else SUBJECT_FORM)
     return _read_pins(words, project)
 

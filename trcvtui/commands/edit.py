@@ -266,7 +266,7 @@ def _read_pairs(words: Words, runs_on: bool = False) -> dict[str, Any]:
             continue
         key, equals, text = word.partition("=")
         if not equals or key in pairs:
-            raise words.error(quote(word), PAIRS_FORM)
+            raise words.error(quote(word) + f", the second {key}=" * bool(equals), PAIRS_FORM)
         if key in severals:
             lists.setdefault(key, []).append(unquote(text))
         else:
@@ -350,7 +350,7 @@ def _read_changes(kind: str, words: Words) -> dict[str, Any]:
     bare = kind == "data" and "=" not in words.peek()
     content = _read_data(words) if bare else _read_pairs(words, runs_on=kind == "data")
     if not content:
-        raise words.error("nothing more", PAIRS_FORM)
+        raise words.error("no further word", PAIRS_FORM)
     if "name" in content or TABLES[kind].called in content:
         raise words.error("a new name", "other changes: to rename a part, remove it and add it again")
     return {

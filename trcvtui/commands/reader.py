@@ -125,7 +125,8 @@ def _read_pairs(words: Words) -> dict[str, str]:
     for word in words.take_rest():
         key, equals, text = word.partition("=")
         if not equals or key in pairs:
-            raise words.error(quote(word), "KEY=VALUE, each key once, such as connect=C1 data=rx CONT=1")
+            found = quote(word) + f", the second {key}=" * bool(equals)
+            raise words.error(found, "KEY=VALUE, each key once, such as connect=C1 data=rx CONT=1")
         pairs[key] = text
     return pairs
 
@@ -333,7 +334,7 @@ SERIAL_BUFFER_TEXT: Final = 'ComBuffer with source = "serial"'
 
 
 def parse_fault(words: Words, project: Project) -> FaultOn | FaultClear:
-    call = words.next("a kernel call such as bind, or clear")
+    call = words.next("a kernel call (such as bind) or `clear`")
     if call == "clear":
         return FaultClear()
     ports = tuple(buffer.name for buffer in project.combuffers if buffer.serial is not None)
@@ -354,7 +355,7 @@ def parse_fault(words: Words, project: Project) -> FaultOn | FaultClear:
             counts[key] = TIMES_FOREVER if forever else parse_value(COUNT_KIND, text, f"{key}=", words.where)
         else:
             owner = "COMBUFFER" if call in SERIAL_CALLS else "CONNECT"
-            raise words.error(quote(word), f"on {owner}, nth=1, times=1 or times=forever")
+            raise words.error(quote(word), f"`on {owner}`, `nth=1`, `times=1` or `times=forever`")
     return FaultOn(call, error, on, counts["nth"], counts["times"])
 
 

@@ -269,7 +269,7 @@ class Words:
     def next(self, expected: str) -> str:
         """Take the next word; raise UserError if there is none."""
         if not self:
-            raise self.error("nothing more", expected, "missing")
+            raise self.error("no further word", expected, "missing")
         self.place += 1
         return self._tokens[self.place - 1].text
 

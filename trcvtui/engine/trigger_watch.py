@@ -157,7 +157,7 @@ def read_comparison(text: str, where: str, form: str) -> ConditionText:
     """Return the parts of a comparison like `weight > 3`. A UserError shows the expected form."""
     found = _COMPARISON.fullmatch(text)
     if found is None:
-        raise mistake(where, quote(text) if text else "nothing more", form)
+        raise mistake(where, quote(text) if text else "no further word", form)
     return ConditionText(found[1], found[2], found[3], where)
 
 

@@ -50,8 +50,8 @@ EXIT_WRONG_INPUT: Final = 2
 class ObserverSettings(NamedTuple):
     """How the tap is observed. `form` is text or jsonl.
 
-    With `holds`, each conversation is held back both ways from its beginning. `is_armed` lets screen keys
-    intervene without a question. `may_order` lets socket observers intervene.
+    With `holds`, the tap holds both directions of each conversation from its beginning. `is_armed` lets
+    screen keys intervene without a question. `may_order` lets socket observers intervene.
     """
 
     project: Path | None

@@ -3,7 +3,7 @@
 A position counts all bytes of one ring since the start of the PLC, over all connections. Bytes that the
 ring has dropped count, too. Bytes that were unread at the connection's end, or beyond the buffer of a
 datagram, have positions but no known values. Each such gap has at most MOST_SKIPPED positions.
-Rule: a run's saved state has no bytes of a ring. After a restore, a ring is empty, at its last position.
+Rule: a run's saved state has no bytes of a ring. A restored ring is empty and keeps its last position.
 """
 
 from __future__ import annotations

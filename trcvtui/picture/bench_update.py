@@ -31,7 +31,7 @@ MostItems = Meta(max_length=64)  # a request is bounded, so that a picture costs
 
 
 class UpdateRequest(Struct, frozen=True):
-    """A request for ledger lines after `since_seq`, bytes of variables `data`, and jobs of `partial_of`.
+    """A request for the ledger lines after `since_seq`, and for what the other fields name.
 
     `waves` has each instance whose pins are drawn, with the number of its last change on the screen.
     `bench` and `project` are the numbers in the last picture. If `bench` is old, `since_seq` counts as 0.

@@ -27,7 +27,7 @@ POINTER_PREFIX: Final = "p"  # the first letter of a pin that takes an address
 
 
 class CallForm(NamedTuple):
-    """How a call is written. `is_short` omits defaults. `written` has the initial bytes of DATA by name."""
+    """How a call is written. `is_short` omits defaults. `written` maps DATA names to initial bytes."""
 
     is_short: bool = False
     is_multi: bool = False

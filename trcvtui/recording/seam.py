@@ -47,7 +47,7 @@ class Seam(Protocol):
     def note_call(
         self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
     ) -> None:
-        """Take a call of the PLC at the wire."""
+        """Keep a call that the PLC made at the wire; a replay does nothing."""
 
 
 _NEW_TUPLE: Final = tuple.__new__  # makes a NamedTuple faster than its own `__new__`

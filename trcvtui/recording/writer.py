@@ -281,7 +281,7 @@ def _write_answer(line: str) -> None:
 
 
 def _read_messages(idle: Callable[[int], bool]) -> Iterator[bytes]:
-    """Yield messages; while no message comes, call `idle` with the time until which `idle` may work."""
+    """Yield messages; while no message comes, call `idle` with the deadline of its work."""
     waiting = bytearray()
     while read := _read_input(idle):
         waiting += read

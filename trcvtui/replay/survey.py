@@ -43,7 +43,7 @@ def parse_place(text: str, where: str) -> int | Search:
         case ["edge", "+1" | "-1" as step, name]:
             return "edge", int(step), name
     expected = f"+1, -1, {PLACE_SYNTAX}" if where == "prompt" else PLACE_SYNTAX
-    raise mistake(where, quote(text) if text else "nothing more", expected)
+    raise mistake(where, quote(text) if text else "no further word", expected)
 
 
 class Survey:

@@ -31,7 +31,7 @@ class DirectionSnapshot(Struct, frozen=True):
 class ConversationSnapshot(Struct, frozen=True):
     """A conversation of other programs. `tap` is the tap that it goes through, or "" if it is only watched.
 
-    `seconds` has the bytes of both directions in each of the newest seconds.
+    `seconds` has the number of bytes in each of the newest seconds, both directions together.
     `handshake_ns` is the time from SYN to the ACK of the SYN-ACK.
     """
 

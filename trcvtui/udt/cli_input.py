@@ -103,7 +103,7 @@ def _read_hex_text(given: str) -> tuple[str, str]:
 
 
 def where_of(name: str) -> str:
-    """Return the name of a file, or of stdin, in messages."""
+    """Return the name that messages use for a file or for stdin."""
     return "stdin" if name == STDIN else name
 
 

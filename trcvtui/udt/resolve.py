@@ -281,7 +281,7 @@ class Resolver:
             spec = self.declared[user].spec if user in self.declared else None
             if isinstance(spec, ast.StructSpec) and spec.base is reference:
                 found = f"'{reference.name}', which extends this type"
-                expected = "a type that does not extend itself"
+                expected = "a base type that does not extend this type"
             self.report(user, Problem(reference.where, found, expected))
         elif key in BUILTIN_TYPES:
             return BUILTIN_TYPES[key], 0

@@ -173,6 +173,6 @@ def test_a_wrong_rule_of_a_project_is_one_line_with_its_number(tmp_path: Path) -
     with pytest.raises(UserError) as caught:
         read_replies(project)
     assert caught.value.lines() == [
-        "b.toml: peer P1: replies #2: found nothing more, expected `send` and a payload",
+        "b.toml: peer P1: replies #2: found no further word, expected `send` and a payload",
         "b.toml: peer P1: replies #3: found 'has', expected one of contains, starts, field",
     ]

@@ -1,4 +1,4 @@
-"""What a block shows without a connection: a loss, 80A1, or that another block builds the connection."""
+"""What a block shows without a connection: a loss, 80A1, or NO_JOB if another block builds it."""
 
 from __future__ import annotations
 

@@ -129,7 +129,7 @@ def find_places(mark: bytes, stream: bytes) -> list[int]:
 
 
 def is_alternating(starts: Sequence[int], ends: Sequence[int]) -> bool:
-    """Return whether starts and ends, given by their places, take turns."""
+    """Return whether the places of starts and ends alternate, with few exceptions."""
     if abs(len(starts) - len(ends)) > 1 + len(starts) // 10:
         return False
     turns = sorted([(place, 0) for place in starts] + [(place, 1) for place in ends])

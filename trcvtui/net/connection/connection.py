@@ -1,7 +1,7 @@
 """One connection: what TCON, TRCV, TDISCON and T_RESET do, at most one set-up step a scan.
 
 Rule 1: `step` takes at most one step a scan, for the first block that calls. Other blocks get its result.
-Rule 2: a loss is found once and stored with its incarnation. Every block that asks gets the loss (5.3 e).
+Rule 2: a loss is found once and stored per incarnation. Every block that asks gets the loss (5.3 e).
 Rule 3: a FIN never overtakes bytes. While a block receives, or would receive (`readers`), the incarnation
 ends after the last byte. A sender that finds the loss first gets it at once. The loss is then pending until
 the receiver has read all bytes.

@@ -119,7 +119,7 @@ class SetUp:
         return None if self.attempt is None else self._deadline
 
     def check_and_claim(self) -> StepFault | None:
-        """Return, before a socket is made, why a block may not open this connection."""
+        """Check what needs no socket, and take the ID. Return why the connection may not be opened."""
         return self.claim_description()
 
     def claim_description(self) -> StepFault | None:

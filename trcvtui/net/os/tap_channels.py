@@ -1,4 +1,4 @@
-"""Channels to the events of a tap: sockets that the tap's child processes ask for when they start."""
+"""Channels for the events of a tap: sockets that the tap gives to its child processes when they ask."""
 
 from __future__ import annotations
 

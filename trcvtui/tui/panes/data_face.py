@@ -1,4 +1,4 @@
-"""DATA now as a face of pane 5, with the progress of the job below DATA.
+"""The face "DATA now" of pane 5: DATA, and below it the progress of the job.
 
 A receive job shows its bytes that are not delivered yet. A send job shows how far its bytes have come.
 """

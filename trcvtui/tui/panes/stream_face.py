@@ -78,7 +78,7 @@ NO_DROP: Final = "no bytes were thrown away before this place"
 
 
 class StreamFace(ReceivedFace):
-    """The stream as a face, which also takes new bytes while pane 5 shows another face."""
+    """The view of the stream in pane 5. It takes new bytes even while pane 5 shows another view."""
 
     def __init__(self, view_model: ViewModel, find: FindLine, below: DetailLine) -> None:
         self.stream = StreamView()

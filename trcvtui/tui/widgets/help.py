@@ -88,7 +88,7 @@ TABLE_KEYS: Final = (
 MEMBER_KEYS: Final = (
     ("enter", "show the member over time as a curve"),
     ("v", "members of DATA, or of the bytes that the running job has collected so far"),
-    ("V", "view DATA in the layout that fits the bytes (the sender's), or again in the PLC's own"),
+    ("V", "view DATA in the layout that fits the bytes (the sender's); press again for the PLC's own"),
 )
 CURVE_KEYS: Final = (
     ("enter", "in the members: open the curve (or click the small one behind a number); esc closes it"),
@@ -144,7 +144,7 @@ SCENARIO_KEYS: Final = (
     ("esc or q", "leave: your project starts again"),
 )
 LAB_KEYS: Final = (
-    ("1 … 4", "go to the members, the bytes, the profiles that fit, the cure"),
+    ("1 … 4", "go to 1: members, 2: bytes, 3: ranking of profiles, 4: cure (padded type or swap code)"),
     ("t b", "t: the type; b: the bytes (DATA, job, last job, a message, typed hex)"),
     ("o p", "o: the layout of our type, p: of the sender's; x: exchange the two"),
     ("E e, S s", "E: byte order of our type, e: of the sender's; S, s: STRING form of each"),

@@ -74,7 +74,7 @@ _CAUSE_TEXTS: Final = {
     BYTE_TOO_MANY: "one byte too long",
     BYTE_TOO_FEW: "one byte too short",
     WORD_SWAP: "words exchanged (CDAB)",
-    BYTE_SWAP: "bytes exchanged in words (BADC)",
+    BYTE_SWAP: "bytes exchanged in each word (BADC)",
     BLANKS: "texts filled with blanks",
     MEMBER_MORE: "{} extra before {member}",
     FEWER: "without {member}",

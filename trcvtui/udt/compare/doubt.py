@@ -18,7 +18,7 @@ LEAST_OWN_POINTS: Final = 4.0  # of the members
 
 
 def find_doubt(ranked: Sequence[Reading], messages: Sequence[bytes]) -> str:
-    """Return why the first reading is not sure, "" if it is."""
+    """Return why the first reading is not sure, or "" if it is sure."""
     if not ranked or not messages:
         return "there are no bytes"
     best = ranked[0]

@@ -7,6 +7,7 @@ from typing import Final
 
 from trcvtui.errors import one_line
 from trcvtui.udt.compare.fit import MOST_LENGTHS, MOST_NAMED, Fit, verdict
+from trcvtui.wording import count
 
 MOST_READINGS_SHOWN: Final = 10  # in the text; JSON has all
 MOST_PRINTED: Final = 12
@@ -64,7 +65,7 @@ def fit_text(fits: Sequence[Fit], title: str) -> str:
 def reading_title(found: Fit) -> str:
     """Return the first profile, the cause if there is one, and the number of equal profiles."""
     more = len(found.profiles) - 1
-    return found.name + (f" (and {more} equal)" if more else "")
+    return found.name + (f" (and {count(more, 'equal profile')})" if more else "")
 
 
 def reason_lines(found: Fit) -> Iterator[str]:

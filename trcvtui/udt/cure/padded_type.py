@@ -55,7 +55,7 @@ def substitute_leaf(node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules) ->
     if node.is_bit:
         if "BOOL" in ours.bits or ours.takes_pack:  # only CODESYS has BIT
             return ELEMENTARY["BOOL" if "BOOL" in ours.bits else "BIT"], ""
-        return None, f"it is one bit in {theirs.name}; {ours.name} has no member of one bit"
+        return None, f"{theirs.name} stores it as one bit; {ours.name} has no one-bit type"
     if isinstance(node.type, StringType):
         return _substitute_text(node.type, node.size, theirs, ours)
     stored, own = theirs.storage(node.type), ours.storage(node.type)

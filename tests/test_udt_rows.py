@@ -54,7 +54,7 @@ async def test_a_made_up_format_is_one_row(tmp_path: Path, monkeypatch: pytest.M
     file = tmp_path / "a.made"
     file.write_text(TYPE)
     assert read_files([file]).names() == ["Telegram"]
-    assert ".made Made-up text" in help_of("show", run)
+    assert ".made (Made-up text)" in help_of("show", run)
     here = structs.replace(load_project(CONFIGS / "udt-mismatch.toml"), base=tmp_path)
     assert complete("udt open a", here) == "udt open a.made"
     assert not_on_the_page() == [".made"]
@@ -64,7 +64,7 @@ async def test_a_made_up_format_is_one_row(tmp_path: Path, monkeypatch: pytest.M
             for command in stage.app.get_system_commands(stage.app.screen)
             if command.title == "Open a type file"
         ]
-        assert ".made Made-up text" in menu
+        assert ".made (Made-up text)" in menu
 
 
 def test_a_made_up_layout_is_one_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run) -> None:

@@ -122,7 +122,7 @@ CREATES = st.builds(
 OF_A_PEER = ("close", "rst", "shutdown", "stall", "resume")
 BENCH_COMMANDS = st.one_of(
     st.builds(words.SetInputs, st.just("X"), some_of(INPUTS)),
-    st.builds(words.PulseInput, st.just("X"), st.sampled_from(["EN_R", "COM_RST"])),
+    st.builds(words.PulsePin, st.just("X"), st.sampled_from(["EN_R", "COM_RST"])),
     st.builds(words.WriteBytes, st.just("rx"), st.integers(0, 44), BYTES),
     st.builds(words.DeleteBlock, st.just("X")),
     st.builds(words.DownloadBlock, st.just("Y")),

@@ -107,7 +107,7 @@ def test_a_frame_is_held_edited_and_let_go_and_each_act_is_marked_as_ours(tmp_pa
         while True:  # until it has come to the tap
             tap.order("tap T to-plc edit 2 hex FF")
             tap.order("tap T to-plc drop 9")
-            if b"4 bytes are held, not 9" in tap.process.stderr.readline():
+            if b"4 of 9 bytes held" in tap.process.stderr.readline():
                 break
             assert tap.process.stderr.readline() == b"T: nothing is held in this direction\n"
         with pytest.raises(BlockingIOError):

@@ -69,6 +69,6 @@ def test_a_state_has_no_bytes_and_a_ring_goes_on_where_it_ended() -> None:
     assert len(state) < 1000
     restored = decode_state(state, SharedObjects(()), "test")
     ring = restored.get("C1")
-    assert (ring.begin, ring.end, ring.most) == (30_000, 30_000, 1 << 16)
+    assert (ring.first, ring.end, ring.most) == (30_000, 30_000, 1 << 16)
     assert ring.append(b"after") == 30_000
     assert ring.read(0, 1 << 20) == b"after"

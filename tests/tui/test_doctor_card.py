@@ -146,7 +146,7 @@ async def test_a_shows_those_of_all_and_arrows_choose() -> None:
 
 async def test_a_right_line_is_healthy_and_others_are_not_forgotten() -> None:
     async with card(FixedJudge(FOUND[2])) as (newcomer, _screen):
-        assert "healthy: 1 conversation looked at, up to scan 80; a shows 1 finding elsewhere" in read(
+        assert "healthy: 1 conversation looked at, up to scan 80; 1 finding elsewhere: press a" in read(
             newcomer
         )
 

@@ -16,7 +16,7 @@ from trcvtui.commands.table import parse_script
 from trcvtui.errors import Problem, UserError
 from trcvtui.project.project import Project
 
-WRITE_COMMANDS: Final = (words.SetInputs, words.PulseInput, words.WriteBytes)
+WRITE_COMMANDS: Final = (words.SetInputs, words.PulsePin, words.WriteBytes)
 WAIT_COMMANDS: Final = (words.RunScans, words.RunFor, words.Wait)
 
 

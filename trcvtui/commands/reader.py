@@ -34,7 +34,7 @@ from trcvtui.commands.words import (
     FeedSerial,
     PlcRun,
     PlcStop,
-    PulseInput,
+    PulsePin,
     Remove,
     Retype,
     RunFor,
@@ -242,12 +242,12 @@ def parse_set(words: Words, project: Project) -> SetInputs | Change:
     return SetInputs(instance.name, tuple(pins))
 
 
-def parse_pulse(words: Words, project: Project) -> PulseInput:
+def parse_pulse(words: Words, project: Project) -> PulsePin:
     instance = parse_instance(words, project)
     pin = _find_input(words.next("an input such as EN_R"), instance, words, project)
     if not pin.is_bool:
         raise words.error(f"'{pin.name}', a {pin.iec_type}", "a BOOL input")
-    return PulseInput(instance.name, pin.name)
+    return PulsePin(instance.name, pin.name)
 
 
 def _find_input(name: str, instance: InstanceDecl, words: Words, project: Project) -> Pin:

@@ -319,7 +319,7 @@ COMMAND_ROWS: Final = (
         reader.parse_pulse,
         completion.after_pulse,
         RecordRow(
-            words.PulseInput,
+            words.PulsePin,
             lambda c: f"pulse {c.instance} {c.pin}",
             lambda bench, c: bench.submit(commands.PulseInput(c.instance, c.pin)),
         ),

@@ -136,7 +136,7 @@ class SetInputs(Struct, frozen=True):
     pins: tuple[tuple[str, PinValue | Literal["blink"]], ...]
 
 
-class PulseInput(Struct, frozen=True):
+class PulsePin(Struct, frozen=True):
     """`pulse TSEND_C_1 REQ`: TRUE for one call, then FALSE."""
 
     instance: str
@@ -412,7 +412,7 @@ class ExpectTrace(Struct, frozen=True):
 
 
 BenchCommand = (
-    SetInputs | PulseInput | WriteBytes | CreateBlock | DeleteBlock | EditCommand | DownloadBlock | Retype
+    SetInputs | PulsePin | WriteBytes | CreateBlock | DeleteBlock | EditCommand | DownloadBlock | Retype
     | PlcStop | PlcRun | PeerAction | PeerSend | PeerPlaySequence | NumberedFramesOn | NumberedFramesOff
     | AddReply | RemoveReplies | TrySplits | StopTrySplits | FeedSerial | SetFrameMark | SetLink | TapAct
     | AskDoctor | FaultOn | FaultClear | RunScans | RunFor | Wait | Expect | ExpectTrace

@@ -310,7 +310,7 @@ def _written_pins(project: Project) -> WrittenPins:
             case words.SetInputs(instance, pins):
                 for pin, value in pins:
                     found.setdefault((instance, pin), set()).update((0, 1) if value == "blink" else (value,))
-            case words.PulseInput(instance, pin):
+            case words.PulsePin(instance, pin):
                 found.setdefault((instance, pin), set()).update((0, 1))
     return found
 

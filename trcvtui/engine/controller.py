@@ -93,7 +93,7 @@ CONNECTED, NO_EFFECT = "connected", "without effect"
 def make_remark(command: words.BenchCommand, runtime: Runtime, adhoc_at_once: bool) -> str:
     """Return the remark on a command in the present state of the bench; "" for most commands."""
     match command:
-        case words.PulseInput(name, "COM_RST"):
+        case words.PulsePin(name, "COM_RST"):
             return _reset_remark(runtime.instance_snapshot(name), runtime)
         case words.SetInputs(name, pins):
             instance = runtime.instance_snapshot(name)
@@ -266,7 +266,7 @@ class Controller:
                 return ""
             case words.Wait() | words.Expect() | words.ExpectTrace():
                 return "waits and traces belong in a scenario file"
-            case words.SetInputs() | words.PulseInput():
+            case words.SetInputs() | words.PulsePin():
                 at_once = self.bench.project.rules.adhoc_at_once
                 remark = make_remark(command, self.bench.runtime, at_once)
                 wrong = self.bench.do(command)

@@ -432,7 +432,7 @@ def _find_written_pins(project: Project) -> set[tuple[str, str]]:
         match step.command:
             case words.SetInputs(instance, pins):
                 written |= {(instance, pin) for pin, _ in pins}
-            case words.PulseInput(instance, pin):
+            case words.PulsePin(instance, pin):
                 written.add((instance, pin))
     return written
 

@@ -74,7 +74,7 @@ class _HeldPins:
                 left = tuple([each for each in pins if (name, each[0]) not in self._pins])
                 self.skipped += len(left) < len(pins)
                 return replace(command, pins=left) if left else None
-            case words.PulseInput(name, pin) if (name, pin) in self._pins:
+            case words.PulsePin(name, pin) if (name, pin) in self._pins:
                 self.skipped += 1
                 return None
         return command

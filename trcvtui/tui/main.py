@@ -330,7 +330,7 @@ class MainScreen(FullScreen[None]):
         self.table.show()
         self.received.show()
 
-    def on_past_selected(self, message: messages.PastCursorMoved) -> None:
+    def on_past_cursor_moved(self, message: messages.PastCursorMoved) -> None:
         """Decode the job of the selected byte in the past, and show the member at this byte."""
         of_job = self.received.face.job_of_cursor()
         mine = of_job is not None and of_job[0] == self._view_model.selected

@@ -261,8 +261,8 @@ def test_our_own_end_passes_and_is_marked_as_ours(stand: Stand, verb: str, ends:
 @pytest.mark.parametrize(
     ("verb", "sizes", "said"),
     [
-        ("drop", (9,), "only 4 bytes are held, not 9"),
-        ("edit", (3,), "4 bytes are held: there is no byte 4"),
+        ("drop", (9,), "only 4 of 9 bytes held"),
+        ("edit", (3,), "byte 3 is the last held: there is no byte 4"),
         ("insert", (), "the tap holds at most 1 MiB of each direction"),
     ],
 )

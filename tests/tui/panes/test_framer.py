@@ -201,7 +201,7 @@ async def test_what_goes_wrong_after_a_stream_is_said_beforehand() -> None:
         await shown.press("3")
         assert " warn " not in shown.words
         for line, told in (
-            ("set RD LenSuffix=0", "No suffix and Timeout = 0: RD waits forever for 16 bytes"),
+            ("set RD LenSuffix=0", "No suffix and Timeout = 0: with fewer than 16 bytes it waits forever"),
             ("set RD Timeout=20", "A gap over TCP is a guess"),
             ("set TRCV_C_1 ADHOC=0", "TRCV_C_1 has ADHOC = 0"),
             ("set TRCV_C_1 EN_R=0", "TRCV_C_1 has EN_R = 0: no bytes come"),

@@ -131,7 +131,7 @@ async def test_what_is_not_known_of_a_message_is_empty_and_its_reason_is_said() 
         assert lines == [
             "1 1 1.000 10 ms 24 7008", "2 2 2.000 10 ms 10 7008 FIN",
             "3 3 3.000 10 ms 9 7008 3 1 (Running) TRUE", "4 4 4.000 10 ms 24 7008 hole",
-            "5 5 5.000 10 ms 0 7008", "▸ 6 6 6.000 65535 0 0 (Idle) FALSE 0.0 '' (long…, not 8)",
+            "5 5 5.000 10 ms 0 7008", "▸ 6 6 6.000 65535 0 0 (Idle) FALSE 0.0 '' (head…, not 8)",
         ]  # fmt: skip
         assert "values from 2 on" in title(looker)
         await looker.press("home")

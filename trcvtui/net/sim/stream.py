@@ -22,7 +22,7 @@ from trcvtui.net.sim.timers import (
     KeepAliveTimer,
     RetryTimer,
     Ticket,
-    Verdict,
+    TimerVerdict,
 )
 
 # Positions count bytes from 0; FIN is one number after the last byte. A window never shrinks, and a
@@ -521,7 +521,7 @@ class SimStream:
         self._retry_ticket = None
         probing, tuning = not self._out.is_in_flight, self.tuning
         verdict = self._retry.decide_at_due(self._wire.now, probing, tuning.user_timeout, tuning.longest_wait)
-        if verdict is Verdict.DEAD:
+        if verdict is TimerVerdict.DEAD:
             self.end_with_error("ETIMEDOUT")
         elif probing:
             self._send_empty(SegmentFlag.PROBE)  # a zero window: probe it, there is nothing to send again
@@ -542,9 +542,9 @@ class SimStream:
         busy, limit = self._out.is_waiting, self.tuning.user_timeout
         verdict = self._alive.decide_at_due(self._wire.now, self.heard, busy, limit)
         self._alive_ticket = self._wire.call_at(self._alive.due, self._handle_alive_due)
-        if verdict is Verdict.DEAD:
+        if verdict is TimerVerdict.DEAD:
             self.end_with_error("ETIMEDOUT")
-        elif verdict is Verdict.ASK:
+        elif verdict is TimerVerdict.ASK:
             self._send_empty(SegmentFlag.PROBE)
 
     def fall_silent(self) -> None:

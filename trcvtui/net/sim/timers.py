@@ -78,7 +78,7 @@ class TimerQueue:
         return self._heap[0][0] if self._heap else None
 
 
-class Verdict(Enum):
+class TimerVerdict(Enum):
     """What to do when a timer is due."""
 
     WAIT = "wait"
@@ -97,23 +97,23 @@ class KeepAliveTimer:
         self._probes = 0
         self._asked_at = 0
 
-    def decide_at_due(self, now: int, heard: int, busy: bool, user_timeout: int) -> Verdict:
+    def decide_at_due(self, now: int, heard: int, busy: bool, user_timeout: int) -> TimerVerdict:
         """Return what to do, and set the next `due`. `busy` means that data is unsent or unacknowledged."""
         silent = now - heard
         if heard >= self._asked_at:  # the last probe was answered
             self._probes = 0
         self.due = now + self.interval
         if busy:  # Linux sends no keep-alive probe then: retransmission decides
-            return Verdict.WAIT
+            return TimerVerdict.WAIT
         if silent < self.interval:
             self.due = heard + self.interval
-            return Verdict.WAIT
+            return TimerVerdict.WAIT
         # A user timeout replaces the probe count (tcp_keepalive_timer), and can make the time longer, too.
         if silent >= user_timeout and self._probes > 0 if user_timeout else self._probes >= KEEP_ALIVE_PROBES:
-            return Verdict.DEAD
+            return TimerVerdict.DEAD
         self._probes += 1
         self._asked_at = now
-        return Verdict.ASK
+        return TimerVerdict.ASK
 
 
 class RetryTimer:
@@ -139,18 +139,18 @@ class RetryTimer:
     def note_answer(self) -> None:
         self._unanswered = 0  # a zero window that is confirmed can last for ever (RFC 9293 3.8.6.1)
 
-    def decide_at_due(self, now: int, probing: bool, user_timeout: int, longest: int) -> Verdict:
+    def decide_at_due(self, now: int, probing: bool, user_timeout: int, longest: int) -> TimerVerdict:
         """Return what to do, and set the next `due`. `probing` means zero window and nothing in flight."""
         if self._since is None and (probing or self._tries > 0):  # the tail probe does not start the limit
             self._since = now
         if self._is_exhausted(now, user_timeout):
-            return Verdict.DEAD
+            return TimerVerdict.DEAD
         self._tries += 1
         self._unanswered += 1
         self.due = now + self._next_wait(longest)
         if user_timeout and self._since is not None:
             self.due = min(self.due, self._since + user_timeout)
-        return Verdict.ASK
+        return TimerVerdict.ASK
 
     def _is_exhausted(self, now: int, user_timeout: int) -> bool:
         if user_timeout:

@@ -201,7 +201,7 @@ class LabScreen(SideScreen[None]):
 
     # -- what the panes say -------------------------------------------------------------------------
 
-    def on_row_selected(self) -> None:
+    def on_lab_row_selected(self) -> None:
         found = self.tree_view.chosen_row
         if found is not None and found.key:
             self.hex.go_to(found.ours.offset)
@@ -214,7 +214,7 @@ class LabScreen(SideScreen[None]):
             self.tree_view.show_leaf(leaf)
         self.show()
 
-    def on_fit_wanted(self, message: messages.ProfileChosen) -> None:
+    def on_profile_chosen(self, message: messages.ProfileChosen) -> None:
         found = self.lab.fits[message.number]
         profile = found.profile
         text = profile.text or self.lab.profiles[THEIRS].text

@@ -41,7 +41,7 @@ class PlantBroker:
         self._news: list[BrokerEvent] = [ConnAck(), *_messages()]
         self._taken = self.dropped = 0
 
-    def news(self) -> Iterator[BrokerEvent]:
+    def take_events(self) -> Iterator[BrokerEvent]:
         """Return what has come."""
         news, self._news = self._news, []
         return iter(news)

@@ -62,7 +62,7 @@ def _ours(path: Path) -> None:
     with open_capture(path) as reader:
         found.add_packets(reader, reader.link_types)
     found.close()
-    assert sum(one.there.count for one in found.all) == PACKETS * PAYLOAD
+    assert sum(one.there.byte_count for one in found.all) == PACKETS * PAYLOAD
 
 
 def _cost(act: Callable[[], None]) -> float:

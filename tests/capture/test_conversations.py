@@ -270,7 +270,7 @@ def test_an_ethernet_frame_of_fragments_keeps_its_mac() -> None:
     frames = [bytes(6) + b"\0\x1b\x1b123" + b"\x08\0" + one for one in cut(udp(bytes(40)), 3, 24)]
     for packet in CaptureReader(io.BytesIO(capture(frames, pcap.ETHERNET)).read, "F"):
         found.add_packet(packet, pcap.ETHERNET)
-    assert (found.all[0].there.count, found.all[0].there.mac) == (40, b"\0\x1b\x1b123")
+    assert (found.all[0].there.byte_count, found.all[0].there.mac) == (40, b"\0\x1b\x1b123")
     assert not found.not_read
 
 
@@ -316,7 +316,7 @@ def test_memory_of_a_direction_with_a_hole_is_bounded() -> None:
     for n, data in enumerate(packets):
         found.add_packet(pcap.Packet(n, 0, data, len(data), (), 0), pcap.RAW_IP)
         assert found.all[0].there.waiting_cost <= 1 << 20
-    assert found.all[0].there.count == 3000 * 1400 and found.all[0].there.missing == 99
+    assert found.all[0].there.byte_count == 3000 * 1400 and found.all[0].there.missing == 99
 
 
 def test_conversations_above_the_limit_are_told(

@@ -233,6 +233,6 @@ def test_datagrams_that_the_recorded_plc_left_unread_are_left_out_at_the_end_of_
     assert done[-1]["t_ms"] <= run[-2]["t_ms"] + 30
     conversations = Conversations()
     read_captures([str(path)], conversations, [])
-    sent = sum(each.there.count + each.back.count for each in conversations.all)
+    sent = sum(each.there.byte_count + each.back.byte_count for each in conversations.all)
     assert set(seen.last["left_out"]) == {"C1", "C2"}
     assert sum(each["RCVD_LEN"] for each in done) + sum(seen.last["left_out"].values()) == sent

@@ -150,7 +150,7 @@ def _fact_row(fact: HostFact, first_ns: int) -> dict[str, Any]:
 
 def _counts(direction: WireDirection) -> dict[str, int | None]:
     return {
-        "bytes": direction.count,
+        "bytes": direction.byte_count,
         "segments": direction.segments,
         "retransmitted": direction.retransmitted,
         "missing": None if direction.has_jumped else direction.missing,

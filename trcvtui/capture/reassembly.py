@@ -159,7 +159,7 @@ class WireDirection:
         self.waiting_since: int | None = None
 
     @property
-    def count(self) -> int:
+    def byte_count(self) -> int:
         return self.position - self.missing
 
     def allows_fast_path(self) -> bool:
@@ -648,7 +648,7 @@ class Conversations:
                 direction.waiting_since = None
             elif direction.waiting_since is None:
                 direction.waiting_since = ns
-        if not direction.is_firm and not direction.count and distance(ack, direction.next) > 0:
+        if not direction.is_firm and not direction.byte_count and distance(ack, direction.next) > 0:
             direction.next = ack
 
     def _take_segment(

@@ -113,11 +113,11 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
         link.explain_lost_connection,
     ),
     *make_rules(Condition.ENDPOINT_GONE, link.explain_lost_connection),
-    *make_rules(Condition.PORT_IN_USE, link.find_fault, link.explain_failure, job.suggest_another_port),
+    *make_rules(Condition.PORT_IN_USE, link.find_injection, link.explain_failure, job.suggest_another_port),
     *make_rules(Condition.PORT_RESERVED, job.explain_description_flaw, job.suggest_another_port),
     *make_rules(
         Condition.REFUSED,
-        link.find_fault,
+        link.find_injection,
         job.explain_refused_selector,
         link.explain_failure,
         link.suggest_peer_action,
@@ -134,7 +134,7 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
             Condition.ACCEPT_FAILED,
             Condition.CONNECT_FAILED,
         ),
-        link.find_fault,
+        link.find_injection,
         link.explain_connection_limit,
         link.explain_failure,
         link.suggest_peer_action,
@@ -208,7 +208,7 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
     ),
     *make_rules(
         Condition.ESTABLISHING,
-        link.find_fault,
+        link.find_injection,
         link.explain_refused_caller,
         link.explain_failure,
         link.explain_wrong_partner,
@@ -224,7 +224,7 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
         link.explain_failure,
         link.suggest_peer_action,
     ),
-    *make_rules(Condition.LINK_DEAD, link.find_fault, link.explain_dead_link),
+    *make_rules(Condition.LINK_DEAD, link.find_injection, link.explain_dead_link),
     *make_rules((Condition.SENDING, Condition.SEND_BUFFER_FULL), job.explain_stall, job.explain_not_reading),
     *make_rules(Condition.CONNECT_IN_USE, job.explain_connect_holder),
     *make_rules(
@@ -239,10 +239,10 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
             Condition.SEND_FAILED,
             Condition.RECEIVE_FAILED,
         ),
-        link.find_fault,
+        link.find_injection,
         handshake.explain_handshake_failure,
         link.explain_partner_end,
-        link.explain_long_frame,
+        link.explain_small_messages,
     ),
     # messages over a connection
     *make_rules(
@@ -267,8 +267,8 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
     *make_rules(
         Condition.RECEIVED, receive.explain_cut_datagram, receive.explain_short_datagram, of=DATAGRAMS
     ),
-    *make_rules(Condition.RECEIVE_FAILED, link.find_fault, receive.explain_cut_datagram, of=DATAGRAMS),
-    *make_rules(Condition.SEND_FAILED, link.find_fault, of=DATAGRAMS),
+    *make_rules(Condition.RECEIVE_FAILED, link.find_injection, receive.explain_cut_datagram, of=DATAGRAMS),
+    *make_rules(Condition.SEND_FAILED, link.find_injection, of=DATAGRAMS),
     *make_rules(Condition.CONNECT_IN_USE, job.explain_connect_holder, of=ALL_DATAGRAMS),
     *make_rules(Condition.LENGTH_WRONG, job.explain_wrong_length, of=ALL_DATAGRAMS),
     *make_rules(Condition.DATA_EMPTY, job.explain_missing_data, of=ALL_DATAGRAMS),
@@ -295,7 +295,10 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
         of=(Traffic.DATAGRAMS_OF_A_CONNECT, Traffic.DATAGRAM_JOBS),
     ),
     *make_rules(
-        Condition.SEND_BUFFER_FULL, link.find_fault, receive.explain_sent, of=Traffic.DATAGRAMS_OF_A_CONNECT
+        Condition.SEND_BUFFER_FULL,
+        link.find_injection,
+        receive.explain_sent,
+        of=Traffic.DATAGRAMS_OF_A_CONNECT,
     ),
     # TUSEND and TURCV
     *make_rules(
@@ -311,7 +314,9 @@ ADVICE_RULES: Final[tuple[AdviceRule, ...]] = (
     ),
     *make_rules(Condition.RECEIVED, receive.explain_short_datagram, of=Traffic.DATAGRAM_JOBS),
     *make_rules(Condition.SENT, receive.explain_sent, of=Traffic.DATAGRAM_JOBS),
-    *make_rules((Condition.RECEIVE_FAILED, Condition.SEND_FAILED), link.find_fault, of=Traffic.DATAGRAM_JOBS),
+    *make_rules(
+        (Condition.RECEIVE_FAILED, Condition.SEND_FAILED), link.find_injection, of=Traffic.DATAGRAM_JOBS
+    ),
     *make_rules(Condition.NOT_CONNECTED, receive.explain_closed_socket, of=Traffic.DATAGRAM_JOBS),
     *make_rules(Condition.NEEDS_ADDR, receive.explain_empty_addr, of=Traffic.DATAGRAM_JOBS),
     *make_rules(Condition.FINISHED, receive.explain_result_layout, of=Traffic.RESULT),
@@ -359,7 +364,7 @@ def _ask_rules(e: Evidence, rules: Iterable[AdviceFunction]) -> list[tuple[Advic
 
 
 def _select_rules(e: Evidence) -> tuple[AdviceFunction, ...]:
-    found = _find_rules(e, _traffic_of(e)) or _find_rules(e, Traffic.ANYTHING) or (link.find_fault,)
+    found = _find_rules(e, _traffic_of(e)) or _find_rules(e, Traffic.ANYTHING) or (link.find_injection,)
     return (*found, job.suggest_description_key)
 
 

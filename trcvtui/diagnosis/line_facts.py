@@ -500,7 +500,7 @@ def collect_facts(
     for talk in collector.talks:
         conversation = talk.conversation
         guess = guess_plc(conversation, given, known)
-        says = [one for one in (conversation.there, conversation.back) if one.count]
+        says = [one for one in (conversation.there, conversation.back) if one.byte_count]
         if receives and guess.confidence < 0.8 and len(says) == 1 and guess.says is says[0]:  # the partner
             guess = PlcGuess(says[0].other, 0.65, "it receives alone")
         for facts, direction in ((talk.there, conversation.there), (talk.back, conversation.back)):

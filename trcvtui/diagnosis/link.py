@@ -73,7 +73,9 @@ def describe_setup_wait(e: Evidence) -> str:
     """Return what a set-up waits for, since when, and how far it is, or "" if that is not known."""
     if e.config is None:
         return ""
-    return _describe_unbuilt(e) or (_describe_listen(e) if not e.config.active else _describe_call_wait(e))
+    return _describe_build_error(e) or (
+        _describe_listen(e) if not e.config.active else _describe_call_wait(e)
+    )
 
 
 def _describe_down_time(e: Evidence) -> str:
@@ -102,7 +104,7 @@ def _describe_next_try(e: Evidence) -> str:
     return f"; next attempt in {age_text(e.link.retry_in_ns)}" if e.link.retry_in_ns is not None else ""
 
 
-def _describe_unbuilt(e: Evidence) -> str:
+def _describe_build_error(e: Evidence) -> str:
     attempt = e.facts.attempt
     if attempt is None or attempt.cause.call not in SETUP_CALLS or e.config is None or e.link is None:
         return ""
@@ -151,7 +153,7 @@ def _describe_failure(failed: FailureCount) -> str:
 # -- what to look at --------------------------------------------------------------------------------------
 
 
-def find_fault(e: Evidence) -> RuleAnswer:
+def find_injection(e: Evidence) -> RuleAnswer:
     is_injected = e.cause.injected or any(failed.injected for failed in e.facts.failures)
     text = "a fault injected here caused this, not the network"
     return tip(text, "{}", "fault clear") if is_injected else ""
@@ -314,7 +316,7 @@ def explain_partner_end(e: Evidence) -> str:
     return text + often
 
 
-def explain_long_frame(e: Evidence) -> str:
+def explain_small_messages(e: Evidence) -> str:
     """The partner sent whole messages, but the frame needs more bytes."""
     size, have, need = e.facts.messages.common_size, e.cause.have, e.cause.need
     if not size or not have or not need or have % size or size >= need:

@@ -1,4 +1,4 @@
-"""The whole messages of a received stream: as a peer sent them, one per job, or by pauses."""
+"""Finds whole messages in a received stream: as a peer sent them, one per job, or split at pauses."""
 
 from __future__ import annotations
 

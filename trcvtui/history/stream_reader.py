@@ -37,7 +37,7 @@ ByteRuns = list[tuple[int, bytes]]  # position, bytes
 LOST_REASON: Final = "of an unknown job: lines of the ledger were overwritten before they were read"
 
 
-class _Past:
+class _StreamAtScan:
     """One stream with its ring as it was after a scan, for one picture."""
 
     def __init__(self, name: str, ring: ReceivedRing, stream: ReceivedStream, scan: int) -> None:
@@ -89,7 +89,7 @@ class StreamReader:
         ring = self._bench.runtime.received_ring(request.connect)
         if ring is None:
             return HistoryWindow(request.connect, 0, 0)
-        of = _Past(request.connect, ring, self.streams.streams[request.connect], request.scan)
+        of = _StreamAtScan(request.connect, ring, self.streams.streams[request.connect], request.scan)
         size = max(0, min(request.size, MOST_WINDOW))
         start = of.end - size if request.start == AT_END else request.start
         start = max(of.begin, min(start, of.end))
@@ -103,7 +103,7 @@ class StreamReader:
         )  # fmt: skip
 
     def _collect_spans(
-        self, of: _Past, start: int, stop: int
+        self, of: _StreamAtScan, start: int, stop: int
     ) -> tuple[tuple[JobSpan, ...], tuple[RecvSpan, ...], list[MessageSpan], int]:
         ended = of.list_jobs(start, stop)
         recvs = find_spans(of.stream.recvs, start, stop)[: MOST_SPANS + 1]
@@ -135,7 +135,7 @@ class StreamReader:
                 messages.append(found)
 
     @staticmethod
-    def _read_job_at(of: _Past, position: int | None) -> tuple[int, bytes] | None:
+    def _read_job_at(of: _StreamAtScan, position: int | None) -> tuple[int, bytes] | None:
         """Return where the job, or job piece, at a position begins, and all bytes of the job."""
         if position is None:
             return None
@@ -146,7 +146,7 @@ class StreamReader:
 
     # -- searches ----------------------------------------------------------------------------------------
 
-    def _continue_seek(self, of: _Past, seek: SeekRequest | None) -> SeekResult | None:
+    def _continue_seek(self, of: _StreamAtScan, seek: SeekRequest | None) -> SeekResult | None:
         if seek is None:
             return None
         is_new, found = seek not in self._searches, None
@@ -166,7 +166,7 @@ class StreamReader:
             del self._searches[next(iter(self._searches))]
         return answer
 
-    def _search_stretch(self, of: _Past, seek: SeekRequest) -> SeekResult:
+    def _search_stretch(self, of: _StreamAtScan, seek: SeekRequest) -> SeekResult:
         """Search one more stretch. Stretches overlap, so that nothing on their border is missed."""
         size = max(1, STRETCH_BYTES // len(seek.patterns))
         more = max(map(len, seek.patterns)) - 1
@@ -229,7 +229,9 @@ def _find_last(runs: ByteRuns, patterns: tuple[bytes, ...], before: int) -> int 
     return next((place + at for place, at in found if at is not None), None)
 
 
-def _read_previous(of: _Past, jobs: Iterable[JobSpan], start: int, stop: int) -> Iterator[PreviousJobBytes]:
+def _read_previous(
+    of: _StreamAtScan, jobs: Iterable[JobSpan], start: int, stop: int
+) -> Iterator[PreviousJobBytes]:
     """Yield, for each job of the window, the bytes at the same places in the job before."""
     for job in jobs:
         earlier = of.stream.find_job_before(job.position, job.instance) if job.done and not job.first else []
@@ -240,7 +242,7 @@ def _read_previous(of: _Past, jobs: Iterable[JobSpan], start: int, stop: int) ->
                 yield PreviousJobBytes(at, content, earlier[0].number)
 
 
-def _read_previous_data(of: _Past, request: tuple[str, int, int] | None) -> PreviousJobBytes | None:
+def _read_previous_data(of: _StreamAtScan, request: tuple[str, int, int] | None) -> PreviousJobBytes | None:
     """Return the bytes, from the previous job, that DATA held before the newest job of an instance."""
     if request is None:
         return None

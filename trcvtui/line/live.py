@@ -470,7 +470,7 @@ class PacketStream:
                 self._came()
             except (OSError, EOFError, ValueError) as failed:
                 self._failed = failed
-                self.pipe.end()
+                self.pipe.stop_when_empty()
 
     def _check_late(self, newest_ns: int) -> None:
         if self.pipe.empty_at != self._busy_from:

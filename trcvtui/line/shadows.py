@@ -159,7 +159,9 @@ def _explain_no_shadow(base: Project, conversation: Conversation, is_asked: bool
 
 def begins_late(conversation: Conversation) -> bool:
     """Return whether the capture begins inside a connection, and has bytes of the connection."""
-    return not conversation.begins_with_syn and bool(conversation.there.count or conversation.back.count)
+    return not conversation.begins_with_syn and bool(
+        conversation.there.byte_count or conversation.back.byte_count
+    )
 
 
 def _extract_guesses(usable: dict[int, tuple[Conversation, PlcGuess]]) -> dict[int, PlcGuess]:

@@ -143,7 +143,9 @@ def watch_pipe(fd: int, project: Path | None, plc: str | None, dialect: str | No
     plan = LivePlan(project, plc, dialect)
     live = LiveWatch(plan, _maker(plan, form, sys.stdout.write))
     stream = PacketStream(fd, live, _write_stderr, sys.stdout.flush)
-    before = {number: signal.signal(number, lambda *_: stream.pipe.end()) for number in END_SIGNALS}
+    before = {
+        number: signal.signal(number, lambda *_: stream.pipe.stop_when_empty()) for number in END_SIGNALS
+    }
     try:
         notes = stream.play_all()
     finally:

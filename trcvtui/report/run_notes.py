@@ -1,7 +1,7 @@
 """The notes of a run for a report, taken scan by scan from a bench; each list is bounded.
 
 Rule: a run may have any length. Lists keep the first and the last entries; the list of ERRORs keeps more.
-Whenever the time line is full, its columns get twice the width.
+When the time line is full, its columns are merged in pairs; each then covers twice the time.
 """
 
 from __future__ import annotations

@@ -114,7 +114,7 @@ class FramingList(LabelledText):
         room = (self._width - len(head) - len(frame.ending) - 4) // 3
         parts: list[Part] = [(head, "dim")]
         for place, byte in enumerate(frame.content[:room]):
-            parts.append((marks.sign(place) or " ", "key"))
+            parts.append((marks.seam_sign(place) or " ", "key"))
             parts.append((HEX_OF[byte], marks.style(place) or CLASS_OF[byte]))
         tail = "…" if frame.size > min(room, len(frame.content)) else ""
         return row(*parts, (f"{tail}  {frame.ending}", "dim" if frame.ending in GOOD_ENDINGS else "warn"))

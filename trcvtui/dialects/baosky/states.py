@@ -1,6 +1,6 @@
 """Baosky STATUS words of the normal course: the codes that the manual lists above its exceptions.
 
-A row lists only the blocks whose names end in _C. status.py adds the inner blocks (such as TSEND) to it.
+A row lists only _C blocks (such as TSEND_C). status.py adds inner blocks (such as TSEND) to the rows.
 Causes and checks tell a reader at the cabinet which pin to look at and which command to type.
 `ss`, `nc`, `ip` and `tcpdump` are meant for the machine that runs the bench.
 """

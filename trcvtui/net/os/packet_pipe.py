@@ -37,7 +37,7 @@ class PacketPipe:
         self.empty_at = time.monotonic_ns()  # when it was last seen empty
         self._stops_at: float | None = None
 
-    def end(self) -> None:
+    def stop_when_empty(self) -> None:
         """End the pipe as soon as it is empty, but at the earliest after STOP_WAIT_S."""
         self._stops_at = time.monotonic() + STOP_WAIT_S
 

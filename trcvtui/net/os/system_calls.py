@@ -212,7 +212,7 @@ def count_unread(sock: socket.socket | None) -> int:
 
 
 def may_have_unread(sock: socket.socket) -> bool:
-    """Return whether a socket that the poll saw may have unread data. For listeners and UDP: True."""
+    """Return whether a socket may have unread data. For listeners, UDP or without FIONREAD: True."""
     if not CAN_IOCTL:
         return True
     try:

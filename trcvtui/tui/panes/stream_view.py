@@ -371,7 +371,7 @@ class StreamView(ByteLines):
         return max(least, len(f"{max(0, self.window.end - 1):x}"))
 
     @property
-    def _blank(self) -> int:
+    def _gap_width(self) -> int:
         """Return 1 if a row has room for a blank in its middle and a blank before its text, else 0."""
         return 1 if self.line_width >= self.pos_digits + ROOMY or self.per_row == NARROW else 0
 
@@ -402,7 +402,7 @@ class StreamView(ByteLines):
 
     @property
     def _text_column(self) -> int:
-        return self._width + 1 + self._blank
+        return self._width + 1 + self._gap_width
 
     def _byte_row(self, at: range) -> Row:
         start, stop = at.start, at.stop
@@ -420,7 +420,7 @@ class StreamView(ByteLines):
                 parts.append(sign_before_byte(position + 1, signs, begins))
         parts.append((" " * (self._width - self._column(stop - start - 1) - 2), ""))
         text = [self._byte_texts(position)[1] for position in range(start, stop)]
-        parts += [(" " * self._blank + "│", "faint"), *zip(text, styles, strict=True)]
+        parts += [(" " * self._gap_width + "│", "faint"), *zip(text, styles, strict=True)]
         return Row(tuple(merge_pieces([part for part in parts if part[0]])))
 
     def _byte(self, place: int) -> int | None:

@@ -33,7 +33,7 @@ class FrameBounds(NamedTuple):
             return PREFIX_STYLE
         return SUFFIX_STYLE if self.suffix <= place < self.stop else ""
 
-    def sign(self, place: int) -> str:
+    def seam_sign(self, place: int) -> str:
         """Return the sign before the byte at `place`, or ""."""
         if place == self.data and self.start < self.data:
             return DATA_BEGIN_SIGN
@@ -73,7 +73,7 @@ def frame_signs(spans: Sequence[JobSpan]) -> dict[int, str]:
     for span in spans:
         marks = marks_of_span(span)
         for place in (marks.data, marks.suffix):
-            if sign := marks.sign(place):
+            if sign := marks.seam_sign(place):
                 found[place] = sign
     return found
 
@@ -175,7 +175,7 @@ class ByteLines(LineView):
     # -- columns ------------------------------------------------------------------------------------
 
     @property
-    def _blank(self) -> int:
+    def _gap_width(self) -> int:
         return 1
 
     @property
@@ -183,7 +183,7 @@ class ByteLines(LineView):
         return self._column(self.per_row) + 2
 
     def _column(self, index: int) -> int:
-        return 3 * index + (self._blank if self.per_row == WIDE_ROW and index >= NARROW else 0)
+        return 3 * index + (self._gap_width if self.per_row == WIDE_ROW and index >= NARROW else 0)
 
     def _index_at(self, x: int) -> int | None:
         """Return which byte of a row is drawn at column `x`, as hex or as text, or None."""
@@ -191,7 +191,9 @@ class ByteLines(LineView):
         if column >= self._text_column:
             index = column - self._text_column
         else:
-            index = (column - (self._blank if self.per_row == WIDE_ROW and column >= 3 * NARROW else 0)) // 3
+            index = (
+                column - (self._gap_width if self.per_row == WIDE_ROW and column >= 3 * NARROW else 0)
+            ) // 3
         return index if column >= 0 and index < self.per_row else None
 
     def _byte_texts(self, place: int) -> tuple[str, str]:
@@ -279,7 +281,7 @@ class HexView(ByteLines):
             return self._old_bytes_row(start, stop)
         found = self._matches(start, stop)
         styles = [self._style_of(offset) + (" match" * (offset in found)) for offset in range(start, stop)]
-        mark = START_SIGN if start in self.starts else self._sign(start) or " "
+        mark = START_SIGN if start in self.starts else self._seam_sign(start) or " "
         parts: list[Part] = [(f"{start:0{self.pos_digits}x} ", "dim"), (mark, "key")]
         parts += self._hex(start, styles)
         parts += self._text(start, styles)
@@ -333,13 +335,13 @@ class HexView(ByteLines):
         inside = not last and offset in self.link and offset + 1 in self.link
         style = "link" if inside else ""
         begins = not last and offset + 1 in self.starts
-        sign = "" if last else self._sign(offset + 1)
+        sign = "" if last else self._seam_sign(offset + 1)
         mark = (START_SIGN, f"key {style}") if begins else (sign, f"key {style}") if sign else (" ", style)
         return [(" ", style), mark] if wide else [mark]
 
-    def _sign(self, offset: int) -> str:
+    def _seam_sign(self, offset: int) -> str:
         """Return the sign that separates data from prefix or suffix before this byte, or ""."""
-        return self.frame.sign(offset) if self.frame is not None else ""
+        return self.frame.seam_sign(offset) if self.frame is not None else ""
 
     def _text(self, start: int, styles: list[str]) -> list[Part]:
         text = [self._byte_texts(start + index)[1] for index in range(len(styles))]

@@ -65,7 +65,9 @@ def _rival(best: Reading, other: Reading) -> str:
     if is_one_way and best.cause.kind in (None, other.cause.kind) and reads_same_values(best, other):
         return ""
     is_other_place = other.cause.kind not in DRIFTS and other.places_key != best.places_key
-    if not is_other_place and all(best.by_name.get(path) == has for path, has in other.by_name.items()):
+    if not is_other_place and all(
+        best.values_by_path.get(path) == has for path, has in other.values_by_path.items()
+    ):
         return ""
     is_rare = other.order_key != best.order_key and abs(other.own_points - best.own_points) < CLEAR_OWN_LEAD
     clear_of_drift = CLEAR_LEAD_OF_FEWER if other.cause.kind == FEWER else CLEAR_OF_DRIFT

@@ -376,7 +376,7 @@ class Reading:
         return max((member.leaf.size for member, _ in self.read if is_number(member)), default=0)
 
     @cached_property
-    def by_name(self) -> dict[str, list[object]]:
+    def values_by_path(self) -> dict[str, list[object]]:
         layout = self.look.layout
         return {
             member.leaf.path: [decode_leaf(layout, member.leaf, part) for part in parts]
